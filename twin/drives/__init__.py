@@ -1,0 +1,1 @@
+"""Recordings → :class:`twin.drives.drive.Drive`, whatever the logger and the annotation tool."""

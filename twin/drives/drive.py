@@ -1,0 +1,112 @@
+"""A recorded drive, read and checked: what every reader returns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.rig import Rig
+from geoloc.trajectory import GnssFixes, PoseTrack
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Skipped:
+    """Lines, fixes or frames that a reader left out: never silently."""
+
+    what: str
+    """e.g. ``GNSS sentences``, ``annotations``."""
+    where: str
+    """File name inside the drive folder."""
+    count: int
+    reason: str
+    """One clause: ``fix quality 0``, ``checksum``, ``outside the image``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Annotations:
+    """Annotated objects in frames, one row a point or box.
+
+    Attributes
+    ----------
+    camera : str (n,)
+    frame : int64 (n,)
+        Absolute frame number in the recording of that camera.
+    object : str (n,)
+        The annotator's track id (``12``), unique in the drive; for image tasks without tracks, the value of
+        the attribute ``object`` or ``track_id``, else one id an annotation.
+    label : str (n,)
+        The annotator's label, as written.
+    skiltnummer : str (n,)
+        Norwegian sign codes on this pole, top down, joined by ``;`` ("362.50;808.1"); "" if unknown. From the
+        attribute ``skiltnummer``, else from a label that starts with a sign code.
+    kind : str (n,)
+        ``foot`` (a point where the pole meets the ground) or ``box`` (the sign's face).
+    pixel_px : float64 (n, 2)
+        The foot, or the centre of the box; (0, 0) is the centre of the first pixel.
+    box_px : float64 (n, 4)
+        left, top, right, bottom in the same convention; NaN for points.
+    """
+
+    camera: NDArray[np.str_]
+    frame: IntArray
+    object: NDArray[np.str_]
+    label: NDArray[np.str_]
+    skiltnummer: NDArray[np.str_]
+    kind: NDArray[np.str_]
+    pixel_px: FloatArray
+    box_px: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """One recorded drive.
+
+    Attributes
+    ----------
+    drive_id : str
+        First 12 hex digits of the SHA-256 over the content of every file that was read: the same drive is
+        the same id on every machine.
+    name : str
+        Folder name.
+    path : str
+        Where it was read from.
+    rig : Rig
+    rig_document : str
+        The rig file's text, kept for provenance.
+    gnss : tuple of GnssFixes
+        One an antenna; empty if `poses` is given.
+    poses : PoseTrack or None
+    frame_epoch_ns : mapping camera → int64 (frames,)
+        UTC host stamp of each frame, by frame number.
+    annotations : Annotations
+    annotations_complete : bool
+        Whether every sign in view was annotated: only then can a sign be missing.
+    datum : str
+        ``EUREF89`` or ``ITRF2020``.
+    camera_offset_ns : int
+        Added to the frame stamps to get the epoch of exposure (default 0).
+    warnings : tuple of str
+        What a user should know, one sentence each (e.g. all lever arms are zero).
+    skipped : tuple of Skipped
+    """
+
+    drive_id: str
+    name: str
+    path: str
+    rig: Rig
+    rig_document: str
+    gnss: tuple[GnssFixes, ...]
+    poses: PoseTrack | None
+    frame_epoch_ns: Mapping[str, IntArray]
+    annotations: Annotations
+    annotations_complete: bool
+    datum: str
+    camera_offset_ns: int
+    warnings: tuple[str, ...]
+    skipped: tuple[Skipped, ...]

@@ -1,0 +1,34 @@
+"""What can go wrong in the twin itself.
+
+::
+
+    TwinError
+    ├── DriveError          a recorded drive that cannot be read (what, where, cure)
+    ├── StoreError          the store is missing, locked, or written by a newer version
+    ├── TruthError          a truth file for ``evaluate`` that cannot be read
+    └── ExportRefusedError  an export that would lose or overwrite something
+
+Exit codes live in :mod:`twin.cli` alone.
+"""
+
+from __future__ import annotations
+
+
+class TwinError(Exception):
+    """Base of every error that ``twin`` raises."""
+
+
+class DriveError(TwinError):
+    """A drive folder that cannot be read; the message names the file and the cure."""
+
+
+class StoreError(TwinError):
+    """A store that cannot be opened or written."""
+
+
+class TruthError(TwinError):
+    """A truth file that cannot be read."""
+
+
+class ExportRefusedError(TwinError):
+    """An export that is refused because it would lose or overwrite something."""
