@@ -2,105 +2,308 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from geoloc.errors import TrajectoryError
+from geoloc.fixes import check_positions, common_epochs, sigma_of_quality, without_jumps
+from geoloc.gnss import raw_poses, rig_poses
+from geoloc.heading import antenna_track, course_over_ground, resampled
+from geoloc.interpolation import (
+    NANOSECONDS,
+    Bracket,
+    bracket,
+    hermite,
+    linear,
+    linear_angle,
+    metres_per_degree,
+    seconds,
+    tangents,
+)
+from geoloc.poses import GnssFixes, Poses, PoseTrack
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+__all__ = [
+    "GnssFixes",
+    "PoseTrack",
+    "Poses",
+    "Trajectory",
+    "course_over_ground",
+    "trajectory_from_gnss",
+    "trajectory_from_poses",
+]
 
-@dataclass(frozen=True, slots=True)
-class GnssFixes:
-    """Fixes of one antenna, in time order, only usable ones (quality > 0, finite).
+_Record = TypeVar("_Record", GnssFixes, PoseTrack)
+
+MAX_GAP_S = 1.0
+# Jerk of ordinary driving, for the error of a cubic between knots: J h³ / 24 in the middle.
+_JERK_MPS3 = 1.0
+# Angular acceleration of ordinary driving, for the error of a line between headings: a h² / 8 in the middle.
+_YAW_ACCELERATION_DEGPS2 = 4.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory:
+    """Where the rig was, at any epoch of a drive.
+
+    Made by `trajectory_from_gnss` or `trajectory_from_poses`.
 
     Attributes
     ----------
-    antenna : str
-        Name of the sensor in the rig file, e.g. ``gnss50:vehicle``.
-    epoch_ns : int64 (n,)
-        UTC of the *measurement*, from the sentence, nanoseconds since 1970.
+    knots : Poses
+        The rig's pose at each recorded epoch.
+    fixes : Poses
+        What the receiver said, for the paper's method: first antenna, no lever arm, heading of that fix.
     host_ns : int64 (n,)
-        When the host received the sentence (late by the link delay). Equal to `epoch_ns` where unknown.
-    latitude_deg, longitude_deg : float64 (n,)
-        EUREF89 (or the datum that the drive declares).
-    height_m : float64 (n,)
-        Ellipsoidal: GGA altitude plus geoid separation.
-    quality : int64 (n,)
-        GGA fix quality: 4 RTK fixed, 5 float, 2 DGNSS, 1 single, 6 dead reckoning.
+        When the host received each of `fixes`.
+    max_gap_s : float
+        No pose is given between knots that are further apart.
+    dropped : tuple of (count, reason)
+        Recorded positions that were left out.
     """
 
-    antenna: str
-    epoch_ns: IntArray
+    knots: Poses
+    fixes: Poses
     host_ns: IntArray
-    latitude_deg: FloatArray
-    longitude_deg: FloatArray
-    height_m: FloatArray
-    quality: IntArray
+    max_gap_s: float
+    dropped: tuple[tuple[int, str], ...]
+
+    @property
+    def epoch_ns(self) -> IntArray:
+        """UTC epochs of the knots, increasing."""
+        return self.knots.epoch_ns
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """First and last epoch."""
+        return int(self.epoch_ns[0]), int(self.epoch_ns[-1])
+
+    @property
+    def interval_s(self) -> float:
+        """Median time between two fixes."""
+        return float(np.median(np.diff(self.fixes.epoch_ns)) / NANOSECONDS)
+
+    def delay_ms(self) -> tuple[float, float]:
+        """Median and 95th percentile of host stamp minus measurement: the link's delay."""
+        delay = (self.host_ns - self.fixes.epoch_ns) / 1e6
+        return float(np.median(delay)), float(np.percentile(delay, 95))
+
+    def poses_at(self, epoch_ns: IntArray) -> Poses:
+        """Give the rig's pose at any epochs.
+
+        Positions follow a cubic through the knots (a straight line is 1.5 cm off at 5 Hz and 3 m/s²), angles
+        turn the shorter way. Nothing is extrapolated.
+
+        Parameters
+        ----------
+        epoch_ns : int64 (n,)
+
+        Returns
+        -------
+        Poses
+            Rows outside the recording, inside a gap of more than `max_gap_s`, or without a heading are NaN
+            with a reason.
+        """
+        asked = np.asarray(epoch_ns, dtype=np.int64)
+        at = bracket(self.epoch_ns, asked)
+        usable = self.knots.valid[at.left] & self.knots.valid[at.right]
+        valid = at.inside() & ~at.in_gap(self.max_gap_s) & usable
+        values = self._interpolated(at)
+        columns = {name: np.where(valid, value, np.nan) for name, value in values.items()}
+        return Poses(epoch_ns=asked, **columns, valid=valid, reason=self._reasons(at, valid))
+
+    def nearest_fix(self, host_ns: IntArray) -> Poses:
+        """Give the fix whose *host* stamp is nearest, as the paper pairs frames with fixes.
+
+        No interpolation, no lever arm, no correction of the link's delay. Of a track of poses: the nearest
+        pose by epoch.
+
+        Parameters
+        ----------
+        host_ns : int64 (n,)
+            Host stamps of frames.
+
+        Returns
+        -------
+        Poses
+            `epoch_ns` is the asked stamp. Rows more than `max_gap_s` from every fix are NaN with a reason.
+        """
+        asked = np.asarray(host_ns, dtype=np.int64)
+        order = np.argsort(self.host_ns, kind="stable")
+        at = bracket(self.host_ns[order], asked)
+        index = order[np.where(at.fraction > 0.5, at.right, at.left)]
+        away_s = np.abs(self.host_ns[index] - asked) / NANOSECONDS
+        near = away_s <= self.max_gap_s
+        valid = near & self.fixes.valid[index]
+        far = np.array([f"the nearest fix is {s:.1f} s away" for s in away_s[~near]], dtype=np.str_)
+        reason = self.fixes.reason[index].astype("U120")
+        reason[~near] = far
+        columns = {
+            field.name: np.where(valid, getattr(self.fixes, field.name)[index], np.nan)
+            for field in fields(Poses)
+            if field.name not in {"epoch_ns", "valid", "reason"}
+        }
+        return Poses(epoch_ns=asked, **columns, valid=valid, reason=reason)
+
+    def line(self, step_m: float = 1.0) -> tuple[FloatArray, FloatArray]:
+        """Latitude and longitude of the drive for a map, thinned to about one point every `step_m`."""
+        source = self.knots if self.knots.valid.any() else self.fixes
+        known = np.isfinite(source.latitude_deg)
+        lat, lon = source.latitude_deg[known], source.longitude_deg[known]
+        if lat.size < 2:
+            return lat, lon
+        east, north = metres_per_degree(lat[1:])
+        travelled = np.cumsum(np.hypot(np.diff(lon) * east, np.diff(lat) * north)) // step_m
+        keep = np.concatenate([[True], np.diff(travelled, prepend=0.0) > 0])
+        keep[-1] = True
+        return lat[keep], lon[keep]
+
+    def _interpolated(self, at: Bracket) -> dict[str, FloatArray]:
+        k = self.knots
+        t_s = seconds(k.epoch_ns)
+        curves = {}
+        for name in ("latitude_deg", "longitude_deg", "height_m"):
+            value: FloatArray = getattr(k, name)
+            slope = np.full_like(value, np.nan)
+            slope[k.valid] = tangents(t_s[k.valid], value[k.valid])
+            curves[name] = hermite(value, slope, at)
+        for name in ("roll_deg", "pitch_deg", "speed_mps", "sigma_vertical_m", "sigma_roll_pitch_deg"):
+            curves[name] = linear(getattr(k, name), at)
+        middle = 4.0 * at.fraction * (1.0 - at.fraction)
+        between = _JERK_MPS3 * at.span_s**3 / 24.0 * middle
+        curves["sigma_horizontal_m"] = np.hypot(linear(k.sigma_horizontal_m, at), between)
+        bend = _YAW_ACCELERATION_DEGPS2 * at.span_s**2 / 8.0 * middle
+        curves["sigma_heading_deg"] = np.hypot(linear(k.sigma_heading_deg, at), bend)
+        curves["heading_deg"] = linear_angle(k.heading_deg, at)
+        return curves
+
+    def _reasons(self, at: Bracket, valid: BoolArray) -> NDArray[np.str_]:
+        reason = np.full(valid.shape, "", dtype="U160")
+        first, last = (np.datetime64(ns, "ns").astype("datetime64[ms]") for ns in self.span_ns)
+        bounds = f"(the trajectory covers {first} to {last} UTC)"
+        in_gap = at.in_gap(self.max_gap_s)
+        for i in np.flatnonzero(~valid):
+            if at.before_s[i] > 0:
+                reason[i] = f"{at.before_s[i]:.3f} s before the first fix {bounds}"
+            elif at.after_s[i] > 0:
+                reason[i] = f"{at.after_s[i]:.3f} s after the last fix {bounds}"
+            elif in_gap[i]:
+                reason[i] = f"inside a gap of {at.span_s[i]:.1f} s between two fixes"
+            else:
+                reason[i] = self.knots.reason[at.left[i]] or self.knots.reason[at.right[i]]
+        return reason
 
 
-@dataclass(frozen=True, slots=True)
-class PoseTrack:
-    """Full poses of the rig from an INS or SLAM, in time order.
+def trajectory_from_gnss(
+    fixes: Sequence[GnssFixes], rig_antennas: Mapping[str, FloatArray], *, max_gap_s: float = MAX_GAP_S
+) -> Trajectory:
+    """Make a trajectory of the rig from the fixes of one or more antennas.
 
-    Position is that of the rig's origin: on the ground below the middle of the rear axle. Attitude is ISO
-    8855: heading clockwise from true north, positive pitch nose *down*, positive roll right side down.
+    Heading comes from the two antennas that are furthest apart (0.3 m or more), weighed with the course over
+    ground where the car moves; with one antenna from the course alone, held through standstill with a growing
+    sigma. Pitch comes from the climb of the track, roll only from antennas side by side, else it is 0 ± 1°.
+    Each lever arm is taken off with that attitude, so that the pose is that of the rig's origin on the
+    ground; antennas are then averaged. Lever arms that are all zero make the antenna the rig's origin.
 
-    Attributes
+    Parameters
     ----------
-    epoch_ns : int64 (n,)
-    latitude_deg, longitude_deg, height_m : float64 (n,)
-        `height_m` is ellipsoidal.
-    roll_deg, pitch_deg, heading_deg : float64 (n,)
-    sigma_horizontal_m, sigma_vertical_m, sigma_roll_pitch_deg, sigma_heading_deg : float64 (n,)
-        One sigma; readers fill in documented defaults where the file has none.
+    fixes : sequence of GnssFixes
+        One an antenna.
+    rig_antennas : mapping antenna name → float64 (3,)
+        Lever arms in the rig frame (FLU), metres.
+    max_gap_s : float
+        Longest time between fixes that is bridged.
+
+    Raises
+    ------
+    TrajectoryError
+        No fixes, an antenna without a lever arm, antennas that stand elsewhere than the rig says, or fixes
+        that make no track.
     """
+    if not fixes:
+        raise TrajectoryError("There are no GNSS fixes: give the recording of at least one antenna.")
+    unknown = sorted({f.antenna for f in fixes} - set(rig_antennas))
+    if unknown:
+        raise TrajectoryError(
+            f"Antenna {', '.join(unknown)} has fixes but no lever arm; lever arms are known for "
+            f"{', '.join(sorted(rig_antennas)) or 'none'}: give it one."
+        )
+    kept, dropped = _without_jumps(fixes)
+    levers = [np.asarray(rig_antennas[f.antenna], dtype=np.float64) for f in kept]
+    knot_ns = common_epochs([f.epoch_ns for f in kept], max_gap_s)
+    tracks = []
+    for one in kept:
+        sigma = sigma_of_quality(one.quality)
+        own = antenna_track(one.epoch_ns, one.latitude_deg, one.longitude_deg, one.height_m, sigma)
+        tracks.append(resampled(own, one.epoch_ns, knot_ns, max_gap_s))
+    names = [f.antenna for f in kept]
+    return Trajectory(
+        knots=rig_poses(knot_ns, names, tracks, levers),
+        fixes=raw_poses(kept, levers, max_gap_s),
+        host_ns=kept[0].host_ns,
+        max_gap_s=max_gap_s,
+        dropped=dropped,
+    )
 
-    epoch_ns: IntArray
-    latitude_deg: FloatArray
-    longitude_deg: FloatArray
-    height_m: FloatArray
-    roll_deg: FloatArray
-    pitch_deg: FloatArray
-    heading_deg: FloatArray
-    sigma_horizontal_m: FloatArray
-    sigma_vertical_m: FloatArray
-    sigma_roll_pitch_deg: FloatArray
-    sigma_heading_deg: FloatArray
 
+def trajectory_from_poses(track: PoseTrack, *, max_gap_s: float = MAX_GAP_S) -> Trajectory:
+    """Make a trajectory of full poses of the rig's origin, as an INS or SLAM gives them.
 
-@dataclass(frozen=True, slots=True)
-class Poses:
-    """Poses of the rig's origin at asked epochs: what a trajectory answers.
-
-    Same frames and signs as `PoseTrack`. Rows with ``valid`` false are NaN, and `reason` says why in one
-    clause ("0.8 s after the last fix"); `reason` is "" where valid.
-
-    Attributes
-    ----------
-    epoch_ns : int64 (n,)
-    latitude_deg, longitude_deg, height_m : float64 (n,)
-        The rig's origin on the ground; `height_m` ellipsoidal.
-    roll_deg, pitch_deg, heading_deg : float64 (n,)
-    speed_mps : float64 (n,)
-    sigma_horizontal_m, sigma_vertical_m, sigma_roll_pitch_deg, sigma_heading_deg : float64 (n,)
-    valid : bool (n,)
-    reason : str (n,)
+    Raises
+    ------
+    TrajectoryError
+        Fewer than two poses, not in strict time order, or NaN.
     """
+    check_positions(track, "The track of poses")
+    angles = track.roll_deg + track.pitch_deg + track.heading_deg
+    if not np.isfinite(angles).all():
+        raise TrajectoryError(
+            f"The track of poses: {int((~np.isfinite(angles)).sum())} of {angles.size} attitudes are NaN: "
+            "drop those poses."
+        )
+    keep = without_jumps(track)
+    check_positions(one := _rows(track, keep), "The track of poses, after impossible jumps were dropped")
+    t_s = seconds(one.epoch_ns)
+    east, north = metres_per_degree(one.latitude_deg, one.height_m)
+    columns = {field.name: getattr(one, field.name) for field in fields(PoseTrack)}
+    knots = Poses(
+        **columns,
+        speed_mps=np.hypot(tangents(t_s, one.longitude_deg) * east, tangents(t_s, one.latitude_deg) * north),
+        valid=np.ones(t_s.size, dtype=bool),
+        reason=np.full(t_s.size, "", dtype="U1"),
+    )
+    dropped = _dropped(int((~keep).sum()), "the track of poses")
+    return Trajectory(knots, knots, one.epoch_ns, max_gap_s, dropped)
 
-    epoch_ns: IntArray
-    latitude_deg: FloatArray
-    longitude_deg: FloatArray
-    height_m: FloatArray
-    roll_deg: FloatArray
-    pitch_deg: FloatArray
-    heading_deg: FloatArray
-    speed_mps: FloatArray
-    sigma_horizontal_m: FloatArray
-    sigma_vertical_m: FloatArray
-    sigma_roll_pitch_deg: FloatArray
-    sigma_heading_deg: FloatArray
-    valid: BoolArray
-    reason: NDArray[np.str_]
+
+def _without_jumps(fixes: Sequence[GnssFixes]) -> tuple[list[GnssFixes], tuple[tuple[int, str], ...]]:
+    kept: list[GnssFixes] = []
+    dropped: list[tuple[int, str]] = []
+    for one in fixes:
+        what = f"Antenna {one.antenna}"
+        check_positions(one, what)
+        keep = without_jumps(one)
+        thinned = _rows(one, keep)
+        check_positions(thinned, f"{what}, after impossible jumps were dropped")
+        kept.append(thinned)
+        dropped.extend(_dropped(int((~keep).sum()), f"antenna {one.antenna}"))
+    return kept, tuple(dropped)
+
+
+def _dropped(count: int, what: str) -> tuple[tuple[int, str], ...]:
+    return ((count, f"{what}: reached only faster than 70 m/s"),) if count else ()
+
+
+def _rows(record: _Record, keep: BoolArray) -> _Record:
+    """Return the record's rows where `keep`."""
+    arrays = {
+        field.name: getattr(record, field.name)[keep] for field in fields(record) if field.name != "antenna"
+    }
+    return replace(record, **arrays)

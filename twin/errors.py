@@ -6,7 +6,8 @@
     ├── DriveError          a recorded drive that cannot be read (what, where, cure)
     ├── StoreError          the store is missing, locked, or written by a newer version
     ├── TruthError          a truth file for ``evaluate`` that cannot be read
-    └── ExportRefusedError  an export that would lose or overwrite something
+    └── RefusedError        doing it would lose or overwrite something
+        └── ExportRefusedError  … in an export folder
 
 Exit codes live in :mod:`twin.cli` alone.
 """
@@ -30,5 +31,9 @@ class TruthError(TwinError):
     """A truth file that cannot be read."""
 
 
-class ExportRefusedError(TwinError):
-    """An export that is refused because it would lose or overwrite something."""
+class RefusedError(TwinError):
+    """Something that twin refuses to do because it would lose or overwrite something."""
+
+
+class ExportRefusedError(RefusedError):
+    """An export that cannot be written without losing something; the old files are untouched."""

@@ -11,13 +11,25 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 
+def on_image(pixel_px: FloatArray, width_px: int, height_px: int) -> BoolArray:
+    """Whether pixels ``(..., 2)`` lie on the image, edges of the outermost pixels included; false for NaN."""
+    u, v = pixel_px[..., 0], pixel_px[..., 1]
+    return np.asarray((u >= -0.5) & (u <= width_px - 0.5) & (v >= -0.5) & (v <= height_px - 0.5))
+
+
+def nan_where_not(mask: BoolArray, vectors: FloatArray) -> FloatArray:
+    """Vectors ``(..., k)`` with NaN in the rows whose mask ``(...)`` is false."""
+    return np.where(mask[..., np.newaxis], vectors, np.nan)
+
+
 @runtime_checkable
 class CameraModel(Protocol):
     """Intrinsics of one camera: pixels from camera points and rays from pixels.
 
     Camera frame RDF: x right, y down, z forward. Pixel (0, 0) is the *centre* of the first pixel, as in
     OpenCV. All methods take any leading batch axes. Values outside the model's domain come back as NaN
-    with ``False`` in the mask: a default coordinate is never invented.
+    with ``False`` in the mask: a default coordinate is never invented. What is inside the domain but off the
+    image keeps its true value, with ``False`` in the mask.
     """
 
     @property
@@ -37,7 +49,10 @@ class CameraModel(Protocol):
 
     @property
     def horizontal_fov_rad(self) -> float:
-        """Angle between the rays of the left and right image edge in the row of the principal point."""
+        """Angle between the rays of the left and right image edge in the row of the principal point.
+
+        NaN if an edge is outside the model's domain.
+        """
         ...
 
     def pixel_from_camera_point(self, point_camera: FloatArray) -> tuple[FloatArray, BoolArray]:

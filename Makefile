@@ -1,0 +1,35 @@
+# The commands of README, for people with make. Windows: README shows the same in plain commands.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test lint check real sample bench clean
+
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	touch $@
+
+demo: $(VENV)/.installed          ## the whole job on the sample, into demo-out/
+	$(BIN)/twin demo --out demo-out
+
+test: $(VENV)/.installed          ## the whole suite, with coverage
+	$(BIN)/python -m pytest --cov --cov-report=term
+
+lint: $(VENV)/.installed          ## style, types and the walls between the packages
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+check: lint test
+
+real: $(VENV)/.installed          ## the whole job on real input (../shared/real), prints the real errors
+	$(BIN)/python -m pytest tests/real -k whole_job -s
+
+sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
+	$(BIN)/python -m twin.sample data
+
+clean:
+	rm -rf $(VENV) demo-out build dist .coverage

@@ -1,0 +1,198 @@
+"""The f-theta camera of NVIDIA DriveWorks: radius in the image as a polynomial of the ray's angle."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geoloc.cameras.base import BoolArray, FloatArray, nan_where_not, on_image
+from geoloc.cameras.monotonic import invert_rising_polynomial, polynomial, reach, rising_limit
+from geoloc.errors import CalibrationError
+
+# A constant term below this (about a thousandth of a pixel) is rounding in a file, above it another model.
+_CONSTANT_TOLERANCE = {"theta_from_r": 1e-6, "r_from_theta": 1e-3}
+_MAX_DISAGREEMENT_PX = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class FThetaCamera:
+    """F-theta intrinsics, in either direction of the polynomial.
+
+    With ``r`` the radius in pixels before the linear terms and ``θ`` the angle between the ray and the
+    optical axis::
+
+        ray (RDF)        = (sin θ · x/r, sin θ · y/r, cos θ)
+        [u - cx, v - cy] = [[c, d], [e, 1]] @ [x, y]
+
+    One polynomial is the *reference*, and the other direction is always its numerical inverse, so that pixel
+    → ray → pixel closes to rounding. Where both are given, `theta_from_r` is the reference and
+    `r_from_theta`, usually a fitted approximation of the inverse, is only checked against it.
+
+    The domain is where the reference rises (`r_max_px`, `theta_max_rad`), at most θ = π. Outside it pixels
+    and rays are NaN. A point inside the domain but off the image has its true pixel, and a false mask.
+
+    Attributes
+    ----------
+    width_px, height_px : int
+    cx_px, cy_px : float
+        Principal point; (0, 0) is the centre of the first pixel.
+    theta_from_r : tuple of float or None
+        Ascending coefficients, pixels to radians (``bw-poly``, ``pixeldistance-to-angle``). No constant term.
+    r_from_theta : tuple of float or None
+        Ascending coefficients, radians to pixels (``angle-to-pixeldistance``). No constant term.
+    c, d, e : float
+        Linear terms. All zero means none were calibrated: the identity.
+    r_max_px, theta_max_rad : float
+        Limits of the domain, derived.
+
+    Raises
+    ------
+    CalibrationError
+        If there is no polynomial, it does not rise from zero, the linear terms are singular, a number is not
+        finite, or the two polynomials differ by more than 2 pixels on the image.
+
+    Notes
+    -----
+    NVIDIA DriveWorks 4.0, "Camera models"; pixel centres as in NVIDIA ncore, "Sensor models".
+    """
+
+    width_px: int
+    height_px: int
+    cx_px: float
+    cy_px: float
+    theta_from_r: tuple[float, ...] | None = None
+    r_from_theta: tuple[float, ...] | None = None
+    c: float = 1.0
+    d: float = 0.0
+    e: float = 0.0
+    r_max_px: float = field(init=False, repr=False, compare=False)
+    theta_max_rad: float = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check the numbers and find the domain."""
+        if self.c == 0.0 and self.d == 0.0 and self.e == 0.0:
+            object.__setattr__(self, "c", 1.0)
+        self._check_numbers()
+        for name, tolerance in _CONSTANT_TOLERANCE.items():
+            coefficients = getattr(self, name)
+            if coefficients is not None:
+                object.__setattr__(self, name, _without_constant(name, coefficients, tolerance))
+        r_max_px, theta_max_rad = self._domain()
+        object.__setattr__(self, "r_max_px", r_max_px)
+        object.__setattr__(self, "theta_max_rad", theta_max_rad)
+        self._check_agreement()
+
+    @property
+    def model(self) -> str:
+        """``ftheta``."""
+        return "ftheta"
+
+    @property
+    def horizontal_fov_rad(self) -> float:
+        """Angle between the rays of the left and right image edge in the row of the principal point.
+
+        More than π for a fisheye that sees behind itself. NaN if an edge is outside the domain.
+        """
+        edges_px = np.array([-0.5 - self.cx_px, self.width_px - 0.5 - self.cx_px])
+        radius = np.hypot(*self._plane_from_offset(edges_px, np.zeros(2)))
+        if (radius > self.r_max_px).any():
+            return math.nan
+        left, right = np.sign(edges_px) * self._theta_from_radius(radius)
+        return float(right - left)
+
+    def pixel_from_camera_point(self, point_camera: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Project points ``(..., 3)`` (RDF, any length) to pixels ``(..., 2)`` with a mask ``(...)``.
+
+        NaN outside the domain; the mask is true inside it where the pixel is on the image.
+        """
+        point = np.asarray(point_camera, dtype=np.float64)
+        across = np.hypot(point[..., 0], point[..., 1])
+        theta = np.arctan2(across, point[..., 2])
+        # The camera's centre has no direction, and straight behind the camera every azimuth is the same ray.
+        defined = (across > 0.0) | (point[..., 2] > 0.0)
+        inside = defined & (theta <= self.theta_max_rad) & np.isfinite(point).all(-1)
+        radius = self._radius_from_theta(np.where(inside, theta, 0.0))
+        # On the axis the direction in the image is undefined, and the radius is 0.
+        x, y = np.moveaxis(np.where(inside[..., np.newaxis], point[..., :2], 0.0), -1, 0) * (
+            radius / np.where(inside & (across > 0.0), across, 1.0)
+        )
+        pixel = np.stack([self.cx_px + self.c * x + self.d * y, self.cy_px + self.e * x + y], axis=-1)
+        pixel = nan_where_not(inside, pixel)
+        return pixel, on_image(pixel, self.width_px, self.height_px)
+
+    def camera_ray_from_pixel(self, pixel_px: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Unit rays ``(..., 3)`` (RDF) of pixels ``(..., 2)`` with a mask ``(...)``.
+
+        NaN outside the domain; the mask is true inside it where the pixel is on the image.
+        """
+        pixel = np.asarray(pixel_px, dtype=np.float64)
+        pixel = np.where(np.isfinite(pixel), pixel, np.nan)
+        x, y = self._plane_from_offset(pixel[..., 0] - self.cx_px, pixel[..., 1] - self.cy_px)
+        radius = np.hypot(x, y)
+        inside = radius <= self.r_max_px
+        theta = self._theta_from_radius(np.where(inside, radius, 0.0))
+        stretch = np.sin(theta) / np.where(radius > 0.0, radius, 1.0)
+        ray = nan_where_not(inside, np.stack([stretch * x, stretch * y, np.cos(theta)], axis=-1))
+        return ray, inside & on_image(pixel, self.width_px, self.height_px)
+
+    def _plane_from_offset(self, du_px: FloatArray, dv_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+        determinant = self.c - self.d * self.e
+        return (du_px - self.d * dv_px) / determinant, (self.c * dv_px - self.e * du_px) / determinant
+
+    def _theta_from_radius(self, radius_px: FloatArray) -> FloatArray:
+        if self.theta_from_r is not None:
+            return polynomial(self.theta_from_r, radius_px)
+        return invert_rising_polynomial(self.r_from_theta or (), radius_px, self.theta_max_rad)
+
+    def _radius_from_theta(self, theta_rad: FloatArray) -> FloatArray:
+        if self.theta_from_r is not None:
+            return invert_rising_polynomial(self.theta_from_r, theta_rad, self.r_max_px)
+        return polynomial(self.r_from_theta or (), theta_rad)
+
+    def _domain(self) -> tuple[float, float]:
+        """Largest radius and angle up to which the reference polynomial rises."""
+        reference = self.theta_from_r or self.r_from_theta
+        if reference is None:
+            raise CalibrationError("an f-theta camera needs a polynomial: theta_from_r or r_from_theta")
+        limit = rising_limit(reference)
+        if limit <= 0.0:
+            raise CalibrationError(f"the f-theta polynomial {reference} does not rise from zero")
+        if self.theta_from_r is None:
+            theta_max = min(limit, math.pi)
+            return float(polynomial(reference, np.array(theta_max))), theta_max
+        r_max = reach(reference, math.pi, limit)
+        return r_max, float(polynomial(reference, np.array(r_max)))
+
+    def _check_numbers(self) -> None:
+        numbers = [self.cx_px, self.cy_px, self.c, self.d, self.e]
+        numbers += [*(self.theta_from_r or ()), *(self.r_from_theta or ())]
+        if not all(math.isfinite(number) for number in numbers):
+            raise CalibrationError("an f-theta parameter is not a finite number")
+        if self.width_px <= 0 or self.height_px <= 0:
+            raise CalibrationError(f"an image of {self.width_px} x {self.height_px} pixels is empty")
+        if abs(self.c - self.d * self.e) < 1e-6:
+            raise CalibrationError(f"the linear terms c={self.c}, d={self.d}, e={self.e} are singular")
+
+    def _check_agreement(self) -> None:
+        if self.theta_from_r is None or self.r_from_theta is None:
+            return
+        corner = math.hypot(
+            max(self.cx_px, self.width_px - self.cx_px), max(self.cy_px, self.height_px - self.cy_px)
+        )
+        radius = np.linspace(0.0, min(corner, self.r_max_px), 64)
+        apart = np.abs(polynomial(self.r_from_theta, polynomial(self.theta_from_r, radius)) - radius)
+        if apart.max() > _MAX_DISAGREEMENT_PX:
+            raise CalibrationError(
+                f"the two f-theta polynomials differ by up to {apart.max():.1f} px at r = "
+                f"{radius[apart.argmax()]:.0f} px: they are not inverses of each other"
+            )
+
+
+def _without_constant(name: str, coefficients: tuple[float, ...], tolerance: float) -> tuple[float, ...]:
+    if len(coefficients) < 2 or abs(coefficients[0]) > tolerance:
+        raise CalibrationError(
+            f"{name} = {coefficients} must be a constant term of 0 and at least a linear one"
+        )
+    return (0.0, *coefficients[1:])

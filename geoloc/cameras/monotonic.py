@@ -1,0 +1,103 @@
+"""Radial functions: where a polynomial rises, and its inverse there to machine precision.
+
+A lens maps the angle of a ray to a radius in the image by a function that must rise. Calibrated polynomials
+rise only up to some point; beyond it they fold back, and an inverse found there is a wrong answer that looks
+right. So each model first asks `rising_limit` for its domain, then inverts inside it alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+MIN_SLOPE_RATIO = 1e-3
+"""A function counts as rising while its slope is above this part of its slope at zero: where it is flatter,
+rounding errors grow a thousandfold through the inverse, and no lens is built to work there."""
+
+_MAX_ITERATIONS = 100
+
+
+def polynomial(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
+    """Horner's scheme; coefficients in ascending order."""
+    value = np.zeros_like(x)
+    for coefficient in reversed(coefficients):
+        value = value * x + coefficient
+    return value
+
+
+def derivative(coefficients: Sequence[float]) -> tuple[float, ...]:
+    """Coefficients of the derivative, in ascending order."""
+    return tuple(i * coefficient for i, coefficient in enumerate(coefficients))[1:]
+
+
+def smallest_positive_root(coefficients: Sequence[float]) -> float:
+    """Smallest positive real root of a polynomial (ascending coefficients), or infinity."""
+    roots = np.polynomial.Polynomial(coefficients).trim().roots()
+    # A double root comes out of the eigenvalues with an imaginary part of about the square root of epsilon.
+    real = roots[np.abs(roots.imag) <= 1e-7 * np.abs(roots)].real
+    positive = real[real > 0.0]
+    return float(positive.min()) if positive.size else float("inf")
+
+
+def rising_limit(coefficients: Sequence[float]) -> float:
+    """Where the polynomial, rising at zero, stops rising (`MIN_SLOPE_RATIO`): its domain is [0, limit].
+
+    Infinity if it rises for ever; 0 if it does not rise at zero.
+    """
+    slope = derivative(coefficients)
+    if not slope or slope[0] <= 0.0:
+        return 0.0
+    return smallest_positive_root(((1.0 - MIN_SLOPE_RATIO) * slope[0], *slope[1:]))
+
+
+def reach(coefficients: Sequence[float], y: float, limit: float) -> float:
+    """Smallest positive x at which the polynomial is y, or `limit` if it is not reached before."""
+    return min(limit, smallest_positive_root((coefficients[0] - y, *coefficients[1:])))
+
+
+def invert_rising(
+    function: Callable[[FloatArray], FloatArray],
+    slope: Callable[[FloatArray], FloatArray],
+    y: FloatArray,
+    upper: float,
+) -> FloatArray:
+    """Solve ``function(x) = y`` for x in [0, upper], where the function rises.
+
+    Newton's method that falls back to bisection whenever a step leaves the bracket (rtsafe of Press et al.,
+    "Numerical Recipes", section 9.4), on all elements at once. `upper` must be finite.
+
+    Parameters
+    ----------
+    y : float64 (...)
+
+    Returns
+    -------
+    float64 (...)
+        NaN where y is NaN or outside [function(0), function(upper)].
+    """
+    bounds = function(np.array([0.0, upper]))
+    inside = (y >= bounds[0]) & (y <= bounds[1])
+    target = np.where(inside, y, bounds[0])
+    low, high = np.zeros_like(target), np.full_like(target, upper)
+    x = upper * (target - bounds[0]) / (bounds[1] - bounds[0])
+    for _ in range(_MAX_ITERATIONS):
+        residual = function(x) - target
+        low, high = np.where(residual < 0.0, x, low), np.where(residual > 0.0, x, high)
+        newton = x - residual / slope(x)
+        following = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
+        following = np.where(residual == 0.0, x, following)
+        converged = (np.abs(following - x) <= 4.0 * np.spacing(upper)).all()
+        x = following
+        if converged:
+            break
+    return np.where(inside, x, np.nan)
+
+
+def invert_rising_polynomial(coefficients: Sequence[float], y: FloatArray, upper: float) -> FloatArray:
+    """Solve ``polynomial(x) = y`` for x in [0, upper], as `invert_rising`."""
+    slope = derivative(coefficients)
+    return invert_rising(lambda x: polynomial(coefficients, x), lambda x: polynomial(slope, x), y, upper)

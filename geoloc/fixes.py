@@ -1,0 +1,131 @@
+"""Checks on recorded fixes and poses before a trajectory is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.errors import TrajectoryError
+from geoloc.interpolation import NANOSECONDS, metres_per_degree
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+MAX_SPEED_MPS = 70.0
+"""Faster than this between two fixes, one of them is wrong."""
+
+SIGMA_BY_QUALITY_M = {4: 0.015, 5: 0.3, 2: 0.6, 1: 2.0, 6: 2.0}
+"""Horizontal sigma by GGA fix quality: RTK fixed (CPOS states 8 to 14 mm), float, DGNSS, single, dead
+reckoning."""
+_SIGMA_OTHERWISE_M = 5.0
+
+
+class _Positions(Protocol):
+    """What fixes and poses have in common."""
+
+    @property
+    def epoch_ns(self) -> IntArray: ...
+    @property
+    def latitude_deg(self) -> FloatArray: ...
+    @property
+    def longitude_deg(self) -> FloatArray: ...
+    @property
+    def height_m(self) -> FloatArray: ...
+
+
+def sigma_of_quality(quality: IntArray) -> FloatArray:
+    """Horizontal one sigma, metres, of GGA fix qualities; 5 m for a code that is not in the table."""
+    sigma = np.full(quality.shape, _SIGMA_OTHERWISE_M)
+    for code, value in SIGMA_BY_QUALITY_M.items():
+        sigma[quality == code] = value
+    return sigma
+
+
+def check_positions(positions: _Positions, what: str) -> None:
+    """Refuse positions that no trajectory can be made of.
+
+    Raises
+    ------
+    TrajectoryError
+        Fewer than two, not in strict time order, NaN, or not on Earth.
+    """
+    n = positions.epoch_ns.size
+    if n < 2:
+        raise TrajectoryError(f"{what}: {n} usable positions, a trajectory needs at least 2: record more.")
+    backwards = np.diff(positions.epoch_ns) <= 0
+    if backwards.any():
+        raise TrajectoryError(
+            f"{what}: {backwards.sum()} of {n} positions are not later than the one before (first: number "
+            f"{int(np.argmax(backwards)) + 1}): sort them by time and drop duplicates."
+        )
+    bad = ~(np.isfinite(positions.longitude_deg) & np.isfinite(positions.height_m))
+    bad |= ~(np.abs(positions.latitude_deg) <= 90.0)
+    if bad.any():
+        raise TrajectoryError(
+            f"{what}: {bad.sum()} of {n} positions are NaN or not on Earth (first: number "
+            f"{int(np.argmax(bad))}): drop them before making a trajectory."
+        )
+
+
+def without_jumps(positions: _Positions) -> BoolArray:
+    """Mask of the positions that a car can have reached.
+
+    The track is cut where the implied speed exceeds 70 m/s, and the shortest piece is dropped until no cut is
+    left: one wild fix goes, however good its neighbours look to it.
+
+    Returns
+    -------
+    bool (n,)
+    """
+    east, north = metres_per_degree(positions.latitude_deg)
+    t_s = (positions.epoch_ns - positions.epoch_ns[0]) / NANOSECONDS
+    keep = np.arange(positions.epoch_ns.size)
+    while keep.size > 1:
+        step = np.hypot(
+            np.diff(positions.longitude_deg[keep]) * east[keep[1:]],
+            np.diff(positions.latitude_deg[keep]) * north[keep[1:]],
+        )
+        cuts = np.flatnonzero(step > MAX_SPEED_MPS * np.diff(t_s[keep])) + 1
+        if cuts.size == 0:
+            break
+        pieces = np.split(keep, cuts)
+        shortest = min(piece.size for piece in pieces)
+        keep = np.concatenate(_without_pieces_of(pieces, shortest))
+    mask = np.zeros(positions.epoch_ns.size, dtype=bool)
+    mask[keep] = True
+    return mask
+
+
+def _without_pieces_of(pieces: Sequence[IntArray], size: int) -> list[IntArray]:
+    """Drop the first piece of this size, and further ones that do not touch a dropped one."""
+    kept: list[IntArray] = []
+    previous_dropped = False
+    for piece in pieces:
+        drop = piece.size == size and not previous_dropped
+        if not drop:
+            kept.append(piece)
+        previous_dropped = drop
+    return kept
+
+
+def common_epochs(epochs_ns: Sequence[IntArray], max_gap_s: float) -> IntArray:
+    """Epochs at which several antennas are brought together.
+
+    Those of the antenna with the most fixes, and those of the others where it has gaps: two receivers a few
+    milliseconds apart must not make knots a few milliseconds apart.
+    """
+    base = max(epochs_ns, key=len)
+    for other in epochs_ns:
+        position = np.searchsorted(base, other)
+        before = base[np.maximum(position - 1, 0)]
+        after = base[np.minimum(position, base.size - 1)]
+        nearest_ns = np.minimum(np.abs(other - before), np.abs(after - other))
+        outside = (other < base[0]) | (other > base[-1])
+        lonely = outside | (after - before > max_gap_s * NANOSECONDS)
+        apart = nearest_ns > 0.5 * np.median(np.diff(base))
+        base = np.union1d(base, other[lonely & apart])
+    return np.asarray(base, dtype=np.int64)

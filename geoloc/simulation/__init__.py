@@ -1,0 +1,1 @@
+"""Parts of the simulator: earth, road, motion, noise, car and scenarios (see :mod:`geoloc.simulate`)."""

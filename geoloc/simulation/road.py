@@ -1,0 +1,127 @@
+"""The road: a curved centre line, its heights and what stands beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.simulation.earth import LocalFrame
+from geoloc.simulation.noise import stream
+
+FloatArray = NDArray[np.float64]
+
+STEP_M = 0.05
+"""Grid of the integrated centre line: at a radius of 50 m the chord lies 6 µm inside the arc."""
+MARGIN_M = 80.0
+"""Road before station 0 and after the last station, for run-in and for signs ahead of the last frame."""
+ROUGHNESS_WAVES = 60
+REFERENCE_CYCLES_PER_M = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class RoadSpec:
+    """One two-lane road with right-hand traffic.
+
+    The station runs along the centre line from 0 to `length_m`, the offset to the left of it.
+    """
+
+    latitude_deg: float = 63.4085
+    """Where station 0 lies. Trondheim, the city of the car that is simulated."""
+    longitude_deg: float = 10.4520
+    height_m: float = 96.0
+    """Ellipsoidal; NN2000 is 39.4 m lower there."""
+    length_m: float = 500.0
+    heading_deg: float = 60.0
+    """True direction of the centre line at station 0."""
+    curvature: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    """(station, 1/radius), left bends positive, linear in between: arcs joined by clothoids, as roads are
+    designed (Statens vegvesen, håndbok N100)."""
+    grade_percent: float = 1.5
+    """Mean climb."""
+    hills: tuple[tuple[float, float], ...] = ((150.0, 0.40), (70.0, 0.10))
+    """(wavelength, amplitude) in metres: crests and sags with radii of 1.4 and 2.1 km, ordinary for
+    50 km/h. The ground 15 m ahead then lies 0.2 to 0.3 degrees off the car's own plane, rms; 0.28 to 0.92
+    was measured on the four city drives of Argoverse 2."""
+    roughness_m3: float = 64e-6
+    """Displacement spectrum at 0.1 cycles/m, falling with the square of the wave number: the geometric mean
+    of class B ("good") of ISO 8608."""
+    lane_width_m: float = 3.25
+    crossfall_percent: float = 2.0
+    """The road falls to both sides of its crown (N100: 2 to 3 % on straights)."""
+    kerb_height_m: float = 0.12
+    kerb_share: float = 0.3
+    """Share of the poles that stand behind a kerb of `kerb_height_m`."""
+    verge_sigma_m: float = 0.03
+    """One sigma of the ground's height at a pole about the extended road surface."""
+
+
+class Road:
+    """A road that was built from its specification and a seed."""
+
+    def __init__(self, spec: RoadSpec, seed: int) -> None:
+        self.spec = spec
+        self.frame = LocalFrame(spec.latitude_deg, spec.longitude_deg, spec.height_m)
+        self._station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + STEP_M, STEP_M)
+        start = int(np.searchsorted(self._station, -STEP_M / 2))
+        knots = np.array(spec.curvature, dtype=float)
+        turn = _cumulative(np.interp(self._station, knots[:, 0], knots[:, 1]), STEP_M)
+        self._yaw = np.radians(90.0 - spec.heading_deg) + turn - turn[start]
+        east, north = _cumulative(np.cos(self._yaw), STEP_M), _cumulative(np.sin(self._yaw), STEP_M)
+        self._east, self._north = east - east[start], north - north[start]
+        self._wave_per_m, self._wave_m, self._wave_phase = _roughness(spec.roughness_m3, seed)
+
+    def yaw_rad(self, station_m: FloatArray) -> FloatArray:
+        """Direction of the centre line, counter-clockwise from east."""
+        return np.asarray(np.interp(station_m, self._station, self._yaw))
+
+    def curvature_per_m(self, station_m: FloatArray) -> FloatArray:
+        """Curvature of the centre line, left bends positive."""
+        knots = np.array(self.spec.curvature, dtype=float)
+        return np.asarray(np.interp(station_m, knots[:, 0], knots[:, 1]))
+
+    def plan_m(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
+        """East and north ``(..., 2)`` in the road's frame."""
+        yaw = self.yaw_rad(station_m)
+        east = np.interp(station_m, self._station, self._east) - offset_m * np.sin(yaw)
+        north = np.interp(station_m, self._station, self._north) + offset_m * np.cos(yaw)
+        return np.stack([east, north], axis=-1)
+
+    def surface_m(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
+        """Height of the surface; beyond the edge of the road it runs on level across."""
+        spec = self.spec
+        height = station_m * spec.grade_percent / 100.0
+        for wavelength, amplitude in spec.hills:
+            height = height + amplitude * np.sin(2.0 * np.pi * station_m / wavelength)
+        phase = 2.0 * np.pi * np.multiply.outer(station_m, self._wave_per_m) + self._wave_phase
+        height = height + np.sin(phase) @ self._wave_m
+        return np.asarray(
+            height - np.minimum(np.abs(offset_m), spec.lane_width_m) * spec.crossfall_percent / 100.0
+        )
+
+    def across_slope(self, offset_m: FloatArray) -> FloatArray:
+        """Rise to the left, metres per metre, on the carriageway."""
+        return np.asarray(-np.sign(offset_m) * self.spec.crossfall_percent / 100.0)
+
+    def pole_feet_m(self, station_m: FloatArray, offset_m: FloatArray, seed: int) -> FloatArray:
+        """Feet of poles ``(n, 3)``: on the verge or behind the kerb."""
+        rng = stream(seed, "ground at the poles")
+        behind_kerb = rng.random(station_m.size) < self.spec.kerb_share
+        verge = rng.normal(size=station_m.size) * self.spec.verge_sigma_m
+        up = self.surface_m(station_m, offset_m) + np.where(behind_kerb, self.spec.kerb_height_m, 0.0) + verge
+        return np.concatenate([self.plan_m(station_m, offset_m), up[:, None]], axis=-1)
+
+
+def _cumulative(values: FloatArray, step: float) -> FloatArray:
+    """Trapezoidal integral from the first sample."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * step)])
+
+
+def _roughness(spectrum_m3: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Wave numbers, amplitudes and phases of an ISO 8608 profile with wavelengths of 0.8 to 30 m."""
+    edges = np.geomspace(1.0 / 30.0, 1.0 / 0.8, ROUGHNESS_WAVES + 1)
+    wave = np.sqrt(edges[1:] * edges[:-1])
+    density = spectrum_m3 * (wave / REFERENCE_CYCLES_PER_M) ** -2.0
+    phase = stream(seed, "roughness").uniform(0.0, 2.0 * np.pi, ROUGHNESS_WAVES)
+    return wave, np.sqrt(2.0 * density * np.diff(edges)), phase

@@ -1,0 +1,289 @@
+"""A local server that answers as API Les V4 does: for the demo, for tests, and for trying things out.
+
+>>> with ReplayServer("recorded_pages") as server:              # doctest: +SKIP
+...     client = NvdbClient(server.url)
+
+or ``python -m nvdb.replay recorded_pages --port 8096``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import os
+import re
+import socket
+import socketserver
+import sys
+import threading
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+from urllib.parse import parse_qsl, urlsplit
+
+from nvdb.errors import NvdbError, ReplaySourceError
+from nvdb.replay_faults import LOOP_PATH, Fault, FaultPlan, Faults, RequestInfo, send_fault
+from nvdb.replay_source import Generated, QueryError, ReplaySource, neste
+
+__all__ = ["Fault", "ReplayServer", "RequestInfo", "main"]
+
+log = logging.getLogger(__name__)
+
+NO_CLIENT: Final = "X-Client må være satt når du kaller API Les V4."
+RATE_LIMIT: Final = 200
+
+_VEGOBJEKTER = re.compile(
+    r"/vegobjekter(?:/api/v4/vegobjekter)?/(?P<type>\d{1,9})(?:/(?P<rest>\d{1,18}|statistikk))?/?"
+)
+
+
+class ReplayServer:
+    """Serve recorded or generated objects on loopback until the ``with`` block ends.
+
+    Parameters
+    ----------
+    source : Path, str or mapping
+        A folder of recorded pages (``*.json``, ``*.ndjson``, also ``.gz``), or type → objects in V4's form.
+    host : str
+    port : int
+        0 takes a free one.
+    faults : iterable or callable, optional
+        See :class:`nvdb.replay_faults.FaultPlan`.
+
+    Raises
+    ------
+    ReplaySourceError
+        Nothing to serve, or the port is taken.
+    """
+
+    def __init__(
+        self,
+        source: Path | str | Generated,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        faults: Faults | None = None,
+    ) -> None:
+        self._source = ReplaySource(source)
+        self._host = host
+        self._port = port
+        self._plan = FaultPlan(faults)
+        self._server: _Server | None = None
+        self._thread: threading.Thread | None = None
+        self.requests: list[RequestInfo] = []
+        """Every request so far, in order of arrival."""
+
+    @property
+    def url(self) -> str:
+        """Base URL, ``http://127.0.0.1:43211``; only while the server runs."""
+        if self._server is None:
+            msg = "The replay server is not running: use it in a with block."
+            raise ReplaySourceError(msg)
+        return f"http://{self._host}:{self._server.server_address[1]}"
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """How many objects of each type are served."""
+        return self._source.counts()
+
+    def __enter__(self) -> ReplayServer:
+        try:
+            self._server = _Server((self._host, self._port), self._source, self._plan, self.requests)
+        except (OSError, OverflowError) as error:
+            msg = f"Port {self._port} on {self._host} cannot be used ({error}): take another one, or 0."
+            raise ReplaySourceError(msg) from error
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._server is not None and self._thread is not None:
+            self._server.stop()
+            self._thread.join()
+        self._server = self._thread = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    status: int
+    body: bytes
+    content_type: str = "application/json"
+    headers: Mapping[str, str] = field(default_factory=dict)
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    """TCPServer and not HTTPServer, which asks the name service for its own name before it starts."""
+
+    # On Windows the same option would let two servers share one port.
+    allow_reuse_address = os.name == "posix"
+    daemon_threads = False  # threads are joined on closing, so that no socket outlives the server
+    request_queue_size = 32
+
+    def __init__(
+        self, address: tuple[str, int], source: ReplaySource, plan: FaultPlan, requests: list[RequestInfo]
+    ) -> None:
+        self.source = source
+        self.plan = plan
+        self.requests = requests
+        self.stopping = threading.Event()
+        self._lock = threading.Lock()
+        self._open: set[socket.socket] = set()
+        super().__init__(address, _Handler)
+
+    def note(self, path: str, query: Mapping[str, str], headers: Mapping[str, str]) -> RequestInfo:
+        """Enter a request into the list."""
+        with self._lock:
+            info = RequestInfo(len(self.requests), path, query, headers)
+            self.requests.append(info)
+        return info
+
+    def stop(self) -> None:
+        """Stop accepting, end the connections that clients keep open, wait for the threads."""
+        self.stopping.set()
+        self.shutdown()
+        with self._lock:
+            waiting = list(self._open)
+        for connection in waiting:
+            with suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
+        self.server_close()
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Start a thread for a connection."""
+        with self._lock:
+            self._open.add(request)
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """End a connection."""
+        with self._lock:
+            self._open.discard(request)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ARG002 (signature of the base)
+        """A client that has gone is no news; anything else is a fault of this server."""
+        if not isinstance(sys.exception(), ConnectionError):
+            log.exception("the replay server failed to answer a request")
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One connection."""
+
+    protocol_version = "HTTP/1.1"
+    server_version = "nvdb-replay"
+    sys_version = ""
+    wbufsize = -1  # headers and body leave in one piece
+    disable_nagle_algorithm = True
+    server: _Server
+
+    def do_GET(self) -> None:
+        """Answer one GET."""
+        parts = urlsplit(self.path)
+        query = dict(parse_qsl(parts.query, keep_blank_values=True))
+        info = self.server.note(parts.path, query, dict(self.headers.items()))
+        fault = self.server.plan.next(info)
+        answer = self._answer(info, repeat=fault is not None and fault.kind == "repeat_cursor")
+        if fault is None or fault.kind == "repeat_cursor":
+            self._send(answer)
+        else:
+            send_fault(self, fault, answer.body, self.server.stopping)
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (signature of the base)
+        """Log instead of writing to stderr."""
+        log.debug("%s " + format, self.address_string(), *args)
+
+    def _send(self, answer: _Answer) -> None:
+        self.send_response(answer.status)
+        self.send_header("Content-Type", answer.content_type)
+        self.send_header("Content-Length", str(len(answer.body)))
+        self.send_header("x-ratelimit-remaining", str(RATE_LIMIT))
+        for name, value in answer.headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(answer.body)
+
+    def _answer(self, info: RequestInfo, *, repeat: bool) -> _Answer:
+        """The good answer to a request."""
+        if info.path == LOOP_PATH:
+            return _Answer(302, b"", headers={"Location": LOOP_PATH})
+        if not (self.headers.get("X-Client") or "").strip():
+            return _Answer(400, NO_CLIENT.encode(), "text/plain;charset=UTF-8")
+        if info.path in {"", "/", "/status"}:
+            return _json(200, {"status": "OK", "vegobjekter": self.server.source.counts()})
+        match = _VEGOBJEKTER.fullmatch(info.path)
+        if match is None:
+            return _problem(404, "Not Found", f"No static resource {info.path.lstrip('/')}.", info.path)
+        type_id, rest = int(match["type"]), match["rest"]
+        if type_id not in self.server.source.types:
+            return _problem(404, "Not Found", f"Vegobjekttype {type_id} finnes ikke", info.path)
+        try:
+            return self._vegobjekter(info, type_id, rest, repeat=repeat)
+        except QueryError as error:
+            return _problem(400, "Bad Request", str(error), info.path)
+
+    def _vegobjekter(self, info: RequestInfo, type_id: int, rest: str | None, *, repeat: bool) -> _Answer:
+        source = self.server.source
+        page_url = f"http://{self.headers.get('Host', 'localhost')}/vegobjekter/{type_id}"
+        if rest is None:
+            page = source.page(type_id, info.query, page_url)
+            if repeat:
+                page["metadata"]["neste"] = neste(page_url, info.query, info.query.get("start", "0:0"))
+            return _json(200, page)
+        if rest == "statistikk":
+            return _json(200, {"antall": len(source.select(type_id, info.query)), "lengde": 0.0})
+        record = source.one(type_id, int(rest))
+        if record is None:
+            return _problem(404, "Not Found", f"Fant ikke vegobjekt {rest} av type {type_id}", info.path)
+        # V4 shows a single object whole unless told otherwise.
+        return _json(200, source.form(record, {"inkluder": "alle", **info.query}, page_url))
+
+
+def _json(status: int, document: object, content_type: str = "application/json") -> _Answer:
+    return _Answer(status, json.dumps(document, ensure_ascii=False).encode(), content_type)
+
+
+def _problem(status: int, title: str, detail: str, instance: str) -> _Answer:
+    """ProblemDetail, RFC 9457."""
+    document = {
+        "type": "about:blank",
+        "title": title,
+        "status": status,
+        "detail": detail,
+        "instance": instance,
+    }
+    return _json(status, document, "application/problem+json")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serve a folder until Ctrl-C: ``python -m nvdb.replay FOLDER [--port PORT]``."""
+    parser = argparse.ArgumentParser(
+        prog="python -m nvdb.replay",
+        description="Serve recorded API Les V4 pages as the API itself would.",
+        epilog="Example: python -m nvdb.replay recorded_pages --port 8096",
+    )
+    parser.add_argument("folder", type=Path, help="folder of recorded pages (*.json, *.json.gz, *.ndjson)")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
+    parser.add_argument("--port", type=int, default=8096, help="0 takes a free one (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    try:
+        with ReplayServer(options.folder, host=options.host, port=options.port) as server:
+            counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
+            sys.stdout.write(f"{server.url} serves {counts}; Ctrl-C ends it.\n")
+            sys.stdout.flush()
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
+    except NvdbError as error:
+        sys.stderr.write(f"{error}\n")
+        return 4
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

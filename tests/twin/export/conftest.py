@@ -1,0 +1,125 @@
+"""Layers as a small drive gives them: every verdict once, plates that share a pole, nulls, odd characters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import geopandas as gpd
+import numpy as np
+import pandas as pd
+import pytest
+from shapely import LineString, Point
+
+if TYPE_CHECKING:
+    from twin.export import ExportLayers
+
+EAST, NORTH = 270_000.0, 7_041_000.0
+"""In Trondheim, EPSG:25833."""
+VERDICTS = ("unchanged", "moved", "wrong_type", "new", "missing", "not_observable", "review")
+
+
+def _changes() -> gpd.GeoDataFrame:
+    n = len(VERDICTS)
+    at = [Point(EAST + 40.0 * i, NORTH + 12.0 * np.sin(i)) for i in range(n)]
+    seen = [verdict not in {"missing", "not_observable"} for verdict in VERDICTS]
+    known = [verdict != "new" for verdict in VERDICTS]
+    return gpd.GeoDataFrame(
+        {
+            "change_id": [f"c-{i:02d}" for i in range(n)],
+            "verdict": VERDICTS,
+            "reason": [f"Skjærgårdsveien <{verdict}> & \"so\" on" for verdict in VERDICTS],
+            "confidence": np.linspace(0.5, 0.99, n),
+            "nvdb_type": [96, 95, 96, 96, 96, 96, 95],
+            "nvdb_id": pd.array([900_000_000 + i if ok else None for i, ok in enumerate(known)], dtype="Int64"),
+            "nvdb_version": pd.array([1 if ok else None for ok in known], dtype="Int64"),
+            "skiltnummer_nvdb": ["362.50" if ok else "" for ok in known],
+            "skiltnummer_seen": ["362.60" if ok else "" for ok in seen],
+            "distance_m": [0.25 if s and k else np.nan for s, k in zip(seen, known, strict=True)],
+            "distance_sigma_m": [0.4 if s and k else np.nan for s, k in zip(seen, known, strict=True)],
+            "drive_ids": "0123456789ab,ba9876543210",
+            "n_sightings": range(n),
+            "decision": ["open"] * (n - 1) + ["defer"],
+        },
+        geometry=at,
+        crs=25833,
+    )
+
+
+def _estimates() -> gpd.GeoDataFrame:
+    n = 5
+    moment = pd.Timestamp("2026-06-10T08:00:00.125Z") + pd.to_timedelta(np.arange(n), unit="s")
+    return gpd.GeoDataFrame(
+        {
+            "estimate_id": [f"e-{i}" for i in range(n)],
+            "drive_id": "0123456789ab",
+            "object": [str(i) for i in range(n)],
+            "label": "skilt",
+            "skiltnummer": "362.60",
+            "method": "single-frame",
+            "n_sightings": 9,
+            "n_frames": 8,
+            "n_cameras": 2,
+            "first_seen": moment,
+            "last_seen": moment + pd.Timedelta(seconds=2),
+            "range_min_m": 7.5,
+            "height_m": 65.7,
+            "sigma_major_m": 0.5,
+            "sigma_minor_m": 0.2,
+            "sigma_azimuth_deg": 30.0,
+            "cep95_m": 1.0,
+            "flags": ["", "few_sightings", "", "", ""],
+        },
+        geometry=[Point(EAST + 40.0 * i + 0.3, NORTH + 12.0 * np.sin(i) + 0.2) for i in range(n)],
+        crs=25833,
+    )
+
+
+def _nvdb_signs() -> gpd.GeoDataFrame:
+    n = 6
+    return gpd.GeoDataFrame(
+        {
+            "nvdb_id": 900_000_000 + np.arange(n),
+            "nvdb_type": [95, 96, 96, 96, 96, 96],
+            "version": pd.array([1, 2, None, 1, 1, 1], dtype="Int64"),
+            "point_id": pd.array([None, 900_000_000, None, None, None, None], dtype="Int64"),
+            "skiltnummer": ["", "362.50", "202", "204", "366", "372"],
+            "text": ["", "50", "", "", "", "Ålesund < Tromsø"],
+            "own_geometry": [True, True, True, True, False, True],
+            "accuracy_cm": [10.0, np.nan, 3.0, 3.0, np.nan, 10.0],
+            "capture_method": "",
+            "road_reference": "EV6 S1D1 m100",
+            "ansiktsside": "Med metreringsretning",
+            "last_modified": "2024-03-01T10:00:00",
+            "synced_at": "2026-06-11T09:30:00Z",
+        },
+        geometry=[Point(EAST + 40.0 * i, NORTH + 12.0 * np.sin(i)) for i in range(n - 1)] + [None],
+        crs=25833,
+    )
+
+
+def _drives() -> gpd.GeoDataFrame:
+    along = np.arange(0.0, 250.0, 5.0)
+    line = LineString(np.column_stack([EAST + along, NORTH + 12.0 * np.sin(along / 40.0) - 4.0]))
+    return gpd.GeoDataFrame(
+        {
+            "drive_id": ["0123456789ab"],
+            "name": ["Trondheim"],
+            "started": [pd.Timestamp("2026-06-10T08:00:00Z")],
+            "ended": [pd.Timestamp("2026-06-10T08:01:00.5Z")],
+            "n_frames": [1800],
+            "n_sightings": [45],
+            "annotations_complete": [True],
+            "datum": ["EUREF89"],
+            "length_m": [250.0],
+        },
+        geometry=[line],
+        crs=25833,
+    )
+
+
+@pytest.fixture
+def layers() -> ExportLayers:
+    """Return a small, complete set of layers."""
+    from twin.export import ExportLayers
+
+    return ExportLayers(_changes(), _estimates(), _nvdb_signs(), _drives())

@@ -1,0 +1,145 @@
+"""Verdicts: what each pair and each leftover is called, and why."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from twin.matching.assign import assign
+from twin.matching.config import MatchConfig
+from twin.matching.observed import ObservedPole
+from twin.matching.sites import Plate, Site
+from twin.matching.verdict import Change, judge
+
+CONFIG = MatchConfig()
+
+
+def found(
+    poles: list[ObservedPole], sites: list[Site], *, views: int = 50, config: MatchConfig = CONFIG
+) -> list[Change]:
+    """Assign and judge with every site equally in view of one complete drive."""
+    p_unannotated = np.full(len(sites), CONFIG.p_missed if views >= CONFIG.min_views else 1.0)
+    assignment = assign(poles, sites, p_unannotated, config)
+    return judge(poles, sites, assignment, np.full(len(sites), views), [["d"]] * len(sites), config)
+
+
+def pole(east: float, north: float, *codes: str, sigma: float = 0.2, key: str = "d:1") -> ObservedPole:
+    """Make an observed pole."""
+    return ObservedPole(key, east, north, sigma**2 * np.eye(2), codes, ("d",), 10)
+
+
+def site(nvdb_id: int, *plates: Plate | str, east: float = 0.0, sigma: float = 0.2, own: bool = True) -> Site:
+    """Make a site at (east, 0)."""
+    made = tuple(
+        Plate(nvdb_id * 10 + i, 3, p, "med") if isinstance(p, str) else p for i, p in enumerate(plates)
+    )
+    return Site(95, nvdb_id, 7, east, 0.0, sigma, own, made)
+
+
+def verdicts(changes: list[Change]) -> list[tuple[str, int, int | None]]:
+    """Verdict, type and id, sorted."""
+    return sorted((c.verdict, c.nvdb_type, c.nvdb_id) for c in changes)
+
+
+def test_judge_unchanged_is_one_row_for_the_whole_site() -> None:
+    """A pole with both its plates where NVDB has them gives one row, of the Skiltpunkt."""
+    changes = found([pole(0.1, 0, "362.50", "808")], [site(1, "362.50", "808")])
+    assert verdicts(changes) == [("unchanged", 95, 1)]
+    assert changes[0].nvdb_version == 7
+    assert changes[0].distance_m == pytest.approx(0.1)
+
+
+def test_judge_moved_needs_distance_and_certainty() -> None:
+    """3 m at a sigma of 0.2 m has moved; 1.2 m at 0.2 m and 3 m at 2 m have not for certain."""
+    assert verdicts(found([pole(3, 0, "202")], [site(1, "202")])) == [("moved", 95, 1)]
+    assert verdicts(found([pole(1.2, 0, "202")], [site(1, "202")])) == [("unchanged", 95, 1)]
+    assert verdicts(found([pole(3, 0, "202", sigma=2.0)], [site(1, "202")])) == [("unchanged", 95, 1)]
+
+
+def test_judge_bad_nvdb_accuracy_widens_the_gate_but_not_the_verdict() -> None:
+    """NVDB's own 3 m of uncertainty does not excuse a sign that we measured 3 m away."""
+    assert verdicts(found([pole(3, 0, "202")], [site(1, "202", sigma=3.0)])) == [("moved", 95, 1)]
+
+
+def test_judge_tolerance_is_the_owners() -> None:
+    """With a tolerance of 5 m, a sign 3 m off stands where it should."""
+    config = MatchConfig(tolerance_m=5.0)
+    assert verdicts(found([pole(3, 0, "202")], [site(1, "202")], config=config)) == [("unchanged", 95, 1)]
+
+
+def test_judge_wrong_type_is_the_plates() -> None:
+    """A 60 seen where NVDB has a 50 is one finding, of that plate; the other plate of the pole is fine."""
+    changes = found([pole(0, 0, "362.60", "808")], [site(1, "362.50", "808")])
+    assert verdicts(changes) == [("wrong_type", 96, 10)]
+    assert (changes[0].skiltnummer_nvdb, changes[0].skiltnummer_seen) == ("362.50", "362.60")
+
+
+def test_judge_reports_a_moved_pole_and_its_wrong_plate_apart() -> None:
+    """Position belongs to the pole, type to the plate: both findings stand."""
+    changes = found([pole(1.6, 0, "362.60")], [site(1, "362.50", sigma=0.8)])
+    assert verdicts(changes) == [("moved", 95, 1), ("wrong_type", 96, 10)]
+
+
+def test_judge_leaves_moved_and_changed_at_once_to_a_person() -> None:
+    """A 60 that stands 2 m from a well surveyed 50: moved and changed, or one new and one gone? Review."""
+    (change,) = found([pole(2, 0, "362.60")], [site(1, "362.50")])
+    assert change.verdict == "review"
+
+
+def test_judge_new_pole_has_no_nvdb_id() -> None:
+    """A sign with nothing near is new, where it was measured."""
+    (change,) = found([pole(0, 0, "202")], [])
+    assert (change.verdict, change.nvdb_id, change.east_m) == ("new", None, 0.0)
+
+
+def test_judge_new_plate_on_a_known_pole() -> None:
+    """One plate more than NVDB has on that pole is a new plate, not a new pole."""
+    assert verdicts(found([pole(0, 0, "202", "808")], [site(1, "202")])) == [("new", 96, None)]
+
+
+def test_judge_missing_needs_the_place_in_view_of_a_complete_drive() -> None:
+    """Nothing seen is missing after 50 frames in view; after 4 it says nothing."""
+    (change,) = found([], [site(1, "202")], views=50)
+    assert (change.verdict, change.nvdb_id, change.east_m) == ("missing", 1, 0.0)
+    assert found([], [site(1, "202")], views=4) == []
+
+
+def test_judge_centre_line_positions_are_never_missing_or_moved() -> None:
+    """An object that NVDB only has on the centre line goes to review when seen, and is silent when not."""
+    line_only = site(1, "202", sigma=8.0, own=False)
+    assert found([], [line_only]) == []
+    (change,) = found([pole(5, 0, "202")], [line_only])
+    assert change.verdict == "review"
+    assert "centre line" in change.reason
+
+
+def test_judge_missing_plate_only_if_it_faces_like_one_that_was_seen() -> None:
+    """A plate that faces the other way cannot be missed from this side."""
+    back = Plate(99, 1, "372", "mot")
+    front = Plate(98, 1, "372", "med")
+    assert verdicts(found([pole(0, 0, "202")], [site(1, "202", back)])) == [("unchanged", 95, 1)]
+    assert verdicts(found([pole(0, 0, "202")], [site(1, "202", front)])) == [("missing", 96, 98)]
+
+
+def test_judge_ambiguous_pairs_go_to_review() -> None:
+    """A pole between two equal sites is for a person to decide."""
+    sites = [site(1, "202", east=-1.0), site(2, "202", east=1.0)]
+    changes = found([pole(0, 0, "202", sigma=1.0)], sites, views=0)
+    assert [c.verdict for c in changes] == ["review"]
+
+
+def test_judge_gives_the_same_ids_in_every_run() -> None:
+    """Identity comes from the finding, not from the order or the exact numbers."""
+    sites = [site(1, "202"), site(2, "372", east=40.0)]
+    first = found([pole(3, 0, "202"), pole(40.2, 0, "362.50", key="d:2")], sites)
+    again = found([pole(40.1, 0, "362.50", key="d:2"), pole(3.1, 0, "202")], sites[::-1])
+    assert [c.change_id for c in first] == [c.change_id for c in again]
+    assert len({c.change_id for c in first}) == len(first)
+
+
+def test_judge_every_reason_is_a_sentence() -> None:
+    """Reasons start with a capital or a code and end with a full stop."""
+    poles = [pole(3, 0, "202"), pole(40, 0, "362.50", key="d:2"), pole(80, 0, key="d:3")]
+    for change in found(poles, [site(1, "202"), site(2, "372", east=40.0), site(3, "512", east=120.0)]):
+        assert change.reason.endswith(".")
+        assert 0.0 <= change.confidence <= 1.0

@@ -1,0 +1,71 @@
+"""The command line: parse, call one function, print. Exit codes live here alone.
+
+==== =========================================================
+code meaning
+==== =========================================================
+0    done
+1    an error in twin itself (please report it)
+2    usage: unknown command or option, wrong value
+3    network: the API did not answer as it should
+4    bad data: a drive, a store, a truth file, an API's objects
+5    refused: doing it would lose or overwrite something
+130  interrupted
+==== =========================================================
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+EXIT_OK, EXIT_BUG, EXIT_USAGE, EXIT_NETWORK, EXIT_DATA, EXIT_REFUSED, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run `twin` and leave with its exit code."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run `twin` with the given arguments (default: the process's own) and return the exit code."""
+    from twin.cli.app import app
+    from twin.cli.output import error_line
+
+    for stream in (sys.stdout, sys.stderr):
+        # A pipe on Windows is not UTF-8 by itself, and sign texts are Norwegian.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(encoding="utf-8", errors="replace")
+    try:
+        app(args=arguments, prog_name="twin", standalone_mode=True)
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else EXIT_OK
+    except KeyboardInterrupt:
+        error_line("Interrupted; nothing half-done was kept.")
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        sys.stderr.close()
+        return EXIT_OK
+    except Exception as error:
+        code = exit_code(error)
+        if code == EXIT_BUG:
+            raise
+        error_line(str(error))
+        return code
+    return EXIT_OK
+
+
+def exit_code(error: BaseException) -> int:
+    """Return the exit code that belongs to an exception; 1 for what twin does not expect."""
+    from geoloc.errors import GeolocError
+    from nvdb.errors import NvdbError, RequestError, SchemaError
+    from twin.errors import RefusedError, TwinError
+
+    if isinstance(error, RefusedError):
+        return EXIT_REFUSED
+    if isinstance(error, RequestError):
+        return EXIT_USAGE
+    if isinstance(error, SchemaError | TwinError | GeolocError):
+        return EXIT_DATA
+    if isinstance(error, NvdbError):
+        return EXIT_NETWORK
+    return EXIT_BUG

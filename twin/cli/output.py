@@ -1,0 +1,113 @@
+"""How commands talk: data on stdout (tables or JSON), progress and messages on stderr."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.console import Console
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Return a rich console; made when needed, since importing rich costs start-up time."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+
+
+def error_line(text: str) -> None:
+    """Print one error sentence on stderr."""
+    console(stderr=True).print(f"[bold red]twin:[/] {_escape(text)}")
+
+
+def note(text: str) -> None:
+    """Print one line of progress or advice on stderr."""
+    console(stderr=True).print(_escape(text))
+
+
+def warn(text: str) -> None:
+    """Print a warning on stderr."""
+    console(stderr=True).print(f"[yellow]warning:[/] {_escape(text)}")
+
+
+def _escape(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)
+
+
+def print_json(value: Any) -> None:
+    """Print one JSON document on stdout."""
+    plain = asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+    sys.stdout.write(json.dumps(plain, ensure_ascii=False, indent=2, default=str) + "\n")
+
+
+def print_table(
+    title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, right_from: int = 1
+) -> None:
+    """Print a table on stdout; columns from `right_from` on are aligned to the right."""
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="bold")
+    for number, name in enumerate(columns):
+        table.add_column(name, justify="right" if number >= right_from else "left")
+    for row in rows:
+        table.add_row(*(_escape(cell(value)) for value in row))
+    console().print(table)
+
+
+def cell(value: object) -> str:
+    """Format one value: two decimals for numbers with a fraction, a dash for none."""
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        return f"{value:.2f}"
+    if isinstance(value, int):
+        return f"{value:,}"
+    return str(value)
+
+
+def print_pairs(title: str, pairs: Mapping[str, object]) -> None:
+    """Print a table of two columns without a header."""
+    print_table(title, ["", ""], [(key, value) for key, value in pairs.items()])
+
+
+@contextmanager
+def steps(*, quiet: bool = False) -> Iterator[Callable[[str], None]]:
+    """Give a function that shows what is being done now: a spinner on a terminal, lines on a pipe."""
+    err = console(stderr=True)
+    if quiet:
+        yield lambda _text: None
+    elif err.is_terminal:
+        with err.status("…") as status:
+            yield lambda text: status.update(_escape(text))
+    else:
+        yield lambda text: err.print(_escape(text))
+
+
+@contextmanager
+def bar(*, quiet: bool = False) -> Iterator[Callable[[str, int, int | None], None]]:
+    """Give a function ``(what, done, total)`` that moves a progress bar with rate and time left."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    err = console(stderr=True)
+    if quiet or not err.is_terminal:
+        yield lambda _what, _done, _total: None
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=err) as progress:
+        tasks: dict[str, Any] = {}
+
+        def show(what: str, done: int, total: int | None) -> None:
+            if what not in tasks:
+                tasks[what] = progress.add_task(what, total=total)
+            progress.update(tasks[what], completed=done, total=total)
+
+        yield show

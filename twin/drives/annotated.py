@@ -1,0 +1,341 @@
+"""CVAT shapes of one drive → :class:`~twin.drives.drive.Annotations`: camera, frame, object and sign codes.
+
+Which camera a shape belongs to
+    What ``drive.toml`` says; else the camera whose name stands in the name of the CVAT file, of its task or
+    video, or of the image. If those disagree or say nothing, the drive is refused. A rig with a single camera
+    needs no name.
+
+Which object it is
+    The attribute ``object`` (or ``object_id``) as written: the same value is the same physical object, in
+    whichever file and camera. Without it the track id, which CVAT numbers anew in every file: it stands alone
+    (``12``) only where nothing else could be confused with it, that is in a drive with one annotation file,
+    one camera and no ``object`` attributes; otherwise it carries its camera (``C3_tricam120:12``), and its
+    file where a camera has several (``C3_tricam120/evening:12``). A shape of an image task without ``track_id``
+    is an object of its own (``f123.1``: frame 123, first such shape).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import PurePosixPath
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.rig import Rig, RigCamera
+from twin.drives.cvat import CvatFile, CvatShape
+from twin.drives.drive import Annotations, IntArray, Skipped
+from twin.drives.driveworks import named_in
+from twin.drives.labels import codes_from_attribute, codes_from_label
+from twin.drives.settings import SETTINGS_FILE
+from twin.drives.timestamps import NO_STAMP
+from twin.errors import DriveError
+
+OBJECT_ATTRIBUTES = ("object", "object_id")
+_HIGHEST_FRAME = 2**62
+
+
+class _Row(NamedTuple):
+    """One annotation before its object id is settled."""
+
+    camera: str
+    frame: int
+    object: str
+    """Value of the attribute ``object``, or ""."""
+    track: str
+    """Track id, or the id of a single shape, unique in its file."""
+    file: str
+    label: str
+    skiltnummer: str
+    kind: str
+    pixel_px: tuple[float, float]
+    box_px: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class AnnotationsRead:
+    """Annotations of a drive, the cameras that were annotated, and what was left out."""
+
+    annotations: Annotations
+    cameras: tuple[str, ...]
+    skipped: tuple[Skipped, ...]
+
+
+def gather(files: Sequence[tuple[CvatFile, str | None]], rig: Rig) -> AnnotationsRead:
+    """Bring the shapes of all annotation files of a drive together.
+
+    Parameters
+    ----------
+    files : sequence of (file, camera)
+        `camera` is None where ``drive.toml`` does not say it.
+    rig : Rig
+
+    Returns
+    -------
+    AnnotationsRead
+        Rows sorted by camera, frame, object and kind, whatever the order of the files.
+
+    Raises
+    ------
+    DriveError
+        If a camera is unclear, not in the rig, or of another image size than the annotations.
+    """
+    rows: list[_Row] = []
+    cameras: set[str] = set()
+    skipped: list[Skipped] = []
+    for file, declared in files:
+        skipped += file.skipped
+        faults: Counter[str] = Counter()
+        codeless: Counter[str] = Counter()
+        chooser = _CameraChooser(file, declared, rig)
+        cameras |= chooser.of_empty_file() if not file.shapes else set()
+        rows += _rows(file, chooser, faults, codeless)
+        skipped += (Skipped("annotations", file.where, n, reason) for reason, n in sorted(faults.items()))
+        skipped += (
+            Skipped("sign codes", file.where, n, f"not a sign code: {text!r:.60}")
+            for text, n in sorted(codeless.items())
+        )
+        cameras |= chooser.chosen
+    return AnnotationsRead(_arrays(_named(rows)), tuple(sorted(cameras)), tuple(skipped))
+
+
+def stamped(
+    annotations: Annotations, frame_epoch_ns: Mapping[str, IntArray], sources: Mapping[str, str]
+) -> tuple[Annotations, tuple[Skipped, ...]]:
+    """Keep the annotations whose frame has a time stamp.
+
+    Parameters
+    ----------
+    sources : mapping of camera to file
+        Where the stamps are from, for messages.
+
+    Raises
+    ------
+    DriveError
+        If none of a camera's annotated frames has one.
+    """
+    keep = np.zeros(len(annotations.frame), dtype=np.bool_)
+    skipped = []
+    for camera in np.unique(annotations.camera):
+        mine = annotations.camera == camera
+        has_stamp = epochs_of(annotations, frame_epoch_ns, str(camera))[mine] != NO_STAMP
+        keep[mine] = has_stamp
+        frames = annotations.frame[mine]
+        if not has_stamp.any():
+            known = np.flatnonzero(frame_epoch_ns[str(camera)] != NO_STAMP)
+            raise DriveError(
+                f"The annotated frames {frames.min()}–{frames.max()} of {camera} are none of the frames"
+                f" {known[0]}–{known[-1]} in {sources[str(camera)]}: the annotations are of another recording."
+            )
+        if not has_stamp.all():
+            lost = int(np.count_nonzero(~has_stamp))
+            skipped.append(
+                Skipped("annotations", sources[str(camera)], lost, f"frame of {camera} without a time stamp")
+            )
+    return only(annotations, keep), tuple(skipped)
+
+
+def epochs_of(annotations: Annotations, frame_epoch_ns: Mapping[str, IntArray], camera: str) -> IntArray:
+    """Host stamp of each annotation of one camera; `NO_STAMP` for other cameras and unknown frames."""
+    stamps = frame_epoch_ns[camera]
+    known = (annotations.camera == camera) & (annotations.frame < len(stamps))
+    epoch_ns = np.full(len(annotations.frame), NO_STAMP, dtype=np.int64)
+    epoch_ns[known] = stamps[annotations.frame[known]]
+    return epoch_ns
+
+
+def only(annotations: Annotations, keep: NDArray[np.bool_]) -> Annotations:
+    """Those rows of the annotations where `keep` is true."""
+    return Annotations(**{f.name: getattr(annotations, f.name)[keep] for f in fields(Annotations)})
+
+
+class _CameraChooser:
+    """Says which camera a shape of one file belongs to."""
+
+    def __init__(self, file: CvatFile, declared: str | None, rig: Rig) -> None:
+        self.chosen: set[str] = set()
+        self._file = file
+        self._declared = declared
+        self._rig = rig
+        self._aliases = {name: name for name in (*rig.cameras, *rig.unsupported)}
+        for camera in rig.cameras.values():
+            if camera.video:
+                self._aliases.setdefault(PurePosixPath(camera.video).stem, camera.name)
+        self._known: dict[tuple[str, str], RigCamera] = {}
+
+    def of(self, shape: CvatShape) -> RigCamera:
+        key = (shape.task, shape.image)
+        if key not in self._known:
+            self._known[key] = self._camera(*key)
+        return self._known[key]
+
+    def of_empty_file(self) -> set[str]:
+        """Name the camera of a file without usable shapes: annotated, with nothing seen; empty if unclear."""
+        candidates = self._candidates("", "")
+        return candidates & set(self._rig.cameras) if len(candidates) == 1 else set()
+
+    def _camera(self, task: str, image: str) -> RigCamera:
+        from geoloc.errors import CalibrationError
+
+        candidates = self._candidates(task, image)
+        if len(candidates) != 1:
+            raise DriveError(self._unclear(candidates))
+        (name,) = candidates
+        try:
+            camera = self._rig.camera(name)
+        except CalibrationError as error:
+            raise DriveError(f"{self._file.where} annotates {name}: {error}") from error
+        self.chosen.add(name)
+        return camera
+
+    def _candidates(self, task: str, image: str) -> set[str]:
+        """Cameras that every source of a name agrees on; all that were named where they disagree."""
+        if self._declared is not None:
+            return {self._declared}
+        file_stem = PurePosixPath(self._file.where).stem
+        of_task = self._cameras_in(*self._file.tasks.get(task, ()))
+        clues = (
+            self._cameras_in(file_stem),
+            of_task or self._cameras_in(*self._file.source),
+            self._cameras_in(image),
+        )
+        named = [clue for clue in clues if clue]
+        if not named:
+            return set(self._rig.cameras) if len(self._rig.cameras) == 1 else set()
+        return set.intersection(*named) or set.union(*named)
+
+    def _cameras_in(self, *texts: str) -> set[str]:
+        return {self._aliases[alias] for text in texts for alias in named_in(text, self._aliases)}
+
+    def _unclear(self, candidates: set[str]) -> str:
+        cameras = ", ".join(sorted({*self._rig.cameras, *self._rig.unsupported}))
+        which = f"could be of {' or of '.join(sorted(candidates))}" if candidates else "names no camera of the rig"
+        return (
+            f"{self._file.where} {which}: write [annotations] <camera> = \"{self._file.where}\" in"
+            f" {SETTINGS_FILE}, or put the camera into the file's name (the cameras of {self._rig.source} are"
+            f" {cameras})."
+        )
+
+
+def _rows(
+    file: CvatFile, chooser: _CameraChooser, faults: Counter[str], codeless: Counter[str]
+) -> Iterable[_Row]:
+    inherited = _track_attributes(file.shapes)
+    singles: Counter[tuple[str, int]] = Counter()
+    for shape in file.shapes:
+        camera = chooser.of(shape)
+        _check_size(shape, camera, file.where, chooser)
+        frame = _frame_of_image(shape, camera.name) if shape.frame is None else shape.frame
+        reason = _unusable(shape, frame, camera)
+        if reason:
+            faults[reason] += 1
+            continue
+        attributes = inherited.get((shape.task, shape.track), {}) | _filled(shape)
+        track = shape.track or attributes.get("track_id", "")
+        if not track:
+            singles[camera.name, frame] += 1
+            track = f"f{frame}.{singles[camera.name, frame]}"
+        yield _Row(
+            camera=camera.name,
+            frame=frame,
+            object=next((attributes[a] for a in OBJECT_ATTRIBUTES if a in attributes), ""),
+            track=track,
+            file=file.where,
+            label=shape.label,
+            skiltnummer=_codes(attributes.get("skiltnummer", ""), shape.label, codeless),
+            kind=shape.kind,
+            pixel_px=shape.pixel_px,
+            box_px=shape.box_px,
+        )
+
+
+def _filled(shape: CvatShape) -> dict[str, str]:
+    return {name: text for name, text in shape.attributes.items() if text}
+
+
+def _track_attributes(shapes: Sequence[CvatShape]) -> dict[tuple[str, str], dict[str, str]]:
+    """First value of each attribute in a track: exports may write it on one row only."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for shape in shapes:
+        if shape.track:
+            track = found.setdefault((shape.task, shape.track), {})
+            for name, text in _filled(shape).items():
+                track.setdefault(name, text)
+    return found
+
+
+def _codes(attribute: str, label: str, codeless: Counter[str]) -> str:
+    codes = codes_from_attribute(attribute)
+    if attribute and not codes:
+        codeless[attribute] += 1
+    return codes or codes_from_label(label)
+
+
+def _check_size(shape: CvatShape, camera: RigCamera, where: str, chooser: _CameraChooser) -> None:
+    size = (camera.model.width_px, camera.model.height_px)
+    if shape.size_px is not None and shape.size_px != size:
+        drawn = f"{shape.size_px[0]} x {shape.size_px[1]}"
+        raise DriveError(
+            f"{where} was drawn on images of {drawn} pixels, but {camera.name} has {size[0]} x {size[1]} in"
+            f" {chooser.rig_source}: annotate the recording in its own size, or give the rig it belongs to."
+        )
+
+
+def _frame_of_image(shape: CvatShape, camera: str) -> int:
+    """Frame number of an image: the last digits of its name, the camera's own name taken out; else its id."""
+    stem = PurePosixPath(shape.image.replace("\\", "/")).stem.replace(camera, "")
+    digits = re.findall(r"[0-9]+", stem)
+    # The longest number that is converted keeps int() linear; it is far above any frame.
+    return int(digits[-1][:30]) if digits else shape.image_id
+
+
+def _unusable(shape: CvatShape, frame: int, camera: RigCamera) -> str:
+    """Why a shape is left out; "" if it is not."""
+    if not 0 <= frame < _HIGHEST_FRAME:
+        return "frame number unreadable"
+    width, height = camera.model.width_px, camera.model.height_px
+    x, y = shape.pixel_px
+    if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
+        return "outside the image"
+    left, top, right, bottom = shape.box_px
+    if right - left > width or bottom - top > height:
+        return "box larger than the image"
+    return ""
+
+
+def _named(rows: list[_Row]) -> list[_Row]:
+    """Settle the object ids (see the module's text) and sort."""
+    files_of: dict[str, set[str]] = {}
+    for row in rows:
+        files_of.setdefault(row.camera, set()).add(row.file)
+    alone = len(files_of) == 1 and len({row.file for row in rows}) == 1 and not any(row.object for row in rows)
+
+    def name(row: _Row) -> str:
+        if row.object or alone:
+            return row.object or row.track
+        if len(files_of[row.camera]) > 1:
+            return f"{row.camera}/{PurePosixPath(row.file).stem}:{row.track}"
+        return f"{row.camera}:{row.track}"
+
+    named = [row._replace(object=name(row)) for row in rows]
+    return sorted(named, key=lambda r: (r.camera, r.frame, r.object, r.kind, r.pixel_px))
+
+
+def _arrays(rows: list[_Row]) -> Annotations:
+    def text(values: Iterable[str]) -> NDArray[np.str_]:
+        return np.array(list(values), dtype=np.str_)
+
+    return Annotations(
+        camera=text(row.camera for row in rows),
+        frame=np.array([row.frame for row in rows], dtype=np.int64),
+        object=text(row.object for row in rows),
+        label=text(row.label for row in rows),
+        skiltnummer=text(row.skiltnummer for row in rows),
+        kind=text(row.kind for row in rows),
+        pixel_px=np.array([row.pixel_px for row in rows], dtype=np.float64).reshape(-1, 2),
+        box_px=np.array([row.box_px for row in rows], dtype=np.float64).reshape(-1, 4),
+    )

@@ -1,0 +1,160 @@
+"""``poses.csv``: full poses of an INS or SLAM → :class:`~geoloc.trajectory.PoseTrack`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoloc.trajectory import PoseTrack
+from twin.drives.clock import credible
+from twin.drives.drive import Skipped
+from twin.drives.ordering import longest_increasing
+from twin.errors import DriveError
+
+REQUIRED = (
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "roll_deg",
+    "pitch_deg",
+    "heading_deg",
+)
+DEFAULT_SIGMAS: Mapping[str, float] = {
+    "sigma_horizontal_m": 0.03,
+    "sigma_vertical_m": 0.05,
+    "sigma_roll_pitch_deg": 0.1,
+    "sigma_heading_deg": 0.1,
+}
+"""One sigma where the file has none: a tactical-grade INS with RTK, as its makers state it."""
+
+
+class _LeftOutError(Exception):
+    """A row that is left out; its text is the reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class PosesRead:
+    """Poses of one file, with what was left out and what a user should know."""
+
+    track: PoseTrack
+    skipped: tuple[Skipped, ...]
+    warnings: tuple[str, ...]
+
+
+def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> PosesRead:
+    """Read a pose file: CSV with a header.
+
+    Columns ``time_ns`` (whole nanoseconds UTC since 1970), ``latitude_deg``, ``longitude_deg``, ``height_m``
+    (ellipsoidal), ``roll_deg`` (right side down), ``pitch_deg``, ``heading_deg`` (clockwise from true north),
+    and any of `DEFAULT_SIGMAS`, whose defaults stand in for an absent column or an empty cell.
+
+    Parameters
+    ----------
+    content : bytes
+    where : str
+        File name, for messages.
+    pitch_nose_up : bool
+        Positive pitch in the file means nose up, as most INS write it; it is turned to nose down.
+
+    Returns
+    -------
+    PosesRead
+        Poses in order of time.
+
+    Raises
+    ------
+    DriveError
+        If a column is missing, or no row can be used.
+    """
+    reader = csv.reader(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
+    faults: Counter[str] = Counter()
+    times: list[int] = []
+    rows: list[list[float]] = []
+    try:
+        header = [name.strip() for name in next(reader, [])]
+        at = _columns(header, where)
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            try:
+                time_ns, row = _row(cells, at)
+            except _LeftOutError as reason:
+                faults[str(reason)] += 1
+                continue
+            times.append(time_ns)
+            rows.append(row)
+    except csv.Error as error:
+        raise DriveError(
+            f"{where} is not CSV ({error} in line {reader.line_num}): export it again."
+        ) from error
+    epoch_ns = np.array(times, dtype=np.int64)
+    keep = longest_increasing(epoch_ns)
+    faults["epoch not after the pose before"] += int(np.count_nonzero(~keep))
+    skipped = tuple(Skipped("poses", where, n, reason) for reason, n in sorted(faults.items()) if n)
+    if not times:
+        counts = "; ".join(f"{s.count} × {s.reason}" for s in skipped) or "it has no rows"
+        raise DriveError(f"{where} holds no usable pose ({counts}): export the poses of this drive.")
+    values = dict(zip((*REQUIRED, *DEFAULT_SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
+    if pitch_nose_up:
+        values["pitch_deg"] = -values["pitch_deg"]
+    return PosesRead(PoseTrack(epoch_ns=epoch_ns[keep], **values), skipped, _ignored(header, where))
+
+
+def _columns(header: Sequence[str], where: str) -> dict[str, int]:
+    """Position of each known column."""
+    missing = [name for name in ("time_ns", *REQUIRED) if name not in header]
+    if missing:
+        raise DriveError(
+            f"{where} lacks the columns {', '.join(missing)}: its first line is {','.join(header)!r:.200}."
+        )
+    twice = sorted({name for name in header if header.count(name) > 1 and name})
+    if twice:
+        raise DriveError(f"{where} has the column {', '.join(twice)} more than once: keep one of each.")
+    return {name: position for position, name in enumerate(header)}
+
+
+def _row(cells: Sequence[str], at: Mapping[str, int]) -> tuple[int, list[float]]:
+    try:
+        time_ns = int(cells[at["time_ns"]])
+        pose = [float(cells[at[name]]) for name in REQUIRED]
+        sigmas = [
+            float(text) if (text := _cell(cells, at, name)) else default
+            for name, default in DEFAULT_SIGMAS.items()
+        ]
+    except ValueError:
+        raise _LeftOutError("not a number") from None
+    except IndexError:
+        raise _LeftOutError("row too short") from None
+    if not credible(time_ns):
+        raise _LeftOutError("time_ns outside the years 2000–2099")
+    if not all(math.isfinite(value) for value in (*pose, *sigmas)):
+        raise _LeftOutError("not finite")
+    latitude, longitude, height, roll, pitch, heading = pose
+    if abs(latitude) > 90 or abs(longitude) > 180 or abs(height) > 20_000:
+        raise _LeftOutError("position outside the globe")
+    if latitude == 0 and longitude == 0:
+        raise _LeftOutError("position 0° N 0° E (null island)")
+    if abs(roll) > 180 or abs(pitch) > 90 or abs(heading) > 360:
+        raise _LeftOutError("attitude outside its range")
+    if min(sigmas) <= 0:
+        raise _LeftOutError("sigma not positive")
+    return time_ns, pose + sigmas
+
+
+def _cell(cells: Sequence[str], at: Mapping[str, int], name: str) -> str:
+    return cells[at[name]].strip() if name in at else ""
+
+
+def _ignored(header: Sequence[str], where: str) -> tuple[str, ...]:
+    """A misspelt sigma column would otherwise quietly become the default."""
+    known = ("time_ns", *REQUIRED, *DEFAULT_SIGMAS)
+    unknown = [name for name in header if name and name not in known]
+    if not unknown:
+        return ()
+    return (f"Columns of {where} that were not read: {', '.join(unknown)}; read were {', '.join(known)}.",)

@@ -1,0 +1,96 @@
+"""Frame numbers and their host stamps: DriveWorks ``*.timestamps`` and CSV."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from twin.drives.clock import credible
+from twin.drives.drive import IntArray, Skipped
+from twin.drives.ordering import longest_increasing
+from twin.errors import DriveError
+
+NO_STAMP = np.iinfo(np.int64).min
+"""Marks a frame number without a stamp in the arrays of ``Drive.frame_epoch_ns``."""
+
+MAX_FRAME = 20_000_000
+"""Highest frame number that is taken seriously: a week at 30 frames a second."""
+
+
+def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped, ...]]:
+    """Read the host stamps of one camera's frames.
+
+    Either lines ``<frame> <unix µs>`` (any white space; further columns are ignored), or CSV with a header
+    that names the columns ``frame`` and ``time_ns``. Numbering need not start at 0.
+
+    Parameters
+    ----------
+    content : bytes
+    where : str
+        File name, for messages.
+
+    Returns
+    -------
+    epoch_ns : int64 (last frame + 1,)
+        UTC host stamp by frame number; `NO_STAMP` for numbers that have none.
+    skipped : tuple of Skipped
+        Unreadable lines, numbers given twice, stamps that do not increase, and holes in the numbering.
+
+    Raises
+    ------
+    DriveError
+        If no line can be used.
+    """
+    faults: Counter[str] = Counter()
+    frame, stamp_ns = _rows(content.decode("utf-8-sig", errors="replace"), where, faults)
+    order = np.argsort(frame, kind="stable")
+    frame, stamp_ns = frame[order], stamp_ns[order]
+    first = np.concatenate(([True], np.diff(frame) > 0))[: len(frame)]
+    faults["frame number given before"] += int(np.count_nonzero(~first))
+    frame, stamp_ns = frame[first], stamp_ns[first]
+    keep = longest_increasing(stamp_ns)
+    faults["stamp not later than that of the frame before"] += int(np.count_nonzero(~keep))
+    if len(frame):
+        faults["no stamp for the frame number"] += int(frame[-1] - frame[0] + 1 - len(frame))
+    frame, stamp_ns = frame[keep], stamp_ns[keep]
+    skipped = tuple(Skipped("time stamps", where, n, reason) for reason, n in sorted(faults.items()) if n)
+    if not len(frame):
+        raise DriveError(
+            f"{where} holds no usable time stamp ({_listed(skipped)}): it should have a line"
+            " '<frame> <unix microseconds>' for every frame."
+        )
+    epoch_ns = np.full(int(frame[-1]) + 1, NO_STAMP, dtype=np.int64)
+    epoch_ns[frame] = stamp_ns
+    return epoch_ns, skipped
+
+
+def _rows(text: str, where: str, faults: Counter[str]) -> tuple[IntArray, IntArray]:
+    """Frame numbers and stamps (ns) of all readable lines, in file order; the others are counted."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    columns, unit_ns, separator = (0, 1), 1_000, None
+    if lines and "frame" in lines[0].lower():
+        header = [name.strip().lower() for name in lines.pop(0).split(",")]
+        if "frame" not in header or "time_ns" not in header:
+            raise DriveError(f"{where} has the columns {', '.join(header)}: it needs frame and time_ns.")
+        columns, unit_ns, separator = (header.index("frame"), header.index("time_ns")), 1, ","
+    frames, stamps = [], []
+    for line in lines:
+        fields = line.split(separator)
+        try:
+            frame, stamp_ns = int(fields[columns[0]]), int(fields[columns[1]]) * unit_ns
+        except (ValueError, IndexError):
+            faults["not a frame number and a stamp"] += 1
+            continue
+        if not 0 <= frame <= MAX_FRAME:
+            faults[f"frame number outside 0–{MAX_FRAME}"] += 1
+        elif not credible(stamp_ns):
+            faults["stamp outside the years 2000–2099"] += 1
+        else:
+            frames.append(frame)
+            stamps.append(stamp_ns)
+    return np.array(frames, dtype=np.int64), np.array(stamps, dtype=np.int64)
+
+
+def _listed(skipped: tuple[Skipped, ...]) -> str:
+    return "; ".join(f"{s.count} × {s.reason}" for s in skipped) or "the file is empty"

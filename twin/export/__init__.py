@@ -1,0 +1,22 @@
+"""Layers for QGIS and for other programs: GeoPackage, GeoJSON and a picture.
+
+>>> from twin.export import ExportLayers, empty_layers, export_all, render_png
+"""
+
+from twin.export.folder import FILES, export_all
+from twin.export.geopackage import edited_decisions
+from twin.export.layers import COLUMNS, ExportLayers, empty_layers
+from twin.export.picture import render_png
+from twin.export.verdicts import DECISIONS, VERDICTS
+
+__all__ = [
+    "COLUMNS",
+    "DECISIONS",
+    "FILES",
+    "VERDICTS",
+    "ExportLayers",
+    "edited_decisions",
+    "empty_layers",
+    "export_all",
+    "render_png",
+]

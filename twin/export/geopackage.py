@@ -1,0 +1,159 @@
+"""GeoPackages that QGIS opens in colour: version 1.3, a style in the file, the same bytes for the same data.
+
+Version 1.3 because QGIS 3.22 and GDAL 3.6, still in use, only half support the 1.4 that newer GDAL writes.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import ExportRefusedError
+from twin.export.layers import COLUMNS, DESCRIPTION, GEOMETRY, ExportLayers
+from twin.export.styles import style
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+
+GEOMETRY_COLUMN = "geom"
+_DECISIONS = "twin_decisions"
+
+# As QGIS 3.22 itself makes it on "Save style in database".
+_LAYER_STYLES = """
+CREATE TABLE layer_styles (
+  id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
+  f_table_catalog TEXT(256), f_table_schema TEXT(256), f_table_name TEXT(256), f_geometry_column TEXT(256),
+  styleName TEXT(30), styleQML TEXT, styleSLD TEXT, useAsDefault BOOLEAN, description TEXT, owner TEXT(30),
+  ui TEXT(30), update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now'))
+)
+"""
+
+
+def write_geopackage(layers: ExportLayers, path: Path, *, epsg: int, time: str) -> None:
+    """Write the four layers with their styles into a new GeoPackage.
+
+    Parameters
+    ----------
+    layers : ExportLayers
+        Normalised, in the CRS `epsg`.
+    path : Path
+        Must not exist.
+    epsg : int
+        25833 or 4326.
+    time : str
+        ISO 8601 in UTC; stands wherever GeoPackage wants the time of the last change.
+
+    Raises
+    ------
+    ExportRefusedError
+        What was written does not read back in full, e.g. because the disk is full.
+    """
+    import pyogrio
+
+    for number, name in enumerate(COLUMNS):
+        frame: gpd.GeoDataFrame = getattr(layers, name)
+        pyogrio.write_dataframe(
+            frame,
+            path,
+            layer=name,
+            driver="GPKG",
+            geometry_type=GEOMETRY[name],
+            use_arrow=False,
+            dataset_options={"VERSION": "1.3"} if number == 0 else None,
+            layer_options={
+                "GEOMETRY_NAME": GEOMETRY_COLUMN,
+                "FID": "fid",
+                "SPATIAL_INDEX": "YES",
+                "IDENTIFIER": name,
+                "DESCRIPTION": DESCRIPTION[name],
+            },
+            layer_metadata=_decision_metadata(frame) if name == "changes" else None,
+        )
+    styles = {name: style(name, epsg=epsg, verdicts=set(layers.changes["verdict"])) for name in COLUMNS}
+    _finish(path, styles, time, {name: len(getattr(layers, name)) for name in COLUMNS})
+
+
+def edited_decisions(path: Path) -> dict[str, str]:
+    """Decisions in an exported GeoPackage that a person has changed since it was written.
+
+    Parameters
+    ----------
+    path : Path
+        ``twin_utm33.gpkg`` or ``twin_wgs84.gpkg``.
+
+    Returns
+    -------
+    dict
+        change_id → decision.
+
+    Raises
+    ------
+    ExportRefusedError
+        The file is not an export of twin.
+    """
+    import pyogrio
+    from pyogrio.errors import DataLayerError, DataSourceError
+
+    try:
+        metadata = pyogrio.read_info(path, layer="changes")["layer_metadata"] or {}
+        written = json.loads(metadata[_DECISIONS])
+        rows = pyogrio.read_dataframe(
+            path, layer="changes", columns=["change_id", "decision"], read_geometry=False, use_arrow=False
+        )
+        pairs = list(zip(rows["change_id"], rows["decision"], strict=True))
+    except (DataSourceError, DataLayerError, KeyError, ValueError) as error:
+        raise ExportRefusedError(
+            f"{path} is not an export of twin, or is damaged: move it away, then export again"
+        ) from error
+    now = {change: decision if isinstance(decision, str) else "open" for change, decision in pairs}
+    return {change: said for change, said in now.items() if said != written.get(change, "open")}
+
+
+def _decision_metadata(changes: gpd.GeoDataFrame) -> Mapping[str, str]:
+    """Note which decisions the file was written with: what differs later was edited by a person."""
+    decided = changes[changes["decision"] != "open"]
+    noted = dict(zip(decided["change_id"], decided["decision"], strict=True))
+    return {_DECISIONS: json.dumps(noted, ensure_ascii=False)}
+
+
+def _finish(path: Path, styles: Mapping[str, str], time: str, rows: Mapping[str, int]) -> None:
+    """Add the styles, replace the clock's times by `time`, and check that every row arrived."""
+    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+        database.execute("PRAGMA journal_mode=DELETE")
+        database.execute("BEGIN")
+        _add_styles(database, styles, time)
+        database.execute("UPDATE gpkg_contents SET last_change = ?", (time,))
+        database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", (time,))
+        database.execute("COMMIT")
+        # Rewrites every page: nothing stays of the clock's times in freed space.
+        database.execute("VACUUM")
+        _check(database, path, rows)
+
+
+def _add_styles(database: sqlite3.Connection, styles: Mapping[str, str], time: str) -> None:
+    database.execute(_LAYER_STYLES)
+    database.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier, description) VALUES (?, ?, ?, ?)",
+        ("layer_styles", "attributes", "layer_styles", "QGIS styles"),
+    )
+    database.executemany(
+        "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, "
+        "styleName, styleQML, styleSLD, useAsDefault, description, owner, update_time) "
+        "VALUES ('', '', ?, ?, ?, ?, '', 1, ?, '', ?)",
+        [(name, GEOMETRY_COLUMN, name, qml, DESCRIPTION[name], time) for name, qml in styles.items()],
+    )
+
+
+def _check(database: sqlite3.Connection, path: Path, rows: Mapping[str, int]) -> None:
+    """Read back what GDAL may have failed to write without saying so."""
+    problems = [text for (text,) in database.execute("PRAGMA quick_check") if text != "ok"]
+    for name, wanted in rows.items():
+        found = database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0]  # noqa: S608 - our own names
+        if found != wanted:
+            problems.append(f"layer {name} has {found} of {wanted} rows")
+    if problems:
+        raise ExportRefusedError(f"{path.name} could not be written in full: {'; '.join(problems)}")

@@ -1,0 +1,320 @@
+"""What is exported: four layers with exact columns, checked and put in order before any byte is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import ExportRefusedError
+from twin.export.verdicts import DECISIONS, VERDICT
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+    import pandas as pd
+
+EPSG_UTM33 = 25833
+EPSG_WGS84 = 4326
+NO_DATA_TIME = "1970-01-01T00:00:00.000Z"
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a layer.
+
+    Attributes
+    ----------
+    name : str
+    dtype : str
+        ``str`` (never null: "" where unknown), ``int64``, ``Int64`` (nullable), ``float64`` (NaN is null),
+        ``bool`` or ``datetime64[ms, UTC]`` (NaT is null).
+    alias : str
+        What a person reads in QGIS, without the unit.
+    unit : str
+        "" where there is none.
+    """
+
+    name: str
+    dtype: str
+    alias: str
+    unit: str = ""
+
+    @property
+    def label(self) -> str:
+        """Alias and unit, e.g. ``Distance (m)``."""
+        return f"{self.alias} ({self.unit})" if self.unit else self.alias
+
+
+TIME = "datetime64[ms, UTC]"
+"""Milliseconds, because a GeoPackage DATETIME holds no more."""
+
+COLUMNS: dict[str, tuple[Column, ...]] = {
+    "changes": (
+        Column("change_id", "str", "Change"),
+        Column("verdict", "str", "Verdict"),
+        Column("reason", "str", "Reason"),
+        Column("confidence", "float64", "Confidence", "0–1"),
+        Column("nvdb_type", "int64", "NVDB object type"),
+        Column("nvdb_id", "Int64", "NVDB id"),
+        Column("nvdb_version", "Int64", "NVDB version"),
+        Column("skiltnummer_nvdb", "str", "Sign code in NVDB"),
+        Column("skiltnummer_seen", "str", "Sign code seen"),
+        Column("distance_m", "float64", "Distance from NVDB's position", "m"),
+        Column("distance_sigma_m", "float64", "Standard deviation of the distance", "m"),
+        Column("drive_ids", "str", "Drives"),
+        Column("n_sightings", "int64", "Sightings"),
+        Column("decision", "str", "Decision"),
+    ),
+    "estimates": (
+        Column("estimate_id", "str", "Estimate"),
+        Column("drive_id", "str", "Drive"),
+        Column("object", "str", "Annotated object"),
+        Column("label", "str", "Annotator's label"),
+        Column("skiltnummer", "str", "Sign codes seen"),
+        Column("method", "str", "Method"),
+        Column("n_sightings", "int64", "Sightings"),
+        Column("n_frames", "int64", "Frames"),
+        Column("n_cameras", "int64", "Cameras"),
+        Column("first_seen", TIME, "First seen", "UTC"),
+        Column("last_seen", TIME, "Last seen", "UTC"),
+        Column("range_min_m", "float64", "Shortest distance to the camera", "m"),
+        Column("height_m", "float64", "Ellipsoidal height", "m"),
+        Column("sigma_major_m", "float64", "Standard deviation along the error ellipse", "m"),
+        Column("sigma_minor_m", "float64", "Standard deviation across the error ellipse", "m"),
+        Column("sigma_azimuth_deg", "float64", "Error ellipse from true north", "° clockwise"),
+        Column("cep95_m", "float64", "CEP95", "m"),
+        Column("flags", "str", "Flags"),
+    ),
+    "nvdb_signs": (
+        Column("nvdb_id", "int64", "NVDB id"),
+        Column("nvdb_type", "int64", "NVDB object type"),
+        Column("version", "Int64", "NVDB version"),
+        Column("point_id", "Int64", "Skiltpunkt of the plate"),
+        Column("skiltnummer", "str", "Sign code"),
+        Column("text", "str", "Text on the sign"),
+        Column("own_geometry", "bool", "Has its own geometry"),
+        Column("accuracy_cm", "float64", "Stated accuracy", "cm"),
+        Column("capture_method", "str", "Capture method"),
+        Column("road_reference", "str", "Road reference"),
+        Column("ansiktsside", "str", "Ansiktsside"),
+        Column("last_modified", "str", "Last modified"),
+        Column("synced_at", "str", "Fetched from NVDB"),
+    ),
+    "drives": (
+        Column("drive_id", "str", "Drive"),
+        Column("name", "str", "Name"),
+        Column("started", TIME, "Started", "UTC"),
+        Column("ended", TIME, "Ended", "UTC"),
+        Column("n_frames", "int64", "Frames"),
+        Column("n_sightings", "int64", "Sightings"),
+        Column("annotations_complete", "bool", "Every sign in view annotated"),
+        Column("datum", "str", "Datum of the GNSS"),
+        Column("length_m", "float64", "Length", "m"),
+    ),
+}
+"""Layer → its columns, in order; the geometry comes after them."""
+
+GEOMETRY: dict[str, str] = {
+    "changes": "Point",
+    "estimates": "Point",
+    "nvdb_signs": "Point",
+    "drives": "LineString",
+}
+KEY: dict[str, str] = {
+    "changes": "change_id",
+    "estimates": "estimate_id",
+    "nvdb_signs": "nvdb_id",
+    "drives": "drive_id",
+}
+"""Layer → the column that is unique and that its rows are sorted by."""
+
+DESCRIPTION: dict[str, str] = {
+    "changes": "What a drive says about NVDB's signs: unchanged, moved, wrong type, new, missing, for review",
+    "estimates": "Where the annotated signs stand, one point an object, with its error ellipse",
+    "nvdb_signs": "Skiltpunkt and Skiltplate as fetched from NVDB",
+    "drives": "Where the car drove",
+}
+
+_ALLOWED: dict[tuple[str, str], frozenset[object]] = {
+    ("changes", "verdict"): frozenset(VERDICT),
+    ("changes", "decision"): frozenset(DECISIONS),
+    ("changes", "nvdb_type"): frozenset((95, 96)),
+    ("nvdb_signs", "nvdb_type"): frozenset((95, 96)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ExportLayers:
+    """The four layers of an export: GeoDataFrames in EPSG:25833 with exactly the columns of `COLUMNS`.
+
+    Attributes
+    ----------
+    changes : GeoDataFrame of Point
+        A finding a row. A ``missing`` change sits at NVDB's position, every other one where the sign was
+        seen. ``drive_ids`` is joined by ",".
+    estimates : GeoDataFrame of Point
+        An annotated object a row. ``sigma_azimuth_deg`` is the direction of the ellipse's major axis,
+        clockwise from true north; ``height_m`` is ellipsoidal; ``flags`` is joined by ";".
+    nvdb_signs : GeoDataFrame of Point
+        An object of NVDB a row. Where ``own_geometry`` is false the point lies on the road's centre line.
+    drives : GeoDataFrame of LineString
+        A recorded drive a row.
+
+    A geometry that is None, empty or NaN means that the position is not known: the row is exported without
+    one.
+    """
+
+    changes: gpd.GeoDataFrame
+    estimates: gpd.GeoDataFrame
+    nvdb_signs: gpd.GeoDataFrame
+    drives: gpd.GeoDataFrame
+
+
+def empty_layers() -> ExportLayers:
+    """Make four layers without rows, with the right columns, dtypes and CRS."""
+    return ExportLayers(**{name: _empty(name) for name in COLUMNS})
+
+
+def normalised(layers: ExportLayers) -> ExportLayers:
+    """Check the layers and bring them to the form that is written.
+
+    Columns in the order and dtype of `COLUMNS`, rows sorted by `KEY`, 2-D geometry, no index. The arguments
+    are not changed.
+
+    Raises
+    ------
+    ExportRefusedError
+        A column is missing, unknown, or holds what it must not; an id occurs twice; the CRS is not
+        EPSG:25833; a geometry is of the wrong type.
+    """
+    return ExportLayers(**{name: _normalise(name, getattr(layers, name)) for name in COLUMNS})
+
+
+def data_time(layers: ExportLayers) -> str:
+    """Newest moment that the data of normalised layers know, as ``2026-06-10T08:00:00.000Z``.
+
+    An export carries this time instead of the clock's, so that the same data give the same bytes.
+    `NO_DATA_TIME` where the layers know no time.
+    """
+    import pandas as pd
+
+    synced = pd.to_datetime(layers.nvdb_signs["synced_at"], utc=True, errors="coerce", format="ISO8601")
+    moments = [layers.drives["ended"].max(), layers.estimates["last_seen"].max(), synced.max()]
+    known = [moment for moment in moments if not pd.isna(moment)]
+    return max(known).strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z" if known else NO_DATA_TIME
+
+
+def _empty(name: str) -> gpd.GeoDataFrame:
+    import geopandas as gpd
+    import pandas as pd
+
+    columns = {column.name: pd.Series([], dtype=column.dtype) for column in COLUMNS[name]}
+    return gpd.GeoDataFrame(columns, geometry=gpd.GeoSeries([], crs=EPSG_UTM33), crs=EPSG_UTM33)
+
+
+def _normalise(name: str, frame: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
+    import geopandas as gpd
+
+    _check_shape(name, frame)
+    values = {column.name: _cast(name, frame[column.name], column) for column in COLUMNS[name]}
+    for column, series in values.items():
+        allowed = _ALLOWED.get((name, column))
+        wrong = set(series.unique()) - allowed if allowed is not None else set()
+        if wrong:
+            raise ExportRefusedError(
+                f"layer {name}: column {column} holds {min(wrong, key=str)!r}, "
+                f"but it must be one of {', '.join(sorted(map(str, allowed or ())))}"
+            )
+    result = gpd.GeoDataFrame(values, geometry=_flat(name, frame), crs=EPSG_UTM33)
+    key = KEY[name]
+    twice = result[key][result[key].duplicated()]
+    if len(twice):
+        raise ExportRefusedError(f"layer {name}: {key} {twice.iloc[0]} occurs more than once")
+    return result.sort_values(key, kind="stable", ignore_index=True)
+
+
+def _check_shape(name: str, frame: gpd.GeoDataFrame) -> None:
+    wanted = {column.name for column in COLUMNS[name]}
+    present = set(frame.columns) - {frame.geometry.name}
+    if missing := sorted(wanted - present):
+        raise ExportRefusedError(f"layer {name}: no column {', '.join(missing)}")
+    if unknown := sorted(map(str, present - wanted)):
+        raise ExportRefusedError(f"layer {name}: unknown column {', '.join(unknown)}")
+    epsg = frame.crs.to_epsg() if frame.crs is not None else None
+    if epsg != EPSG_UTM33:
+        raise ExportRefusedError(
+            f"layer {name}: its CRS is {f'EPSG:{epsg}' if epsg else 'not stated'}, not EPSG:{EPSG_UTM33}"
+        )
+
+
+def _cast(layer: str, series: pd.Series[Any], column: Column) -> pd.Series[Any]:
+    """Bring a column to its dtype, or say what does not fit."""
+    import numpy as np
+
+    try:
+        result = _CAST[column.dtype](series)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ExportRefusedError(
+            f"layer {layer}: column {column.name} is not {column.dtype}: {error}"
+        ) from error
+    if column.dtype == "float64" and bool(np.isinf(result).any()):
+        raise ExportRefusedError(f"layer {layer}: column {column.name} holds an infinite number")
+    return result
+
+
+def _cast_str(series: pd.Series[Any]) -> pd.Series[Any]:
+    return series.astype(object).where(series.notna(), "").astype("str")
+
+
+def _cast_float(series: pd.Series[Any]) -> pd.Series[Any]:
+    import numpy as np
+    import pandas as pd
+
+    return pd.Series(series.astype("Float64").to_numpy(dtype=np.float64, na_value=np.nan), index=series.index)
+
+
+def _cast_bool(series: pd.Series[Any]) -> pd.Series[Any]:
+    import pandas as pd
+
+    inferred = series.infer_objects()
+    # NumPy would call every non-empty string true.
+    if len(inferred) and not pd.api.types.is_bool_dtype(inferred):
+        raise TypeError("it holds something other than true and false")
+    return inferred.astype("bool")
+
+
+def _cast_time(series: pd.Series[Any]) -> pd.Series[Any]:
+    import pandas as pd
+
+    return pd.to_datetime(series, utc=True).astype(TIME)
+
+
+# By way of Int64, which refuses fractions where int64 would cut them off.
+_CAST: dict[str, Callable[[pd.Series[Any]], pd.Series[Any]]] = {
+    "str": _cast_str,
+    "float64": _cast_float,
+    "bool": _cast_bool,
+    TIME: _cast_time,
+    "Int64": lambda series: series.astype("Int64"),
+    "int64": lambda series: series.astype("Int64").astype("int64"),
+}
+
+
+def _flat(name: str, frame: gpd.GeoDataFrame) -> gpd.GeoSeries:
+    """Two-dimensional geometry; None where it is empty or has a coordinate that is not finite."""
+    import geopandas as gpd
+    import numpy as np
+    import shapely
+
+    geometry = shapely.force_2d(np.array(frame.geometry.to_numpy(), dtype=object))
+    xy, row = shapely.get_coordinates(geometry, return_index=True)
+    geometry[row[~np.isfinite(xy).all(axis=1)]] = None
+    geometry[shapely.is_empty(geometry)] = None
+    kind = shapely.get_type_id(geometry)
+    if np.any((kind >= 0) & (kind != _TYPE_ID[GEOMETRY[name]])):
+        raise ExportRefusedError(f"layer {name}: a geometry is not a {GEOMETRY[name]}")
+    return gpd.GeoSeries(geometry, index=frame.index, crs=EPSG_UTM33)
+
+
+_TYPE_ID = {"Point": 0, "LineString": 1}
+"""GEOS's numbers, as in :func:`shapely.get_type_id`."""

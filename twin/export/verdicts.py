@@ -1,0 +1,64 @@
+"""The verdicts and how they look: one table for the QGIS style, the picture and the manual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """One verdict of a change.
+
+    Attributes
+    ----------
+    name : str
+        As written in the column ``verdict``.
+    label : str
+        For legends and forms.
+    colour : str
+        ``#rrggbb``. Shape and size repeat what the colour says, for eyes and printers that lose it.
+    marker : str
+        QGIS's name of the shape.
+    angle_deg : float
+        The shape's rotation.
+    mpl_marker : str
+        Matplotlib's name of the same shape.
+    size_mm : float
+    meaning : str
+        One clause for the legend's reader.
+    """
+
+    name: str
+    label: str
+    colour: str
+    marker: str
+    angle_deg: float
+    mpl_marker: str
+    size_mm: float
+    meaning: str
+
+
+# Okabe & Ito's palette (Color Universal Design, 2008) for what needs a decision; grey for what needs none.
+# Drawn in this order, so that what matters most lies on top.
+VERDICTS: tuple[Verdict, ...] = (
+    Verdict("unchanged", "Unchanged", "#8c9196", "circle", 0.0, "o", 1.8, "NVDB and the road agree"),
+    Verdict(
+        "not_observable", "Not observable", "#56b4e9", "circle", 0.0, "o", 2.4, "no drive could have seen it"
+    ),
+    Verdict("review", "Review", "#0072b2", "square", 0.0, "s", 3.2, "more than one reading is possible"),
+    Verdict("moved", "Moved", "#e69f00", "triangle", 0.0, "^", 4.0, "the sign stands elsewhere than in NVDB"),
+    Verdict("wrong_type", "Wrong type", "#cc79a7", "diamond", 0.0, "D", 4.2, "not the sign code in NVDB"),
+    Verdict("new", "New", "#009e73", "cross_fill", 0.0, "P", 4.8, "on the road, not in NVDB"),
+    Verdict("missing", "Missing", "#d55e00", "cross_fill", 45.0, "X", 4.8, "in NVDB, not on the road"),
+)
+
+VERDICT: dict[str, Verdict] = {verdict.name: verdict for verdict in VERDICTS}
+
+DECISIONS: dict[str, str] = {"open": "Open", "accept": "Accept", "dismiss": "Dismiss", "defer": "Defer"}
+"""Value of the column ``decision`` → its label. Every change starts as ``open``."""
+
+OTHER_COLOUR = "#000000"
+"""The rim of a value that is none of the above, e.g. typed by hand."""
+ESTIMATE_COLOUR = "#1b2a41"
+NVDB_COLOUR = "#7b3f9d"
+DRIVE_COLOUR = "#5b7083"

@@ -1,0 +1,120 @@
+"""The mirror's rows → sites: a Skiltpunkt with its plates, or plates that share a position."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from twin.matching.config import MatchConfig
+
+Row = Mapping[str, Any]
+
+SKILTPUNKT = 95
+SKILTPLATE = 96
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """One Skiltplate of a site."""
+
+    nvdb_id: int
+    version: int | None
+    code: str
+    ansiktsside: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """One place where NVDB has signs.
+
+    Attributes
+    ----------
+    nvdb_type, nvdb_id, version
+        The Skiltpunkt; where the mirror has none, the first of the plates that share the position.
+    east_m, north_m : float
+        EPSG:25833.
+    sigma_m : float
+        One sigma of NVDB's position.
+    own_geometry : bool
+        False where the position is only the road's centre line.
+    plates : tuple of Plate
+        In the order of plasseringskode (top down), then id.
+    """
+
+    nvdb_type: int
+    nvdb_id: int
+    version: int | None
+    east_m: float
+    north_m: float
+    sigma_m: float
+    own_geometry: bool
+    plates: tuple[Plate, ...]
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """Sign codes of the plates."""
+        return tuple(plate.code for plate in self.plates)
+
+
+def sites_from_mirror(points: Sequence[Row], plates: Sequence[Row], config: MatchConfig) -> list[Site]:
+    """Group plates below their Skiltpunkt; plates without one by their shared position.
+
+    Objects whose sluttdato has passed and objects without any position are left out.
+    """
+    points, live = [r for r in points if _in_force(r)], [r for r in plates if _in_force(r)]
+    ids = {row["nvdb_id"] for row in points}
+    parent = {child: row["nvdb_id"] for row in points for child in row["plate_ids"]}
+    children: dict[int, list[Row]] = {}
+    orphans: dict[tuple[object, ...], list[Row]] = {}
+    for row in live:
+        point_id = row["point_id"] if row["point_id"] in ids else parent.get(row["nvdb_id"])
+        if point_id is not None and point_id in ids:
+            children.setdefault(point_id, []).append(row)
+        elif row["east_m"] is not None:
+            place = (round(row["east_m"], 3), round(row["north_m"], 3), row["own_geometry"])
+            orphans.setdefault(place, []).append(row)
+    found = [_site(SKILTPUNKT, row, children.get(row["nvdb_id"], []), config) for row in points]
+    found += [_site(SKILTPLATE, min(group, key=_by_id), group, config) for group in orphans.values()]
+    return sorted((site for site in found if site is not None), key=lambda s: (s.nvdb_type, s.nvdb_id))
+
+
+def _in_force(row: Row) -> bool:
+    """Whether the object was valid on the day of the sync: sluttdato may lie in the future."""
+    return not row["end_date"] or row["end_date"] > row["synced_at"][:10]
+
+
+def _by_id(row: Row) -> int:
+    return int(row["nvdb_id"])
+
+
+def _site(nvdb_type: int, row: Row, plates: Sequence[Row], config: MatchConfig) -> Site | None:
+    """One site; a point that is only on the centre line borrows the own position of its plates."""
+    placed = row
+    if not row["own_geometry"] or row["east_m"] is None:
+        placed = next((p for p in plates if p["own_geometry"] and p["east_m"] is not None), row)
+    if placed["east_m"] is None:
+        return None
+    own = bool(placed["own_geometry"])
+    ordered = sorted(plates, key=lambda p: (p["plasseringskode"] or 0, p["nvdb_id"]))
+    return Site(
+        nvdb_type=nvdb_type,
+        nvdb_id=row["nvdb_id"],
+        version=row["version"],
+        east_m=placed["east_m"],
+        north_m=placed["north_m"],
+        sigma_m=_sigma_m(placed, config) if own else config.centre_line_sigma_m,
+        own_geometry=own,
+        plates=tuple(
+            Plate(p["nvdb_id"], p["version"], p["skiltnummer"] or "", p["ansiktsside"]) for p in ordered
+        ),
+    )
+
+
+def _sigma_m(row: Row, config: MatchConfig) -> float:
+    """NVDB's stated accuracy; 100 cm by an unknown method is a default, not a measurement."""
+    accuracy_cm = row["accuracy_cm"]
+    looks_default = accuracy_cm == 100 and (row["capture_method"] in (None, "ukj"))
+    if accuracy_cm is None or accuracy_cm <= 0 or looks_default:
+        return config.default_accuracy_m
+    return float(accuracy_cm) / 100.0

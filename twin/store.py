@@ -1,0 +1,254 @@
+"""The twin's state: one SQLite file (WAL), reached through SQLAlchemy Core.
+
+A state change is one transaction: a killed process leaves the state before it or after it. The tables'
+columns are declared in :mod:`twin.schema`.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+
+from twin import schema
+from twin.errors import StoreError
+
+Row = Mapping[str, Any]
+
+_BUSY_TIMEOUT_S = 10.0
+
+
+def utc_now() -> str:
+    """Return the present instant as ISO 8601 UTC to the second: ``2026-06-10T08:00:00Z``."""
+    return dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+class Store:
+    """An open store. Use :meth:`open`; close it or use it as a context manager.
+
+    Parameters
+    ----------
+    engine : sqlalchemy.Engine
+        Connected to a database that has the tables of :mod:`twin.schema`.
+    path : Path
+        For messages.
+    """
+
+    def __init__(self, engine: sa.Engine, path: Path) -> None:
+        self._engine = engine
+        self.path = path
+
+    @classmethod
+    def open(cls, path: Path | str, *, create: bool = True) -> Store:
+        """Open a store, making a new one where there is none.
+
+        Parameters
+        ----------
+        path : Path or str
+            The SQLite file.
+        create : bool
+            Whether a missing file is made. False for commands that only read.
+
+        Raises
+        ------
+        StoreError
+            Missing (with ``create=False``), not a store, unreadable, or written by a newer version.
+        """
+        path = Path(path)
+        existed = path.exists()
+        if not existed and not create:
+            raise StoreError(
+                f"There is no store at {path}: run `twin sync-nvdb` or `twin ingest-drive` first, "
+                "or name another with --store."
+            )
+        if not path.parent.is_dir():
+            raise StoreError(
+                f"The folder of the store {path} does not exist: make it, or name another --store."
+            )
+        engine = _engine(path)
+        try:
+            _check_or_create(engine, path)
+        except BaseException:
+            engine.dispose()
+            raise
+        return cls(engine, path)
+
+    def close(self) -> None:
+        """Close every connection."""
+        self._engine.dispose()
+
+    def __enter__(self) -> Store:
+        """Return the store itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    @contextmanager
+    def transaction(self) -> Iterator[sa.Connection]:
+        """Give a connection inside one write transaction: all of it is kept, or nothing.
+
+        Raises
+        ------
+        StoreError
+            Another process writes to the store, the disk is full, or the folder is read-only.
+        """
+        with store_errors(self.path), self._engine.begin() as connection:
+            yield connection
+
+    def connect(self) -> sa.Connection:
+        """Give a connection for a transaction that outlives one call; the caller closes it."""
+        return self._engine.connect()
+
+    def rows(self, statement: sa.Select[Any]) -> list[Row]:
+        """Run a query and return its rows as mappings, inside one read transaction."""
+        with store_errors(self.path), self._engine.connect() as connection:
+            return [dict(row) for row in connection.execute(statement).mappings()]
+
+    def count(self, table: sa.Table) -> int:
+        """Count the rows of a table."""
+        return int(self.rows(sa.select(sa.func.count().label("n")).select_from(table))[0]["n"])
+
+    # -- drives --------------------------------------------------------------------------------------------
+
+    def save_drive(self, drive: Row, method: str, sightings: Sequence[Row], estimates: Sequence[Row]) -> None:
+        """Replace one drive's record and its sightings and estimates by `method`, in one transaction."""
+        drive_id = drive["drive_id"]
+        with self.transaction() as connection:
+            connection.execute(sa.delete(schema.drive).where(schema.drive.c.drive_id == drive_id))
+            connection.execute(sa.insert(schema.drive), [dict(drive)])
+            for table, rows in ((schema.sighting, sightings), (schema.estimate, estimates)):
+                connection.execute(
+                    sa.delete(table).where(table.c.drive_id == drive_id, table.c.method == method)
+                )
+                if rows:
+                    connection.execute(sa.insert(table), [dict(row) for row in rows])
+
+    def methods(self) -> list[str]:
+        """Return the geolocation methods that have estimates, in alphabetical order."""
+        column = schema.estimate.c.method
+        return [row["method"] for row in self.rows(sa.select(column).distinct().order_by(column))]
+
+    # -- changes -------------------------------------------------------------------------------------------
+
+    def save_changes(self, changes: Sequence[Row], run: Row) -> None:
+        """Replace the findings of the last match; a decision stays with its ``change_id``."""
+        with self.transaction() as connection:
+            decided = dict(
+                connection.execute(
+                    sa.select(schema.change.c.change_id, schema.change.c.decision).where(
+                        schema.change.c.decision != "open"
+                    )
+                )
+                .tuples()
+                .all()
+            )
+            connection.execute(sa.delete(schema.change))
+            if changes:
+                rows = [{**row, "decision": decided.get(row["change_id"], "open")} for row in changes]
+                connection.execute(sa.insert(schema.change), rows)
+            self._put(connection, "last_match", run)
+
+    # -- small facts ---------------------------------------------------------------------------------------
+
+    def fact(self, key: str) -> dict[str, Any] | None:
+        """Return a JSON object kept under `key` (``mirror``, ``last_match``), or None."""
+        found = self.rows(sa.select(schema.meta.c.value).where(schema.meta.c.key == key))
+        return json.loads(found[0]["value"]) if found else None
+
+    @staticmethod
+    def _put(connection: sa.Connection, key: str, value: Row) -> None:
+        connection.execute(sa.delete(schema.meta).where(schema.meta.c.key == key))
+        connection.execute(
+            sa.insert(schema.meta), [{"key": key, "value": json.dumps(dict(value), ensure_ascii=False)}]
+        )
+
+    def put_fact(self, connection: sa.Connection, key: str, value: Row) -> None:
+        """Keep a JSON object under `key` inside the caller's transaction."""
+        self._put(connection, key, value)
+
+
+def _engine(path: Path) -> sa.Engine:
+    engine = sa.create_engine(
+        sa.URL.create("sqlite", database=str(path)), connect_args={"timeout": _BUSY_TIMEOUT_S}
+    )
+
+    # pysqlite opens transactions late and commits on its own; SQLAlchemy's documented cure is to take over.
+    @sa.event.listens_for(engine, "connect")
+    def _on_connect(connection: Any, _record: Any) -> None:
+        connection.isolation_level = None
+        cursor = connection.cursor()
+        cursor.execute("PRAGMA foreign_keys=ON")
+        cursor.close()
+
+    @sa.event.listens_for(engine, "begin")
+    def _on_begin(connection: sa.Connection) -> None:
+        connection.exec_driver_sql("BEGIN")
+
+    return engine
+
+
+@contextmanager
+def store_errors(path: Path) -> Iterator[None]:
+    """Turn what SQLite says into one sentence with a cure."""
+    try:
+        yield
+    except sa.exc.DBAPIError as error:
+        text = str(error.orig)
+        if "locked" in text or "busy" in text:
+            cure = "another process is writing to it; try again when that has ended"
+        elif "readonly" in text or "unable to open" in text:
+            cure = "give this user the right to write the file and its folder, or name another --store"
+        elif "full" in text or "disk I/O" in text:
+            cure = "free some space; nothing was changed"
+        elif "not a database" in text or "malformed" in text:
+            cure = "it is not a twin store; name another --store"
+        else:
+            cure = "nothing was changed"
+        raise StoreError(f"The store {path} could not be used ({text}): {cure}.") from error
+
+
+def _check_or_create(engine: sa.Engine, path: Path) -> None:
+    with store_errors(path), engine.connect() as connection:
+        tables = set(sa.inspect(connection).get_table_names())
+    if not tables:
+        with store_errors(path):
+            _create(engine)
+        return
+    if schema.meta.name not in tables:
+        raise StoreError(f"{path} is a database but not a twin store: name another --store.")
+    with store_errors(path), engine.connect() as connection:
+        value = connection.execute(
+            sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version")
+        ).scalar()
+    found = int(value) if value is not None and str(value).isdigit() else None
+    if found is None:
+        raise StoreError(f"The store {path} does not say its version: it is damaged; name another --store.")
+    if found > schema.VERSION:
+        raise StoreError(
+            f"The store {path} was written by a newer twin (schema {found}; this twin knows "
+            f"{schema.VERSION}): upgrade twin, or name another --store."
+        )
+    if found < schema.VERSION:
+        raise StoreError(
+            f"The store {path} was written by an older twin (schema {found}; this twin needs "
+            f"{schema.VERSION}): sync and ingest into a new --store."
+        )
+
+
+def _create(engine: sa.Engine) -> None:
+    # WAL is a property of the file: set once, outside any transaction.
+    raw = engine.raw_connection()
+    try:
+        raw.cursor().execute("PRAGMA journal_mode=WAL")
+    finally:
+        raw.close()
+    with engine.begin() as connection:
+        schema.metadata.create_all(connection)
+        connection.execute(sa.insert(schema.meta), [{"key": "schema_version", "value": str(schema.VERSION)}])
