@@ -20,6 +20,7 @@ from geoloc.rig import Rig, RigCamera
 from geoloc.simulation.car import simulated_rig, true_camera
 from geoloc.simulation.motion import MotionSpec, TrueMotion
 from geoloc.simulation.noise import DrawnErrors, NoiseSpec, draw_errors, gauss_markov, stream
+from geoloc.simulation.observe import annotate, horizontal_range_m, on_the_car, project
 from geoloc.simulation.road import Road, RoadSpec
 from geoloc.simulation.scenarios import SCENARIOS, PoleSpec, Scenario, scenario, without_noise
 from geoloc.trajectory import GnssFixes, PoseTrack
@@ -47,8 +48,6 @@ BoolArray = NDArray[np.bool_]
 NS = 1_000_000_000
 GNSS_BEFORE_S = 1.0
 """Fixes start one second before the first frame and end one after the last, as loggers start in turn."""
-SHUTTER_ITERATIONS = 4
-"""A foot moves by less than 0.04 rows a row of readout, so that four rounds reach 1e-5 px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +156,11 @@ def simulate_drive(world: Scenario, seed: int) -> SimulatedDrive:
     Returns
     -------
     SimulatedDrive
+
+    Raises
+    ------
+    GeolocError
+        If the drive or a pole is not on the road, or the rig has no camera of a name.
     """
     rig = simulated_rig()
     drawn = draw_errors(world.noise, seed, tuple(rig.cameras), tuple(rig.antennas))
@@ -208,34 +212,49 @@ def _gnss(
     count = int((spec.duration_s + 2.0 * GNSS_BEFORE_S) * spec.gnss_rate_hz) + 1
     time_s = np.arange(count) / spec.gnss_rate_hz - GNSS_BEFORE_S
     body = motion.at(time_s)
-    sigma = np.array([noise.gnss_slow_horizontal_m, noise.gnss_slow_horizontal_m, noise.gnss_slow_vertical_m])
-    common = _processes(seed, "gnss slow", time_s, noise.gnss_slow_tau_s) * sigma
-    fixes = []
-    for name, antenna in rig.antennas.items():
-        arm = antenna.rig_t_antenna_m + drawn.lever_arm_m[name]
-        white = np.array(
-            [noise.gnss_white_horizontal_m, noise.gnss_white_horizontal_m, noise.gnss_white_vertical_m]
+    slow = np.array([noise.gnss_slow_horizontal_m, noise.gnss_slow_horizontal_m, noise.gnss_slow_vertical_m])
+    common = body.position_m + _processes(seed, "gnss slow", time_s, noise.gnss_slow_tau_s) * slow
+    return tuple(
+        _fixes(
+            world,
+            name,
+            time_s,
+            motion.road.frame.geographic_from_enu(
+                common
+                + body.enu_R_rig @ (antenna.rig_t_antenna_m + drawn.lever_arm_m[name])
+                + _receiver_noise(noise, name, time_s, seed)
+            ),
+            seed,
         )
-        own = stream(seed, f"gnss white {name}").normal(size=(count, 3)) * white
-        reflected = _processes(seed, f"multipath {name}", time_s, noise.gnss_multipath_tau_s)
-        position = body.position_m + body.enu_R_rig @ arm + common + own + reflected * noise.gnss_multipath_m
-        latitude, longitude, height = motion.road.frame.geographic_from_enu(position)
-        epoch_ns = world.start_utc_ns + np.round(time_s * NS).astype(np.int64)
-        delay_ms = noise.link_delay_ms + noise.link_jitter_ms * stream(seed, f"link {name}").normal(
-            size=count
-        )
-        fixes.append(
-            GnssFixes(
-                antenna=name,
-                epoch_ns=epoch_ns,
-                host_ns=epoch_ns + np.round(np.maximum(delay_ms, 0.0) * 1e6).astype(np.int64),
-                latitude_deg=latitude,
-                longitude_deg=longitude,
-                height_m=height,
-                quality=np.full(count, 4, dtype=np.int64),
-            )
-        )
-    return tuple(fixes)
+        for name, antenna in rig.antennas.items()
+    )
+
+
+def _receiver_noise(noise: NoiseSpec, antenna: str, time_s: FloatArray, seed: int) -> FloatArray:
+    """What each antenna has of its own: carrier-phase noise and multipath, ``(n, 3)`` east, north, up."""
+    sigma = np.array(
+        [noise.gnss_white_horizontal_m, noise.gnss_white_horizontal_m, noise.gnss_white_vertical_m]
+    )
+    white = stream(seed, f"gnss white {antenna}").normal(size=(time_s.size, 3)) * sigma
+    reflected = _processes(seed, f"multipath {antenna}", time_s, noise.gnss_multipath_tau_s)
+    return np.asarray(white + reflected * noise.gnss_multipath_m)
+
+
+def _fixes(
+    world: Scenario,
+    antenna: str,
+    time_s: FloatArray,
+    position: tuple[FloatArray, FloatArray, FloatArray],
+    seed: int,
+) -> GnssFixes:
+    """Stamp positions with the receiver's clock, and with the host's when the sentence arrives."""
+    noise = world.noise
+    epoch_ns = world.start_utc_ns + np.round(time_s * NS).astype(np.int64)
+    jitter_ms = noise.link_jitter_ms * stream(seed, f"link {antenna}").normal(size=time_s.size)
+    delay_ns = np.round(np.maximum(noise.link_delay_ms + jitter_ms, 0.0) * 1e6).astype(np.int64)
+    return GnssFixes(
+        antenna, epoch_ns, epoch_ns + delay_ns, *position, np.full(time_s.size, 4, dtype=np.int64)
+    )
 
 
 def _processes(seed: int, name: str, time_s: FloatArray, tau_s: float) -> FloatArray:
@@ -287,7 +306,7 @@ def _all_sightings(
     seed: int,
 ) -> SimulatedSightings:
     parts = [
-        _sightings(world, true_camera(rig.cameras[name], drawn), motion, objects.enu_m, frame_s, seed)
+        _sightings(world, true_camera(rig.camera(name), drawn), motion, objects.enu_m, frame_s, seed)
         for name in world.cameras
     ]
     return SimulatedSightings(
@@ -307,12 +326,12 @@ def _sightings(
     """What one camera sees of all feet in every annotated frame."""
     annotated = np.arange(0, frame_s.size, world.annotate_every)
     frame, index = (grid.ravel() for grid in np.meshgrid(annotated, np.arange(len(feet_m)), indexing="ij"))
-    distance = _horizontal_range(camera, motion, feet_m[index], frame_s[frame])
+    distance = horizontal_range_m(camera, motion, feet_m[index], frame_s[frame])
     near = (distance >= world.range_m[0]) & (distance <= world.range_m[1])
     frame, index, distance = frame[near], index[near], distance[near]
-    pixel, seen = _project(world.noise, camera, motion, feet_m[index], frame_s[frame])
-    seen &= ~_on_the_car(camera, pixel)
-    annotated_px, blunder = _annotate(world.noise, pixel, stream(seed, f"annotator {camera.name}"))
+    pixel, seen = project(world.noise, camera, motion, feet_m[index], frame_s[frame])
+    seen &= ~on_the_car(camera, pixel)
+    annotated_px, blunder = annotate(world.noise, pixel, stream(seed, f"annotator {camera.name}"))
     with np.errstate(invalid="ignore"):
         last = np.array([camera.model.width_px, camera.model.height_px]) - 1.0
         seen &= ((annotated_px >= 0.0) & (annotated_px <= last)).all(axis=-1)
@@ -325,57 +344,3 @@ def _sightings(
         range_m=distance[seen],
         blunder=blunder[seen],
     )
-
-
-def _horizontal_range(
-    camera: RigCamera, motion: TrueMotion, feet_m: FloatArray, time_s: FloatArray
-) -> FloatArray:
-    body = motion.at(time_s)
-    eye = body.position_m + body.enu_R_rig @ camera.rig_t_camera_m
-    return np.asarray(np.linalg.norm((feet_m - eye)[:, :2], axis=-1))
-
-
-def _project(
-    noise: NoiseSpec, camera: RigCamera, motion: TrueMotion, feet_m: FloatArray, time_s: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """Pixels of feet, each at the moment when the shutter reads the row it falls on."""
-    middle = 0.5 * (camera.model.height_px - 1)
-    row_time_s = time_s
-    for _ in range(SHUTTER_ITERATIONS):
-        body = motion.at(row_time_s)
-        eye = body.position_m + body.enu_R_rig @ camera.rig_t_camera_m
-        to_foot = feet_m - eye
-        plan = to_foot[:, :2]
-        to_foot[:, :2] -= noise.pole_radius_m * plan / np.linalg.norm(plan, axis=-1, keepdims=True)
-        enu_R_camera = body.enu_R_rig @ camera.rig_R_camera
-        # Row vector times matrix is the inverse rotation: from the world into the camera.
-        point_camera = (to_foot[:, None, :] @ enu_R_camera)[:, 0, :]
-        pixel, seen = camera.model.pixel_from_camera_point(point_camera)
-        delay_s = (pixel[:, 1] - middle) * noise.row_delay_us * 1e-6
-        row_time_s = time_s + np.where(np.isfinite(delay_s), delay_s, 0.0)
-    return pixel, seen
-
-
-def _on_the_car(camera: RigCamera, pixel_px: FloatArray) -> BoolArray:
-    """True where the camera sees its own car instead of the foot."""
-    mask = camera.ego_mask
-    if mask is None:
-        return np.zeros(len(pixel_px), dtype=np.bool_)
-    scale = np.array([mask.shape[1] / camera.model.width_px, mask.shape[0] / camera.model.height_px])
-    cell = np.floor((np.nan_to_num(pixel_px) + 0.5) * scale).astype(int)
-    column = np.clip(cell[:, 0], 0, mask.shape[1] - 1)
-    row = np.clip(cell[:, 1], 0, mask.shape[0] - 1)
-    return np.asarray(mask[row, column])
-
-
-def _annotate(
-    noise: NoiseSpec, pixel_px: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, BoolArray]:
-    """Click on the pixels: with a trembling hand, and now and then on the wrong one."""
-    count = len(pixel_px)
-    tremble = rng.normal(size=(count, 2)) * noise.annotation_px
-    blunder = rng.random(count) < noise.blunder_rate
-    direction = rng.uniform(0.0, 2.0 * np.pi, count)
-    jump = rng.uniform(0.5, 1.5, count)[:, None] * noise.blunder_px
-    wrong = jump * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
-    return pixel_px + tremble + np.where(blunder[:, None], wrong, 0.0), blunder

@@ -99,31 +99,51 @@ def _nvdb_poles(drive: SimulatedDrive, seed: int) -> dict[str, NvdbPole]:
     plate_id = FIRST_PLATE_ID
     for i, (key, station, offset, skiltnummer, own) in enumerate(wanted):
         codes = (NVDB_CODE_OF_WRONG_TYPE,) if key == WRONG_TYPE else tuple(skiltnummer.split(";"))
-        method, accuracy_cm, error_m = QUALITY[0 if key == MOVED else i % len(QUALITY)]
-        bearing = rng.uniform(0.0, 2.0 * np.pi)
+        quality = QUALITY[0 if key == MOVED else i % len(QUALITY)]
         along = station + (MOVED_BY_M if key == MOVED else 0.0)
-        east, north, height = _place(road, along, offset)
-        # A pole on the centre line of its own side road, where it is only known to the network.
-        centre = _place(road, station, 0.0)[:2] if key[0] == "P" else (east, north)
-        poles[key] = NvdbPole(
+        bearing = float(rng.uniform(0.0, 2.0 * np.pi))
+        poles[key] = replace(
+            _pole(road, along, offset, quality, bearing, side_road=key.startswith("side")),
             point_id=FIRST_POINT_ID + i,
             plate_ids=tuple(range(plate_id, plate_id + len(codes))),
             codes=codes,
-            east_m=east + error_m * float(np.sin(bearing)),
-            north_m=north + error_m * float(np.cos(bearing)),
-            height_m=None if method == "ukj" else height - GEOID_M,
             own_geometry=own,
-            accuracy_cm=accuracy_cm,
-            capture_method=method,
-            road=SIDE_ROAD if key.startswith("side") else MAIN_ROAD,
-            link_id=SIDE_LINK if key.startswith("side") else MAIN_LINK,
-            meter=station,
-            right=offset < 0.0,
-            centre_east_m=centre[0],
-            centre_north_m=centre[1],
         )
         plate_id += len(codes)
     return poles
+
+
+def _pole(
+    road: Road,
+    station_m: float,
+    offset_m: float,
+    quality: tuple[str, int, float],
+    bearing_rad: float,
+    *,
+    side_road: bool,
+) -> NvdbPole:
+    """Return a pole without plates or ids, as far off its place as its quality says."""
+    method, accuracy_cm, error_m = quality
+    east, north, height = _place(road, station_m, offset_m)
+    # The side roads' centre lines are not modelled: each runs through its signs.
+    centre_east, centre_north, _ = _place(road, station_m, offset_m if side_road else 0.0)
+    return NvdbPole(
+        point_id=0,
+        plate_ids=(),
+        codes=(),
+        east_m=east + error_m * float(np.sin(bearing_rad)),
+        north_m=north + error_m * float(np.cos(bearing_rad)),
+        height_m=None if method == "ukj" else height - GEOID_M,
+        own_geometry=True,
+        accuracy_cm=accuracy_cm,
+        capture_method=method,
+        road=SIDE_ROAD if side_road else MAIN_ROAD,
+        link_id=SIDE_LINK if side_road else MAIN_LINK,
+        meter=station_m,
+        right=offset_m < 0.0,
+        centre_east_m=centre_east,
+        centre_north_m=centre_north,
+    )
 
 
 def _place(road: Road, station_m: float, offset_m: float) -> tuple[float, float, float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.errors import GeolocError
 from geoloc.simulation.noise import NoiseSpec, damped_oscillation, stream
 from geoloc.simulation.road import MARGIN_M, Road
 
@@ -72,8 +73,20 @@ class TrueMotion:
         return at[0], at[1], at[2] - start[2]
 
     def at(self, time_s: FloatArray) -> BodyState:
-        """State of the body at times ``(n,)`` in seconds since the first frame."""
+        """State of the body at times ``(n,)`` in seconds since the first frame.
+
+        Raises
+        ------
+        GeolocError
+            If the car has left the road by then.
+        """
         speed, acceleration, distance = self.speed_mps(time_s)
+        low, high = float(np.min(distance, initial=0.0)), float(np.max(distance, initial=0.0))
+        if low < self._travelled[0] or high > self._travelled[-1]:
+            raise GeolocError(
+                f"the car drives {high - low:.0f} m, and the simulated road ends {self._travelled[-1]:.0f} m "
+                "from its start: make the road longer or the drive shorter"
+            )
         station = np.interp(distance, self._travelled, self._station)
         offset, offset_slope = self._offset(station)
         curvature = self.road.curvature_per_m(station)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.errors import GeolocError
 from geoloc.simulation.earth import LocalFrame
 from geoloc.simulation.noise import stream
 
@@ -41,9 +42,9 @@ class RoadSpec:
     grade_percent: float = 1.5
     """Mean climb."""
     hills: tuple[tuple[float, float], ...] = ((150.0, 0.40), (70.0, 0.10))
-    """(wavelength, amplitude) in metres: crests and sags with radii of 1.4 and 2.1 km, ordinary for
-    50 km/h. The ground 15 m ahead then lies 0.2 to 0.3 degrees off the car's own plane, rms; 0.28 to 0.92
-    was measured on the four city drives of Argoverse 2."""
+    """(wavelength, amplitude) in metres: crests and sags with radii of 1.4 and 1.2 km, ordinary for
+    50 km/h. With the roughness, the ground 15 m ahead then lies 0.3 degrees off the car's own plane, rms;
+    0.28 to 0.92 was measured on four city drives of Argoverse 2."""
     roughness_m3: float = 64e-6
     """Displacement spectrum at 0.1 cycles/m, falling with the square of the wave number: the geometric mean
     of class B ("good") of ISO 8608."""
@@ -82,7 +83,20 @@ class Road:
         return np.asarray(np.interp(station_m, knots[:, 0], knots[:, 1]))
 
     def plan_m(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
-        """East and north ``(..., 2)`` in the road's frame."""
+        """East and north ``(..., 2)`` in the road's frame.
+
+        Raises
+        ------
+        GeolocError
+            If a station lies where the road was not built.
+        """
+        low, high = float(np.min(station_m, initial=0.0)), float(np.max(station_m, initial=0.0))
+        if low < self._station[0] or high > self._station[-1]:
+            off = low if low < self._station[0] else high
+            raise GeolocError(
+                f"station {off:.1f} m is not on the simulated road, which "
+                f"runs from {self._station[0]:.1f} to {self._station[-1]:.1f} m: make it longer"
+            )
         yaw = self.yaw_rad(station_m)
         east = np.interp(station_m, self._station, self._east) - offset_m * np.sin(yaw)
         north = np.interp(station_m, self._station, self._north) + offset_m * np.cos(yaw)

@@ -207,7 +207,7 @@ SAMPLE_POLES = (
     PoleSpec("P14", "406", 420.0, -5.5),
     PoleSpec("P15", "522", 448.0, -5.2),
 )
-"""The poles of the sample: 15 poles with 21 plates."""
+"""The poles of the sample: 15 poles with 20 plates."""
 
 SCENARIOS: dict[str, tuple[Callable[[float, int], Scenario], float]] = {
     "sample": (_sample, 40.0),

@@ -1,0 +1,426 @@
+"""The simulator: independent of the estimator, deterministic, and as noisy as it says."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+from numpy.typing import NDArray
+
+import geoloc.simulate
+from geoloc.errors import GeolocError
+from geoloc.simulate import (
+    SCENARIOS,
+    MotionSpec,
+    NoiseSpec,
+    PoleSpec,
+    RoadSpec,
+    Scenario,
+    SimulatedDrive,
+    scenario,
+    simulate_drive,
+    without_noise,
+)
+from geoloc.simulation.car import ANTENNAS, CAMERAS
+from geoloc.simulation.earth import LocalFrame
+from geoloc.simulation.motion import TrueMotion
+from geoloc.simulation.noise import damped_oscillation, draw_errors, gauss_markov, stream
+from geoloc.simulation.road import Road
+
+FloatArray = NDArray[np.float64]
+
+FLAT_ROAD = RoadSpec(
+    length_m=120.0,
+    heading_deg=60.0,
+    grade_percent=0.0,
+    hills=(),
+    roughness_m3=0.0,
+    crossfall_percent=0.0,
+    kerb_share=0.0,
+    verge_sigma_m=0.0,
+)
+STRAIGHT_DRIVE = MotionSpec(duration_s=6.0, speed=((0.0, 10.0),), wander_m=0.0)
+FLAT_WORLD = Scenario(
+    "flat",
+    FLAT_ROAD,
+    STRAIGHT_DRIVE,
+    (PoleSpec("A", "362.50", 40.0, -5.0), PoleSpec("B", "516", 62.0, 4.5), PoleSpec("C", "202", 75.0, -7.0)),
+    noise=NoiseSpec.none(),
+)
+
+
+def _pixel_by_hand(camera: str, forward_m: float, left_m: float, down_m: float = 0.0) -> tuple[float, float]:
+    """Project a point of the rig frame with nothing but trigonometry and a bisection."""
+    model, (roll, pitch, yaw), (x, y, z) = CAMERAS[camera]
+    p = np.array([forward_m - x, left_m - y, -down_m - z])
+    r, q, w = np.radians([roll, pitch, yaw])
+    # Undo yaw about z, then pitch about y, then roll about x.
+    p = np.array([np.cos(w) * p[0] + np.sin(w) * p[1], -np.sin(w) * p[0] + np.cos(w) * p[1], p[2]])
+    p = np.array([np.cos(q) * p[0] - np.sin(q) * p[2], p[1], np.sin(q) * p[0] + np.cos(q) * p[2]])
+    p = np.array([p[0], np.cos(r) * p[1] + np.sin(r) * p[2], -np.sin(r) * p[1] + np.cos(r) * p[2]])
+    right, down, ahead = -p[1], -p[2], p[0]
+    theta, low, high = np.arctan2(np.hypot(right, down), ahead), 0.0, 1300.0
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        reached = sum(k * middle**i for i, k in enumerate(model.theta_from_r or ()))
+        low, high = (middle, high) if reached < theta else (low, middle)
+    direction = np.arctan2(down, right)
+    return model.cx_px + low * np.cos(direction), model.cy_px + low * np.sin(direction)
+
+
+def _arrays(drive: SimulatedDrive) -> Sequence[NDArray[np.generic]]:
+    s, o, p = drive.sightings, drive.objects, drive.poses
+    arrays = [s.camera, s.frame, s.object_index, s.pixel_px, s.blunder, o.enu_m, p.heading_deg, p.height_m]
+    arrays += [a for f in drive.gnss for a in (f.host_ns, f.latitude_deg, f.longitude_deg, f.height_m)]
+    return arrays + list(drive.frame_host_ns.values())
+
+
+def test_same_seed_gives_the_same_drive() -> None:
+    """Two runs of one seed agree in every bit, another seed differs in the fixes and the pixels."""
+    world = scenario("approach", 15.0)
+    first, second, other = (simulate_drive(world, seed) for seed in (3, 3, 4))
+    for a, b in zip(_arrays(first), _arrays(second), strict=True):
+        assert a.tobytes() == b.tobytes()
+    assert not np.array_equal(first.gnss[0].latitude_deg, other.gnss[0].latitude_deg)
+    assert not np.array_equal(first.sightings.pixel_px[:5], other.sightings.pixel_px[:5])
+
+
+def test_one_source_of_noise_leaves_the_others_alone() -> None:
+    """Turning the annotator's noise off changes no fix, no stamp and no true pixel."""
+    world = scenario("approach", 15.0)
+    noisy = simulate_drive(world, 5)
+    calm = simulate_drive(replace(world, noise=replace(world.noise, annotation_px=0.0, blunder_rate=0.0)), 5)
+    assert np.array_equal(noisy.gnss[1].longitude_deg, calm.gnss[1].longitude_deg)
+    assert np.array_equal(noisy.frame_host_ns["C2_tricam60"], calm.frame_host_ns["C2_tricam60"])
+    assert np.array_equal(calm.sightings.pixel_px, calm.sightings.true_pixel_px)
+    assert np.array_equal(noisy.sightings.true_pixel_px, calm.sightings.true_pixel_px)
+
+
+@pytest.mark.parametrize("camera", list(CAMERAS))
+def test_pixels_equal_a_projection_by_hand(camera: str) -> None:
+    """On a flat straight road a foot falls on the pixel that trigonometry and a bisection give."""
+    drive = simulate_drive(FLAT_WORLD, 1)
+    s = drive.sightings
+    rows = np.flatnonzero(s.camera == camera)
+    assert rows.size > 40
+    for row in rows:
+        pole = FLAT_WORLD.poles[s.object_index[row]]
+        driven_m = 10.0 * s.frame[row] / 30.0
+        by_hand = _pixel_by_hand(camera, pole.station_m - driven_m, pole.offset_m + 1.65)
+        # The centre line is integrated numerically: 1e-6 m at 5 m is 4e-4 px at most.
+        assert s.pixel_px[row] == pytest.approx(by_hand, abs=5e-4)
+
+
+def test_rolling_shutter_sees_each_row_at_its_own_time() -> None:
+    """With 26 µs a row a foot is seen where it is when its own row is read, not when the middle row is."""
+    world = replace(FLAT_WORLD, noise=replace(NoiseSpec.none(), row_delay_us=26.0))
+    s = simulate_drive(world, 1).sightings
+    for row in range(0, s.frame.size, 7):
+        pole = world.poles[s.object_index[row]]
+        late_s = (s.pixel_px[row, 1] - 603.5) * 26e-6
+        forward = pole.station_m - 10.0 * (s.frame[row] / 30.0 + late_s)
+        by_hand = _pixel_by_hand(str(s.camera[row]), forward, pole.offset_m + 1.65)
+        assert s.pixel_px[row] == pytest.approx(by_hand, abs=2e-3)
+    assert np.abs(s.pixel_px[:, 1] - 603.5).max() > 250.0
+
+
+def test_true_poses_and_positions_explain_the_pixels() -> None:
+    """Geodesics of PROJ from the true pose to the true position lead to the pixel on a curved, bumpy road."""
+    drive = simulate_drive(without_noise(scenario("sample")), 2)
+    s, o, p = drive.sightings, drive.objects, drive.poses
+    rows = np.arange(0, s.frame.size, 11)
+    frame, index = s.frame[rows], s.object_index[rows]
+    azimuth, _, distance = pyproj.Geod(ellps="GRS80").inv(
+        p.longitude_deg[frame], p.latitude_deg[frame], o.longitude_deg[index], o.latitude_deg[index]
+    )
+    to_foot = np.stack(
+        [
+            distance * np.sin(np.radians(azimuth)),
+            distance * np.cos(np.radians(azimuth)),
+            o.height_m[index] - p.height_m[frame] - np.square(distance) / (2.0 * 6.38e6),
+        ],
+        axis=-1,
+    )
+    h, q, r = (np.radians(a[frame]) for a in (90.0 - p.heading_deg, p.pitch_deg, p.roll_deg))
+    forward = np.stack([np.cos(h) * np.cos(q), np.sin(h) * np.cos(q), -np.sin(q)], axis=-1)
+    level_left = np.stack([-np.sin(h), np.cos(h), 0.0 * h], axis=-1)
+    level_up = np.cross(forward, level_left)
+    left = np.cos(r)[:, None] * level_left + np.sin(r)[:, None] * level_up
+    up = np.cross(forward, left)
+    for k, row in enumerate(rows):
+        x, y, z = (float(axis[k] @ to_foot[k]) for axis in (forward, left, up))
+        by_hand = _pixel_by_hand(str(s.camera[row]), x, y, -z)
+        # The sphere's curvature term and a slope of 2 % leave 0.1 mm: 0.05 px at the nearest foot.
+        assert s.pixel_px[row] == pytest.approx(by_hand, abs=0.05)
+
+
+def test_boresight_errors_turn_the_camera_about_the_rigs_axes() -> None:
+    """A foot is seen as if it, and not the camera, had been turned back about the camera's centre."""
+    world = replace(FLAT_WORLD, noise=replace(NoiseSpec.none(), boresight_deg=2.0))
+    drive = simulate_drive(world, 6)
+    s = drive.sightings
+    for row in range(0, s.frame.size, 9):
+        camera, pole = str(s.camera[row]), world.poles[s.object_index[row]]
+        eye = np.array(CAMERAS[camera][2])
+        foot = np.array([pole.station_m - 10.0 * s.frame[row] / 30.0, pole.offset_m + 1.65, 0.0]) - eye
+        angle = np.linalg.norm(drive.drawn.boresight_deg[camera])
+        axis, turn = drive.drawn.boresight_deg[camera] / angle, np.radians(-angle)
+        # Rodrigues' formula.
+        turned = foot * np.cos(turn) + np.cross(axis, foot) * np.sin(turn)
+        turned += axis * (axis @ foot) * (1.0 - np.cos(turn))
+        x, y, z = turned + eye
+        assert s.pixel_px[row] == pytest.approx(_pixel_by_hand(camera, x, y, -z), abs=1e-3)
+
+
+def test_world_without_poles_has_no_sightings() -> None:
+    """A drive past nothing has fixes and frames, and arrays of length 0 for the rest."""
+    drive = simulate_drive(replace(FLAT_WORLD, poles=()), 1)
+    assert drive.sightings.pixel_px.shape == (0, 2)
+    assert drive.objects.enu_m.shape == (0, 3)
+    assert drive.frame_epoch_ns.size == 180
+
+
+def test_leaving_the_road_is_refused() -> None:
+    """A drive or a pole beyond the road's end and an unknown camera are refused in one sentence."""
+    fast = replace(STRAIGHT_DRIVE, speed=((0.0, 60.0),))
+    with pytest.raises(GeolocError, match="make the road longer or the drive shorter"):
+        simulate_drive(replace(FLAT_WORLD, motion=fast), 1)
+    far = (PoleSpec("far", "202", 900.0, 0.0),)
+    with pytest.raises(GeolocError, match=r"station 900\.0 m is not on the simulated road"):
+        simulate_drive(replace(FLAT_WORLD, poles=far), 1)
+    with pytest.raises(GeolocError, match="C9_roof"):
+        simulate_drive(replace(FLAT_WORLD, cameras=("C9_roof",)), 1)
+
+
+def test_antennas_stand_where_the_lever_arms_say() -> None:
+    """Without noise each fix is the antenna: 10 m/s along the road, height and side by the lever arm."""
+    drive = simulate_drive(FLAT_WORLD, 1)
+    frame = LocalFrame(FLAT_ROAD.latitude_deg, FLAT_ROAD.longitude_deg, FLAT_ROAD.height_m)
+    heading = np.radians(60.0)
+    for fixes in drive.gnss:
+        arm, _ = ANTENNAS[fixes.antenna]
+        enu = frame.enu_from_geographic(fixes.latitude_deg, fixes.longitude_deg, fixes.height_m)
+        seconds = (fixes.epoch_ns - FLAT_WORLD.start_utc_ns) / 1e9
+        along = enu[:, 0] * np.sin(heading) + enu[:, 1] * np.cos(heading)
+        across = -enu[:, 0] * np.cos(heading) + enu[:, 1] * np.sin(heading)
+        assert along == pytest.approx(10.0 * seconds + arm[0], abs=1e-5)
+        assert across == pytest.approx(np.full(seconds.size, -1.65 + arm[1]), abs=1e-5)
+        assert enu[:, 2] == pytest.approx(np.full(seconds.size, arm[2]), abs=1e-6)
+        assert np.array_equal(fixes.host_ns, fixes.epoch_ns)
+
+
+def test_local_frame_agrees_with_geodesics() -> None:
+    """400 m from the origin, the plane's distance and direction are those of PROJ's geodesic to 1 mm."""
+    frame = LocalFrame(63.4085, 10.452, 96.0)
+    azimuth = np.radians(np.arange(0.0, 360.0, 30.0))
+    enu = np.stack([400.0 * np.sin(azimuth), 400.0 * np.cos(azimuth), 0.0 * azimuth], axis=-1)
+    latitude, longitude, height = frame.geographic_from_enu(enu)
+    origin = np.full(azimuth.size, 63.4085), np.full(azimuth.size, 10.452)
+    found, _, distance = pyproj.Geod(ellps="GRS80").inv(origin[1], origin[0], longitude, latitude)
+    # The plane is 96 m above the ellipsoid: 400 m there are 6 mm less below.
+    assert distance == pytest.approx(np.full(12, 400.0 * (1.0 - 96.0 / 6.39e6)), abs=1e-3)
+    assert np.degrees(np.mod(np.radians(found) - azimuth + 0.1, 2 * np.pi) - 0.1) == pytest.approx(
+        np.zeros(12), abs=1e-4
+    )
+    assert frame.enu_from_geographic(latitude, longitude, height) == pytest.approx(enu, abs=1e-6)
+
+
+def test_bends_and_brakes_tilt_the_body() -> None:
+    """A left bend leans the body right, braking dips its nose, and the crown of the road tilts it right."""
+    noise = replace(NoiseSpec.none(), roll_deg_per_mps2=0.35, dive_deg_per_mps2=0.25)
+    bend = replace(FLAT_ROAD, curvature=((0.0, 1 / 100.0),), crossfall_percent=2.0)
+    steady = simulate_drive(replace(FLAT_WORLD, road=bend, noise=noise), 1).poses
+    assert steady.roll_deg == pytest.approx(
+        np.full(steady.roll_deg.size, np.degrees(np.arctan(0.02)) + 0.35 * 10.0**2 / 100.0), abs=1e-3
+    )
+    braking = replace(STRAIGHT_DRIVE, speed=((1.0, 10.0), (5.0, 4.0)))
+    poses = simulate_drive(replace(FLAT_WORLD, motion=braking, noise=noise), 1).poses
+    # The smooth step is steepest in its middle: 1.5 times the mean of 1.5 m/s².
+    assert poses.pitch_deg.max() == pytest.approx(0.25 * 2.25, abs=1e-3)
+    # The horizon turns with the curved earth by 0.0005 degrees on the way.
+    assert poses.pitch_deg.min() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_climbing_lifts_the_nose() -> None:
+    """On a grade of 5 % the pitch is minus atan(0.05), to the 0.0005 degrees of the curved earth."""
+    world = replace(FLAT_WORLD, road=replace(FLAT_ROAD, grade_percent=5.0))
+    poses = simulate_drive(world, 1).poses
+    assert poses.pitch_deg == pytest.approx(
+        np.full(poses.pitch_deg.size, -np.degrees(np.arctan(0.05))), abs=1e-3
+    )
+
+
+def test_speed_profile_is_the_derivative_of_the_distance() -> None:
+    """Distance integrates the speed through smooth steps: the trapezoidal rule agrees to 0.1 mm."""
+    spec = MotionSpec(duration_s=20.0, speed=((2.0, 11.0), (6.0, 5.0), (9.0, 5.0), (14.0, 13.0)))
+    motion = TrueMotion(Road(replace(FLAT_ROAD, length_m=400.0), 1), spec, NoiseSpec.none(), 1)
+    time = np.linspace(0.0, 20.0, 20_001)
+    speed, acceleration, distance = motion.speed_mps(time)
+    trapezoids = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 1e-3)])
+    assert distance == pytest.approx(trapezoids, abs=1e-4)
+    assert np.gradient(speed, time) == pytest.approx(acceleration, abs=5e-3)
+
+
+def test_gnss_noise_is_as_large_as_stated() -> None:
+    """Over 400 s of standing still the spreads of the baseline and of the stamps are as specified."""
+    still = scenario("still")
+    world = replace(still, motion=replace(still.motion, duration_s=400.0), annotate_every=3000)
+    noise, drive = world.noise, simulate_drive(world, 11)
+    left, right = drive.gnss
+    frame = LocalFrame(world.road.latitude_deg, world.road.longitude_deg, world.road.height_m)
+    a, b = (frame.enu_from_geographic(f.latitude_deg, f.longitude_deg, f.height_m) for f in (left, right))
+    # Slow noise is common and cancels; white noise and multipath of two antennas remain.
+    plan = np.sqrt(2.0 * (noise.gnss_white_horizontal_m**2 + noise.gnss_multipath_m**2))
+    up = np.sqrt(2.0 * (noise.gnss_white_vertical_m**2 + noise.gnss_multipath_m**2))
+    # 2 011 epochs with multipath correlated over 8 s: 12 % is four sigma of the spread's own error.
+    assert (a - b).std(axis=0) == pytest.approx([plan, plan, up], rel=0.12)
+    delay_ms = (left.host_ns - left.epoch_ns) / 1e6
+    assert delay_ms.mean() == pytest.approx(noise.link_delay_ms, abs=0.3)
+    assert delay_ms.std() == pytest.approx(noise.link_jitter_ms, rel=0.07)
+    jitter_ms = (drive.frame_host_ns["C3_tricam120"] - drive.frame_epoch_ns) / 1e6
+    assert jitter_ms.mean() == pytest.approx(drive.drawn.frame_offset_ms, abs=0.02)
+    assert jitter_ms.std() == pytest.approx(noise.frame_jitter_ms, rel=0.05)
+
+
+def test_annotation_noise_is_as_large_as_stated() -> None:
+    """Pixels scatter by 1.5 px about the true ones, and half a per cent are blunders of 20 to 60 px."""
+    world = scenario("urban", 25.0)
+    drives = [simulate_drive(world, seed) for seed in range(3)]
+    error = np.concatenate([d.sightings.pixel_px - d.sightings.true_pixel_px for d in drives])
+    blunder = np.concatenate([d.sightings.blunder for d in drives])
+    # About 5 500 sightings: the spread is known to 1 %, the count of blunders to 19 %.
+    assert error[~blunder].std(axis=0) == pytest.approx([1.5, 1.5], rel=0.04)
+    assert np.abs(error[~blunder].mean(axis=0)).max() < 0.1
+    assert blunder.mean() == pytest.approx(0.005, rel=0.6)
+    jump = np.linalg.norm(error[blunder], axis=-1)
+    assert jump.min() > 12.0
+    assert jump.max() < 68.0
+
+
+def test_errors_drawn_once_have_the_stated_spread() -> None:
+    """Over 400 drives mounting, clock, lens and lever-arm errors have the specification's sigmas."""
+    spec = NoiseSpec()
+    drawn = [draw_errors(spec, seed, tuple(CAMERAS), tuple(ANTENNAS)) for seed in range(400)]
+    spread = {
+        "boresight_deg": np.std([d.boresight_deg[c] for d in drawn for c in CAMERAS]),
+        "camera_position_m": np.std([d.camera_position_m[c] for d in drawn for c in CAMERAS]),
+        "focal_relative": np.std([d.focal_relative[c] for d in drawn for c in CAMERAS]),
+        "principal_point_px": np.std([d.principal_point_px[c] for d in drawn for c in CAMERAS]),
+        "lever_arm_m": np.std([d.lever_arm_m[a] for d in drawn for a in ANTENNAS]),
+        "frame_offset_ms": np.std([d.frame_offset_ms for d in drawn]),
+    }
+    for name, value in spread.items():
+        # The smallest sample, 400 offsets, knows its spread to 3.5 %.
+        assert value == pytest.approx(getattr(spec, name), rel=0.12), name
+
+
+def test_gauss_markov_forgets_with_its_correlation_time() -> None:
+    """The autocorrelation falls to 1/e after tau and the spread stays sigma, also with uneven epochs."""
+    rng = stream(1, "test")
+    epoch = np.cumsum(rng.uniform(0.05, 0.15, 60_000))
+    x = gauss_markov(rng, epoch, 2.0, 1.0)
+    assert x.std() == pytest.approx(2.0, rel=0.05)
+    lag = 10
+    assert np.mean(x[lag:] * x[:-lag]) / x.var() == pytest.approx(np.exp(-1.0), abs=0.05)
+
+
+def test_body_oscillates_at_its_natural_frequency() -> None:
+    """The body's autocorrelation is exp(-zeta omega tau) cos(omega tau): negative after half a period."""
+    x = damped_oscillation(stream(1, "test"), 100_000, 0.01, 1.4, 0.3)
+    assert x.std() == pytest.approx(1.0, rel=0.05)
+    for lag_s in (0.1, 0.36, 0.71):
+        lag, omega = round(lag_s / 0.01), 2.0 * np.pi * 1.4
+        expected = np.exp(-0.3 * omega * lag_s) * np.cos(omega * lag_s)
+        assert np.mean(x[lag:] * x[:-lag]) == pytest.approx(expected, abs=0.05)
+
+
+def test_body_jitter_grows_with_speed() -> None:
+    """At 50 km/h pitch jitters by its stated sigma plus idling, standing still by idling alone."""
+    noise = replace(NoiseSpec.none(), pitch_jitter_deg=0.10, idle_jitter_deg=0.01)
+    for speed, expected in ((50.0 / 3.6, 0.11), (0.0, 0.01)):
+        motion = MotionSpec(duration_s=200.0, speed=((0.0, speed),), wander_m=0.0)
+        road = Road(replace(FLAT_ROAD, length_m=3000.0), 1)
+        body = TrueMotion(road, motion, noise, 3).at(np.arange(0.0, 200.0, 0.05))
+        pitch_deg = -np.degrees(np.arcsin(body.enu_R_rig[:, 2, 0]))
+        # 200 s hold about 260 independent swings.
+        assert pitch_deg.std() == pytest.approx(expected, rel=0.15)
+
+
+def test_road_ahead_lies_off_the_cars_plane_as_stated() -> None:
+    """Ground 15 m ahead lies 0.3 ± 0.1 degrees off the car's plane, rms, in the default road."""
+    road = Road(RoadSpec(length_m=2000.0), 4)
+    station = np.arange(0.0, 1900.0, 0.5)
+    offset = np.full(station.size, -1.65)
+
+    def rise(distance: float) -> FloatArray:
+        return (road.surface_m(station + distance, offset) - road.surface_m(station, offset)) / distance
+
+    relative = np.degrees(rise(15.0) - rise(2.85))
+    assert 0.2 < relative.std() < 0.4
+
+
+def test_no_noise_means_no_noise() -> None:
+    """Every amplitude of `NoiseSpec.none` is zero, and every value of the default is not."""
+    times = {"gnss_slow_tau_s", "gnss_multipath_tau_s", "body_frequency_hz", "body_damping"}
+    for field in fields(NoiseSpec):
+        assert getattr(NoiseSpec(), field.name) > 0.0
+        assert (getattr(NoiseSpec.none(), field.name) > 0.0) == (field.name in times)
+
+
+@pytest.mark.parametrize(
+    ("name", "poles"), [("sample", 15), ("still", 3), ("approach", 1), ("urban", 13), ("highway", 16)]
+)
+def test_scenario_shows_every_pole_to_every_annotated_camera(name: str, poles: int) -> None:
+    """Each scenario has its number of poles, and each annotated camera sees each pole at least ten times."""
+    world = scenario(name, seed=2)
+    drive = simulate_drive(world, 2)
+    assert drive.objects.object.size == poles
+    for camera in world.cameras:
+        seen = drive.sightings.object_index[drive.sightings.camera == camera]
+        assert np.bincount(seen, minlength=poles).min() >= 10, camera
+    low, high = world.range_m
+    assert drive.sightings.range_m.min() >= low
+    assert drive.sightings.range_m.max() <= high
+
+
+def test_still_objects_stand_at_the_papers_distances() -> None:
+    """The three objects of the standing scenario are 9.0, 11.8 and 19.3 m from the rig's origin, in plan."""
+    drive = simulate_drive(without_noise(scenario("still")), 1)
+    o, p = drive.objects, drive.poses
+    start = np.full(3, p.longitude_deg[0]), np.full(3, p.latitude_deg[0])
+    distance = pyproj.Geod(ellps="GRS80").inv(*start, o.longitude_deg, o.latitude_deg)[2]
+    assert distance == pytest.approx([9.0, 11.8, 19.3], abs=1e-3)
+
+
+def test_scenarios_refuse_nonsense() -> None:
+    """An unknown name and an absurd speed each get one sentence that says what would do."""
+    with pytest.raises(GeolocError, match="choose one of sample, still, approach, urban, highway"):
+        scenario("motorway")
+    with pytest.raises(GeolocError, match="1 to 130 km/h, not 900"):
+        scenario("urban", 900.0)
+    assert set(SCENARIOS) == {"sample", "still", "approach", "urban", "highway"}
+
+
+def test_simulator_borrows_nothing_from_the_estimator() -> None:
+    """The simulator imports no estimator: nor any formula of its trajectories."""
+    root = Path(geoloc.simulate.__file__).parent
+    imported: dict[str, set[str]] = {}
+    for path in [root / "simulate.py", *sorted((root / "simulation").glob("*.py"))]:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("geoloc"):
+                imported.setdefault(node.module, set()).update(alias.name for alias in node.names)
+    own = {name for name in imported if name.startswith("geoloc.simulation")}
+    assert set(imported) - own == {
+        "geoloc.cameras.ftheta",
+        "geoloc.errors",
+        "geoloc.geodesy",
+        "geoloc.rig",
+        "geoloc.trajectory",
+    }
+    assert imported["geoloc.trajectory"] == {"GnssFixes", "PoseTrack"}
+    assert imported["geoloc.geodesy"] == {"utm33_from_geographic", "rotation_from_rpy"}
