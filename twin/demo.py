@@ -55,6 +55,7 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
         Folder for the store ``twin.db`` and the exported layers. A ``twin.db`` of an earlier demo in it is
         used again: running twice changes nothing.
     """
+    from nvdb.area import Area
     from nvdb.replay import ReplayServer
 
     say = progress or (lambda _text: None)
@@ -63,7 +64,7 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
     with Store.open(out / "twin.db") as store:
         with ReplayServer(sample / "nvdb") as server:
             say("syncing NVDB's signs from the replay server")
-            synced = sync_nvdb(store, kommune="5001", api_url=server.url)
+            synced = sync_nvdb(store, Area(kommuner=(5001,)), api_url=server.url)
         drives = []
         for folder in sorted(path for path in sample.iterdir() if path.name.startswith("trip_")):
             # The baseline too, so that the closing table can compare.

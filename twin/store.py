@@ -140,15 +140,12 @@ class Store:
     def save_changes(self, changes: Sequence[Row], run: Row) -> None:
         """Replace the findings of the last match; a decision stays with its ``change_id``."""
         with self.transaction() as connection:
-            decided = dict(
-                connection.execute(
-                    sa.select(schema.change.c.change_id, schema.change.c.decision).where(
-                        schema.change.c.decision != "open"
-                    )
+            kept = connection.execute(
+                sa.select(schema.change.c.change_id, schema.change.c.decision).where(
+                    schema.change.c.decision != "open"
                 )
-                .tuples()
-                .all()
             )
+            decided = {row.change_id: row.decision for row in kept}
             connection.execute(sa.delete(schema.change))
             if changes:
                 rows = [{**row, "decision": decided.get(row["change_id"], "open")} for row in changes]

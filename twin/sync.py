@@ -72,10 +72,8 @@ def area_from_options(kommune: str | None, bbox: str | None, everything: bool) -
 
 def sync_nvdb(
     store: Store,
+    area: Area,
     *,
-    kommune: str | None = None,
-    bbox: str | None = None,
-    everything: bool = False,
     api_url: str,
     contact: str | None = None,
     replace: bool = False,
@@ -86,8 +84,7 @@ def sync_nvdb(
     Parameters
     ----------
     store : Store
-    kommune, bbox, everything
-        The area, one of the three.
+    area : Area
     api_url : str
         Base address of API Les V4.
     contact : str, optional
@@ -100,13 +97,12 @@ def sync_nvdb(
     Raises
     ------
     NvdbError
-        The area or the API; the store is unchanged.
+        The API did not answer as it should; the store is unchanged.
     RefusedError
         The store mirrors another area.
     StoreError
         The store could not be written.
     """
-    area = area_from_options(kommune, bbox, everything)
     _check_area(store, area, replace)
 
     def tell(now: SyncProgress) -> None:

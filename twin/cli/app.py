@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,15 @@ StoreOption = Annotated[
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout instead of tables.")
 ]
+
+
+class Method(StrEnum):
+    """Geolocation methods, as in :data:`twin.match.METHODS`."""
+
+    SINGLE_FRAME = "single-frame"
+    PAPER = "paper"
+
+
 DEFAULT_STORE = Path("twin.db")
 DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
 
@@ -78,8 +88,8 @@ def sync_nvdb(
 def ingest_drive(
     drive: Annotated[Path, typer.Argument(help="The drive's folder.", metavar="DRIVE")],
     method: Annotated[
-        str, typer.Option(help="single-frame (the true ray), or paper (the baseline, to the letter).")
-    ] = "single-frame",
+        Method, typer.Option(help="single-frame: the true ray. paper: the baseline, to the letter.")
+    ] = Method.SINGLE_FRAME,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -92,7 +102,7 @@ def ingest_drive(
 @app.command("match", epilog="Example: twin match")
 def match(
     method: Annotated[
-        str | None, typer.Option(help="Whose estimates to match.  [default: the best in the store]")
+        Method | None, typer.Option(help="Whose estimates to match.  [default: the best in the store]")
     ] = None,
     tolerance: Annotated[
         float, typer.Option(help="Metres from NVDB's position beyond which a sign has moved.")

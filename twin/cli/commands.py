@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.cli.output import bar, note, print_json, print_pairs, print_table, steps, warn
+from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, steps, warn
 
 if TYPE_CHECKING:
     from twin.evaluate import MethodResult
@@ -24,19 +24,12 @@ def sync_nvdb(
 ) -> None:
     """``twin sync-nvdb``."""
     from twin.store import Store
+    from twin.sync import area_from_options
     from twin.sync import sync_nvdb as run
 
+    area = area_from_options(kommune, bbox, everything)
     with Store.open(store) as opened, bar(quiet=json_output) as progress:
-        result = run(
-            opened,
-            kommune=kommune,
-            bbox=bbox,
-            everything=everything,
-            api_url=api_url,
-            contact=contact,
-            replace=replace,
-            progress=progress,
-        )
+        result = run(opened, area, api_url=api_url, contact=contact, replace=replace, progress=progress)
     if json_output:
         print_json(result)
         return
@@ -122,7 +115,7 @@ def export(folder: Path, store: Path, json_output: bool) -> None:
     if json_output:
         print_json({"files": [str(path) for path in files]})
         return
-    print_table("Written", ["file", "kB"], [(str(p), round(p.stat().st_size / 1000)) for p in files])
+    print_paths("Written:", files)
     note("Open twin_utm33.gpkg in QGIS: the layer changes comes coloured by verdict.")
 
 
@@ -224,4 +217,4 @@ def demo(out: Path, json_output: bool) -> None:
         [(v, n, expected.get(v, 0)) for v, n in report.match.verdicts.items()],
     )
     print_errors(report.evaluation.methods)
-    print_table("Open these", ["file"], [(str(path),) for path in report.files])
+    print_paths("Open these:", report.files)

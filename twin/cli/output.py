@@ -19,22 +19,26 @@ def console(*, stderr: bool = False) -> Console:
     """Return a rich console; made when needed, since importing rich costs start-up time."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+    made = Console(stderr=stderr, highlight=False)
+    if not made.is_terminal:
+        # A pipe has no width: nothing is to be cut to the 80 columns that rich assumes.
+        made.width = 200
+    return made
 
 
 def error_line(text: str) -> None:
     """Print one error sentence on stderr."""
-    console(stderr=True).print(f"[bold red]twin:[/] {_escape(text)}")
+    console(stderr=True).print(f"[bold red]twin:[/] {_escape(text)}", soft_wrap=True)
 
 
 def note(text: str) -> None:
     """Print one line of progress or advice on stderr."""
-    console(stderr=True).print(_escape(text))
+    console(stderr=True).print(_escape(text), soft_wrap=True)
 
 
 def warn(text: str) -> None:
     """Print a warning on stderr."""
-    console(stderr=True).print(f"[yellow]warning:[/] {_escape(text)}")
+    console(stderr=True).print(f"[yellow]warning:[/] {_escape(text)}", soft_wrap=True)
 
 
 def _escape(text: str) -> str:
@@ -57,7 +61,7 @@ def print_table(
 
     table = Table(title=title, title_justify="left", title_style="bold", header_style="bold")
     for number, name in enumerate(columns):
-        table.add_column(name, justify="right" if number >= right_from else "left")
+        table.add_column(name, justify="right" if number >= right_from else "left", overflow="fold")
     for row in rows:
         table.add_row(*(_escape(cell(value)) for value in row))
     console().print(table)
@@ -72,6 +76,11 @@ def cell(value: object) -> str:
     if isinstance(value, int):
         return f"{value:,}"
     return str(value)
+
+
+def print_paths(title: str, paths: Sequence[object]) -> None:
+    """Print file names a line each on stdout, whole, for people to copy."""
+    sys.stdout.write(f"{title}\n" + "".join(f"  {path}\n" for path in paths))
 
 
 def print_pairs(title: str, pairs: Mapping[str, object]) -> None:

@@ -1,0 +1,57 @@
+"""What people install: the wheel, in an empty folder, without the source tree."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built wheel, unpacked by pip into a folder of its own; its dependencies are those of the tests."""
+    if not (ROOT / "pyproject.toml").exists():
+        pytest.skip("the source tree is not beside the tests")
+    base = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", str(base)]
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    (wheel,) = base.glob("nvdb_twin-*.whl")
+    target = base / "site"
+    install = [sys.executable, "-m", "pip", "install", "--no-deps", "--no-index", "--target", str(target)]
+    subprocess.run([*install, str(wheel)], check=True, capture_output=True)
+    return target
+
+
+def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
+    """The sample travels with the wheel: `twin demo` needs nothing but itself."""
+    code = (
+        "import twin, sys; from twin.cli import run; "
+        "assert 'site' in twin.__file__, twin.__file__; sys.exit(run(['demo', '--json']))"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    numbers = json.loads(done.stdout)
+    assert numbers["verdicts"] == numbers["verdicts_expected"]
+    assert (tmp_path / "demo-out" / "twin_utm33.gpkg").exists()
+
+
+def test_wheel_carries_types_and_no_tests(installed: Path) -> None:
+    """The three packages are typed, and nothing else is put into site-packages."""
+    for package in ("twin", "nvdb", "geoloc"):
+        assert (installed / package / "py.typed").exists()
+    assert not (installed / "tests").exists()
+    assert not (installed / "data").exists()
