@@ -102,8 +102,8 @@ class Rig:
                 f"Camera {name} in {self.source} cannot be used: {self.unsupported[name]}."
             )
         raise CalibrationError(
-            f"There is no camera {name} in {self.source}, only {_listed(self.cameras)}: rename the camera in "
-            "the annotations or give the rig that it belongs to."
+            f"There is no camera {name} in {self.source} (its cameras: {_listed(self.cameras)}): rename the "
+            "camera in the annotations or give the rig that it belongs to."
         )
 
 
@@ -205,8 +205,8 @@ def rig_with_lever_arms(rig: Rig, lever_arms_m: Mapping[str, Sequence[float]]) -
     for name, lever_arm in lever_arms_m.items():
         if name not in antennas:
             raise CalibrationError(
-                f"A lever arm is given for {name}, but the antennas in {rig.source} are "
-                f"{_listed(rig.antennas)}: spell the name as the rig file does."
+                f"A lever arm is given for {name}, but {rig.source} has no such antenna (its antennas: "
+                f"{_listed(rig.antennas)}): spell the name as the rig file does."
             )
         vector = np.array(lever_arm, dtype=np.float64)
         if vector.shape != (3,) or not np.isfinite(vector).all():

@@ -5,8 +5,9 @@ from __future__ import annotations
 import base64
 import binascii
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -139,13 +140,11 @@ class SensorEntry:
 
     def camera_model(self) -> CameraModel:
         """Intrinsics from the properties; only where `unsupported_model` found nothing."""
+        ftheta = (self.property("Model", "model") or "").lower() == "ftheta"
+        build = self._ftheta() if ftheta else self._pinhole()
         try:
-            if (self.property("Model", "model") or "").lower() == "ftheta":
-                return self._ftheta()
-            return self._pinhole()
+            return build()
         except CalibrationError as error:
-            if self.source in str(error):
-                raise
             raise self.error("The intrinsics", f"cannot be used: {error}.") from error
 
     def _size(self, key: str) -> int:
@@ -154,9 +153,10 @@ class SensorEntry:
             raise self.error(key, f"is {value:g}: expected a positive number of pixels.")
         return int(value)
 
-    def _ftheta(self) -> FThetaCamera:
+    def _ftheta(self) -> Callable[[], CameraModel]:
         direction, coefficients = self._ftheta_polynomial()
-        return FThetaCamera(
+        return partial(
+            FThetaCamera,
             width_px=self._size("width"),
             height_px=self._size("height"),
             cx_px=self.number("cx"),
@@ -183,12 +183,13 @@ class SensorEntry:
             raise self.error("polynomial or bw-poly", "is missing: export the rig with its intrinsics.")
         return "theta_from_r", self.numbers("bw-poly", text)
 
-    def _pinhole(self) -> PinholeCamera:
+    def _pinhole(self) -> Callable[[], CameraModel]:
         distortion = self.numbers("distortion", self.property("distortion") or "", 0, 3, 4, 5, 8)
         if len(distortion) == 3:
             # DriveWorks' own three: radial alone, without OpenCV's tangential pair in the middle.
             distortion = (distortion[0], distortion[1], 0.0, 0.0, distortion[2])
-        return PinholeCamera(
+        return partial(
+            PinholeCamera,
             width_px=self._size("width"),
             height_px=self._size("height"),
             fx_px=self.number("fx", "focal-x", "focalX"),
@@ -206,7 +207,10 @@ class SensorEntry:
         document = self.sensor.get("car-mask")
         if not isinstance(document, Mapping) or _MASK_KEY not in document:
             return None
-        width, height = (int(n) for n in self.vector("car-mask.resolution", document.get("resolution"), 2))
+        resolution = self.vector("car-mask.resolution", document.get("resolution"), 2)
+        width, height = int(resolution[0]), int(resolution[1])
+        if width <= 0 or height <= 0 or (resolution != [width, height]).any():
+            raise self.error("car-mask.resolution", f"is {resolution.tolist()}: expected width and height.")
         try:
             data = base64.b64decode(str(document[_MASK_KEY]), validate=True)
         except binascii.Error as error:
@@ -239,38 +243,27 @@ def mask_document(ego_mask: NDArray[np.bool_]) -> dict[str, Any]:
 
 def model_properties(name: str, model: CameraModel) -> dict[str, str]:
     """Write intrinsics as ``properties``: the inverse of `SensorEntry.camera_model`."""
-    size = {"width": str(model.width_px), "height": str(model.height_px)}
+    properties = {"Model": model.model, "width": str(model.width_px), "height": str(model.height_px)}
     if isinstance(model, FThetaCamera):
         forward = model.theta_from_r is None
         kind = "angle-to-pixeldistance" if forward else "pixeldistance-to-angle"
-        polynomial = model.r_from_theta if forward else model.theta_from_r
+        polynomial = (model.r_from_theta if forward else model.theta_from_r) or ()
         return {
-            "Model": model.model,
-            **size,
-            "cx": repr(model.cx_px),
-            "cy": repr(model.cy_px),
-            "polynomial": _joined(polynomial or ()),
+            **properties,
+            **_texts({"cx": (model.cx_px,), "cy": (model.cy_px,), "polynomial": polynomial}),
             "polynomial-type": kind,
-            "linear-c": repr(model.c),
-            "linear-d": repr(model.d),
-            "linear-e": repr(model.e),
+            **_texts({"linear-c": (model.c,), "linear-d": (model.d,), "linear-e": (model.e,)}),
         }
     if isinstance(model, PinholeCamera):
-        return {
-            "Model": model.model,
-            **size,
-            "cx": repr(model.cx_px),
-            "cy": repr(model.cy_px),
-            "fx": repr(model.fx_px),
-            "fy": repr(model.fy_px),
-            "distortion": _joined(model.distortion),
-        }
+        numbers = {"cx": (model.cx_px,), "cy": (model.cy_px,), "fx": (model.fx_px,), "fy": (model.fy_px,)}
+        return {**properties, **_texts({**numbers, "distortion": model.distortion})}
     raise CalibrationError(f"The camera model {model.model} of {name} cannot be written to a rig file.")
 
 
-def _joined(numbers: tuple[float, ...]) -> str:
+def _texts(properties: Mapping[str, tuple[float, ...]]) -> dict[str, str]:
+    """Numbers as rig files spell them: strings with blanks between, exact to the last bit."""
     # float() first: the repr of a NumPy scalar is not a number.
-    return " ".join(repr(float(number)) for number in numbers)
+    return {key: " ".join(repr(float(n)) for n in numbers) for key, numbers in properties.items()}
 
 
 def _rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:

@@ -14,6 +14,8 @@ from geoloc.errors import CalibrationError
 # A constant term below this (about a thousandth of a pixel) is rounding in a file, above it another model.
 _CONSTANT_TOLERANCE = {"theta_from_r": 1e-6, "r_from_theta": 1e-3}
 _MAX_DISAGREEMENT_PX = 2.0
+# No calibration means anything farther out than this many diagonals of its image.
+_MAX_DIAGONALS = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +32,9 @@ class FThetaCamera:
     → ray → pixel closes to rounding. Where both are given, `theta_from_r` is the reference and
     `r_from_theta`, usually a fitted approximation of the inverse, is only checked against it.
 
-    The domain is where the reference rises (`r_max_px`, `theta_max_rad`), at most θ = π. Outside it pixels
-    and rays are NaN. A point inside the domain but off the image has its true pixel, and a false mask.
+    The domain is where the reference rises (`r_max_px`, `theta_max_rad`), at most θ = π and ten diagonals of
+    the image. Outside it pixels and rays are NaN. A point inside the domain but off the image has its true
+    pixel, and a false mask.
 
     Attributes
     ----------
@@ -74,11 +77,11 @@ class FThetaCamera:
         """Check the numbers and find the domain."""
         if self.c == 0.0 and self.d == 0.0 and self.e == 0.0:
             object.__setattr__(self, "c", 1.0)
-        self._check_numbers()
         for name, tolerance in _CONSTANT_TOLERANCE.items():
-            coefficients = getattr(self, name)
-            if coefficients is not None:
+            if getattr(self, name) is not None:
+                coefficients = tuple(float(coefficient) for coefficient in getattr(self, name))
                 object.__setattr__(self, name, _without_constant(name, coefficients, tolerance))
+        self._check_numbers()
         r_max_px, theta_max_rad = self._domain()
         object.__setattr__(self, "r_max_px", r_max_px)
         object.__setattr__(self, "theta_max_rad", theta_max_rad)
@@ -115,9 +118,8 @@ class FThetaCamera:
         inside = defined & (theta <= self.theta_max_rad) & np.isfinite(point).all(-1)
         radius = self._radius_from_theta(np.where(inside, theta, 0.0))
         # On the axis the direction in the image is undefined, and the radius is 0.
-        x, y = np.moveaxis(np.where(inside[..., np.newaxis], point[..., :2], 0.0), -1, 0) * (
-            radius / np.where(inside & (across > 0.0), across, 1.0)
-        )
+        stretch = radius / np.where(inside & (across > 0.0), across, 1.0)
+        x, y = (stretch * np.where(inside, point[..., axis], 0.0) for axis in (0, 1))
         pixel = np.stack([self.cx_px + self.c * x + self.d * y, self.cy_px + self.e * x + y], axis=-1)
         pixel = nan_where_not(inside, pixel)
         return pixel, on_image(pixel, self.width_px, self.height_px)
@@ -156,14 +158,18 @@ class FThetaCamera:
         reference = self.theta_from_r or self.r_from_theta
         if reference is None:
             raise CalibrationError("an f-theta camera needs a polynomial: theta_from_r or r_from_theta")
-        limit = rising_limit(reference)
+        widest = (_MAX_DIAGONALS * self._diagonal_px(), math.pi)
+        x_max, y_max = widest if self.theta_from_r is not None else widest[::-1]
+        limit = rising_limit(reference, x_max)
         if limit <= 0.0:
             raise CalibrationError(f"the f-theta polynomial {reference} does not rise from zero")
-        if self.theta_from_r is None:
-            theta_max = min(limit, math.pi)
-            return float(polynomial(reference, np.array(theta_max))), theta_max
-        r_max = reach(reference, math.pi, limit)
-        return r_max, float(polynomial(reference, np.array(r_max)))
+        limit = reach(reference, y_max, limit)
+        value = float(polynomial(reference, np.array(limit)))
+        return (limit, value) if self.theta_from_r is not None else (value, limit)
+
+    def _diagonal_px(self) -> float:
+        """A length no shorter than the way from the principal point to any corner of the image."""
+        return math.hypot(self.width_px + abs(self.cx_px), self.height_px + abs(self.cy_px))
 
     def _check_numbers(self) -> None:
         numbers = [self.cx_px, self.cy_px, self.c, self.d, self.e]
@@ -191,7 +197,7 @@ class FThetaCamera:
 
 
 def _without_constant(name: str, coefficients: tuple[float, ...], tolerance: float) -> tuple[float, ...]:
-    if len(coefficients) < 2 or abs(coefficients[0]) > tolerance:
+    if len(coefficients) < 2 or not abs(coefficients[0]) <= tolerance:
         raise CalibrationError(
             f"{name} = {coefficients} must be a constant term of 0 and at least a linear one"
         )

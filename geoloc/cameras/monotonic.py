@@ -8,6 +8,7 @@ right. So each model first asks `rising_limit` for its domain, then inverts insi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,29 +35,62 @@ def derivative(coefficients: Sequence[float]) -> tuple[float, ...]:
     return tuple(i * coefficient for i, coefficient in enumerate(coefficients))[1:]
 
 
-def smallest_positive_root(coefficients: Sequence[float]) -> float:
-    """Smallest positive real root of a polynomial (ascending coefficients), or infinity."""
-    roots = np.polynomial.Polynomial(coefficients).trim().roots()
-    # A double root comes out of the eigenvalues with an imaginary part of about the square root of epsilon.
-    real = roots[np.abs(roots.imag) <= 1e-7 * np.abs(roots)].real
-    positive = real[real > 0.0]
-    return float(positive.min()) if positive.size else float("inf")
+def real_roots(coefficients: Sequence[float], upper: float) -> list[float]:
+    """Real roots in (0, upper) at which a polynomial (ascending coefficients) changes sign, in order.
+
+    Between two neighbouring roots of its derivative a polynomial has one root at most, which bisection finds
+    whatever the scale of the coefficients. The eigenvalues of a companion matrix do not: high powers of
+    pixels span so many orders of magnitude that the smallest roots, which matter here, are lost.
+    """
+    if len(coefficients) < 2:
+        return []
+    knots = [0.0, *real_roots(derivative(coefficients), upper), upper]
+    roots = (_bisect(coefficients, low, high) for low, high in pairwise(knots))
+    return [root for root in roots if root is not None]
 
 
-def rising_limit(coefficients: Sequence[float]) -> float:
-    """Where the polynomial, rising at zero, stops rising (`MIN_SLOPE_RATIO`): its domain is [0, limit].
+def _bisect(coefficients: Sequence[float], low: float, high: float) -> float | None:
+    """The root in (low, high], where the polynomial is monotonic; None if its ends have the same sign."""
+    at_low, at_high = _value(coefficients, low), _value(coefficients, high)
+    if at_low == 0.0 or at_high == 0.0 or (at_low > 0.0) == (at_high > 0.0):
+        return high if at_high == 0.0 and at_low != 0.0 else None
+    for _ in range(_MAX_ITERATIONS):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        if (_value(coefficients, middle) > 0.0) == (at_low > 0.0):
+            low = middle
+        else:
+            high = middle
+    return low
 
-    Infinity if it rises for ever; 0 if it does not rise at zero.
+
+def _value(coefficients: Sequence[float], x: float) -> float:
+    value = 0.0
+    for coefficient in reversed(coefficients):
+        value = value * x + float(coefficient)
+    return value
+
+
+def smallest_root(coefficients: Sequence[float], upper: float) -> float:
+    """Smallest of `real_roots`, or `upper`."""
+    return min(real_roots(coefficients, upper), default=upper)
+
+
+def rising_limit(coefficients: Sequence[float], upper: float) -> float:
+    """Where the polynomial, rising at zero, stops rising (`MIN_SLOPE_RATIO`), at most `upper`.
+
+    Its domain is [0, limit]. 0 if it does not rise at zero.
     """
     slope = derivative(coefficients)
     if not slope or slope[0] <= 0.0:
         return 0.0
-    return smallest_positive_root(((1.0 - MIN_SLOPE_RATIO) * slope[0], *slope[1:]))
+    return smallest_root(((1.0 - MIN_SLOPE_RATIO) * slope[0], *slope[1:]), upper)
 
 
-def reach(coefficients: Sequence[float], y: float, limit: float) -> float:
-    """Smallest positive x at which the polynomial is y, or `limit` if it is not reached before."""
-    return min(limit, smallest_positive_root((coefficients[0] - y, *coefficients[1:])))
+def reach(coefficients: Sequence[float], y: float, upper: float) -> float:
+    """Smallest positive x at which the polynomial is y, or `upper` if it is not reached before."""
+    return smallest_root((coefficients[0] - y, *coefficients[1:]), upper)
 
 
 def invert_rising(

@@ -14,7 +14,7 @@ from geoloc.cameras.monotonic import (
     derivative,
     invert_rising,
     polynomial,
-    smallest_positive_root,
+    smallest_root,
 )
 from geoloc.errors import CalibrationError
 
@@ -73,6 +73,7 @@ class PinholeCamera:
 
     def __post_init__(self) -> None:
         """Check the numbers, sort the coefficients and find the domain."""
+        object.__setattr__(self, "distortion", tuple(float(coefficient) for coefficient in self.distortion))
         numbers = [self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion]
         if not all(math.isfinite(number) for number in numbers):
             raise CalibrationError("a pinhole parameter is not a finite number")
@@ -198,9 +199,7 @@ class PinholeCamera:
             residual = target - distorted
             if (np.abs(residual) <= _NEWTON_TOLERANCE).all():
                 break
-            usable = _one_to_one(jacobian)[..., np.newaxis, np.newaxis]
-            step = np.linalg.solve(np.where(usable, jacobian, np.eye(2)), residual[..., np.newaxis])[..., 0]
-            plane = plane + step
+            plane = plane + _newton_step(jacobian, residual)
             reached = np.hypot(plane[..., 0], plane[..., 1])
             plane = plane * (self.r_max / np.maximum(reached, self.r_max))[..., np.newaxis]
         distorted, jacobian = self._distort(plane)
@@ -208,9 +207,27 @@ class PinholeCamera:
         return plane, wanted & solved & _one_to_one(jacobian)
 
 
+def _determinant(jacobian: FloatArray) -> FloatArray:
+    return np.asarray(jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0])
+
+
 def _one_to_one(jacobian: FloatArray) -> BoolArray:
-    determinant = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
-    return np.asarray(determinant > MIN_SLOPE_RATIO**2)
+    return np.asarray(_determinant(jacobian) > MIN_SLOPE_RATIO**2)
+
+
+def _newton_step(jacobian: FloatArray, residual: FloatArray) -> FloatArray:
+    """Residual through the inverse Jacobian; the residual itself where that has no use."""
+    usable = _one_to_one(jacobian)
+    matrix = np.where(usable[..., np.newaxis, np.newaxis], jacobian, np.eye(2))
+    x, y = residual[..., 0], residual[..., 1]
+    step = np.stack(
+        [
+            matrix[..., 1, 1] * x - matrix[..., 0, 1] * y,
+            matrix[..., 0, 0] * y - matrix[..., 1, 0] * x,
+        ],
+        axis=-1,
+    )
+    return np.asarray(step / _determinant(matrix)[..., np.newaxis])
 
 
 def _slope_numerator(numerator: tuple[float, ...], denominator: tuple[float, ...]) -> tuple[float, ...]:
@@ -221,6 +238,8 @@ def _slope_numerator(numerator: tuple[float, ...], denominator: tuple[float, ...
 
 def _radial_limit(slope: tuple[float, ...], denominator: tuple[float, ...]) -> float:
     """Largest r up to which the radial part rises (`MIN_SLOPE_RATIO`) and has no pole."""
+    widest = math.tan(math.radians(_MAX_ANGLE_DEG)) ** 2
     flat = Polynomial(slope) - MIN_SLOPE_RATIO * Polynomial(denominator) ** 2
-    s = min(smallest_positive_root(tuple(flat.coef)), smallest_positive_root(denominator))
-    return min(math.sqrt(s), math.tan(math.radians(_MAX_ANGLE_DEG)))
+    # Before a pole the radius grows without bound: no image reaches the last thousandth of the way.
+    s = min(smallest_root(tuple(flat.coef), widest), 0.999 * smallest_root(denominator, widest / 0.999))
+    return math.sqrt(s)

@@ -16,7 +16,8 @@ from geoloc.errors import CalibrationError
 
 WIDE = (0.0, 1.0e-3, 2.0e-8, 4.0e-11, 1.2e-14)
 
-CAMERAS: dict[str, CameraModel] = {
+Camera = FThetaCamera | PinholeCamera
+CAMERAS: dict[str, Camera] = {
     "ftheta-60": FThetaCamera(
         1920, 1208, 850.3, 664.8, theta_from_r=(0.0, 5.4e-4, 1.3e-8, -1.4e-11, 3.0e-15)
     ),
@@ -45,7 +46,7 @@ DISTORTIONS = [
 ]
 
 
-def pixels_on(camera: CameraModel, shape: tuple[int, ...]) -> np.ndarray:
+def pixels_on(camera: Camera, shape: tuple[int, ...]) -> np.ndarray:
     """Draw pixels over the whole image."""
     size = np.array([camera.width_px, camera.height_px])
     return np.random.default_rng(7).uniform(0.0, size - 1.0, (*shape, 2))
@@ -53,11 +54,11 @@ def pixels_on(camera: CameraModel, shape: tuple[int, ...]) -> np.ndarray:
 
 def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Angle that stays exact for small values, unlike the arc cosine."""
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
 @EVERY_CAMERA
-def test_camera_satisfies_the_protocol(camera: CameraModel) -> None:
+def test_camera_satisfies_the_protocol(camera: Camera) -> None:
     """Every model has all that the protocol asks for."""
     assert isinstance(camera, CameraModel)
     assert camera.model in {"ftheta", "pinhole"}
@@ -65,7 +66,7 @@ def test_camera_satisfies_the_protocol(camera: CameraModel) -> None:
 
 @EVERY_CAMERA
 @EVERY_SHAPE
-def test_camera_closes_from_pixel_to_ray_to_pixel(camera: CameraModel, shape: tuple[int, ...]) -> None:
+def test_camera_closes_from_pixel_to_ray_to_pixel(camera: Camera, shape: tuple[int, ...]) -> None:
     """A pixel's ray, at any distance, falls on that pixel to 1e-9 px, in any batch shape."""
     pixel = pixels_on(camera, shape)
     ray, seen = camera.camera_ray_from_pixel(pixel)
@@ -81,7 +82,7 @@ def test_camera_closes_from_pixel_to_ray_to_pixel(camera: CameraModel, shape: tu
 
 
 @EVERY_CAMERA
-def test_camera_closes_from_ray_to_pixel_to_ray(camera: CameraModel) -> None:
+def test_camera_closes_from_ray_to_pixel_to_ray(camera: Camera) -> None:
     """Every direction that falls on the image comes back to 1e-12 rad from its pixel."""
     direction = np.random.default_rng(9).normal((0.0, 0.0, 1.5), size=(4000, 3))
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -93,7 +94,7 @@ def test_camera_closes_from_ray_to_pixel_to_ray(camera: CameraModel) -> None:
 
 
 @EVERY_CAMERA
-def test_camera_projection_ignores_the_distance(camera: CameraModel) -> None:
+def test_camera_projection_ignores_the_distance(camera: Camera) -> None:
     """Points on one ray share a pixel, from a millimetre to a light-second."""
     ray, _ = camera.camera_ray_from_pixel(pixels_on(camera, (50,)))
     near, _ = camera.pixel_from_camera_point(1e-3 * ray)
@@ -102,7 +103,7 @@ def test_camera_projection_ignores_the_distance(camera: CameraModel) -> None:
 
 
 @EVERY_CAMERA
-def test_camera_looks_along_z_at_its_principal_point(camera: CameraModel) -> None:
+def test_camera_looks_along_z_at_its_principal_point(camera: Camera) -> None:
     """The optical axis falls on the principal point, both ways."""
     centre = np.array([camera.cx_px, camera.cy_px])
     ray, seen = camera.camera_ray_from_pixel(centre)
@@ -114,7 +115,7 @@ def test_camera_looks_along_z_at_its_principal_point(camera: CameraModel) -> Non
 
 
 @EVERY_CAMERA
-def test_camera_right_is_x_and_down_is_y(camera: CameraModel) -> None:
+def test_camera_right_is_x_and_down_is_y(camera: Camera) -> None:
     """A pixel to the lower right of the principal point looks to the right and down."""
     ray, _ = camera.camera_ray_from_pixel(np.array([camera.cx_px + 80.0, camera.cy_px + 60.0]))
     assert ray[0] > 0.0
@@ -124,7 +125,7 @@ def test_camera_right_is_x_and_down_is_y(camera: CameraModel) -> None:
 
 @EVERY_CAMERA
 @pytest.mark.parametrize("azimuth", np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False))
-def test_camera_angle_grows_outwards(camera: CameraModel, azimuth: float) -> None:
+def test_camera_angle_grows_outwards(camera: Camera, azimuth: float) -> None:
     """From the principal point outwards the angle from the axis rises strictly to the image's edge."""
     steps = np.linspace(0.0, 2500.0, 1000)[:, np.newaxis]
     line = np.array([camera.cx_px, camera.cy_px]) + steps * [np.cos(azimuth), np.sin(azimuth)]
@@ -136,7 +137,7 @@ def test_camera_angle_grows_outwards(camera: CameraModel, azimuth: float) -> Non
 
 
 @EVERY_CAMERA
-def test_camera_image_reaches_half_a_pixel_beyond_its_outermost_centres(camera: CameraModel) -> None:
+def test_camera_image_reaches_half_a_pixel_beyond_its_outermost_centres(camera: Camera) -> None:
     """Corners of the image are on it, a thousandth of a pixel farther out is not."""
     w, h = camera.width_px, camera.height_px
     corners = np.array([[-0.5, -0.5], [w - 0.5, -0.5], [-0.5, h - 0.5], [w - 0.5, h - 0.5]])
@@ -150,7 +151,7 @@ def test_camera_image_reaches_half_a_pixel_beyond_its_outermost_centres(camera: 
 
 
 @EVERY_CAMERA
-def test_camera_answers_nan_with_nan(camera: CameraModel) -> None:
+def test_camera_answers_nan_with_nan(camera: Camera) -> None:
     """Pixels and points with a NaN or an infinity give NaN and false; their neighbours are not touched."""
     for bad in (np.nan, np.inf, -np.inf):
         for axis in range(3):
@@ -168,7 +169,7 @@ def test_camera_answers_nan_with_nan(camera: CameraModel) -> None:
 
 
 @EVERY_CAMERA
-def test_camera_sees_neither_behind_itself_nor_its_own_centre(camera: CameraModel) -> None:
+def test_camera_sees_neither_behind_itself_nor_its_own_centre(camera: Camera) -> None:
     """The backward axis is not on the image, and the camera's centre has no pixel."""
     assert not camera.pixel_from_camera_point(np.array([0.0, 0.0, -5.0]))[1]
     pixel, seen = camera.pixel_from_camera_point(np.zeros(3))
@@ -177,7 +178,7 @@ def test_camera_sees_neither_behind_itself_nor_its_own_centre(camera: CameraMode
 
 
 @EVERY_CAMERA
-def test_camera_leaves_its_arguments_alone(camera: CameraModel) -> None:
+def test_camera_leaves_its_arguments_alone(camera: Camera) -> None:
     """Read-only arrays are accepted, so nothing is written into them, and integers are."""
     pixel, point = np.array([[700, 400]]), np.array([[1, 1, 9]])
     for array in (pixel, point):
@@ -187,7 +188,7 @@ def test_camera_leaves_its_arguments_alone(camera: CameraModel) -> None:
 
 
 @EVERY_CAMERA
-def test_camera_field_of_view_is_the_sum_of_small_steps(camera: CameraModel) -> None:
+def test_camera_field_of_view_is_the_sum_of_small_steps(camera: Camera) -> None:
     """Steps from ray to ray along the principal row add up to the field of view, beyond 180° too."""
     u = np.linspace(-0.5, camera.width_px - 0.5, 4001)
     ray, seen = camera.camera_ray_from_pixel(np.stack([u, np.full_like(u, camera.cy_px)], axis=-1))
@@ -221,6 +222,15 @@ def test_ftheta_forward_polynomial_agrees_with_a_hand_worked_pixel() -> None:
     camera = FThetaCamera(1920, 1080, 960.0, 540.0, r_from_theta=(0.0, 1000.0, 40.0))
     pixel, _ = camera.pixel_from_camera_point(np.array([math.sin(0.5), 0.0, math.cos(0.5)]))
     np.testing.assert_allclose(pixel, [1470.0, 540.0], atol=1e-10)
+
+
+def test_camera_takes_coefficients_in_any_sequence() -> None:
+    """Arrays, as calibrations return them, make the same hashable camera as tuples."""
+    for coefficients in ([0.0, 1e-3, 1e-9], np.array([0.0, 1e-3, 1e-9])):
+        camera = FThetaCamera(10, 10, 5.0, 5.0, theta_from_r=coefficients)  # type: ignore[arg-type]  # on purpose
+        assert hash(camera) == hash(FThetaCamera(10, 10, 5.0, 5.0, theta_from_r=(0.0, 1e-3, 1e-9)))
+    pinhole = PinholeCamera(10, 10, 9.0, 9.0, 5.0, 5.0, np.zeros(5))  # type: ignore[arg-type]  # on purpose
+    assert hash(pinhole) == hash(PinholeCamera(10, 10, 9.0, 9.0, 5.0, 5.0, (0.0,) * 5))
 
 
 def test_ftheta_linear_terms_of_zero_mean_none() -> None:
@@ -319,7 +329,12 @@ def test_pinhole_agrees_with_opencv(distortion: tuple[float, ...]) -> None:
     projected, _ = cv2.projectPoints(20.0 * ray, np.zeros(3), np.zeros(3), matrix, np.array(distortion))
     np.testing.assert_allclose(projected[:, 0], pixel, atol=1e-8)
     criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-13)
-    plane = cv2.undistortPoints(pixel[:, np.newaxis], matrix, np.array(distortion), criteria=criteria)[:, 0]
+    arguments = (pixel[:, np.newaxis], matrix, np.array(distortion))
+    if hasattr(cv2, "undistortPointsIter"):
+        # OpenCV 4 takes the criteria here alone.
+        plane = cv2.undistortPointsIter(*arguments, np.eye(3), np.eye(3), criteria)[:, 0]
+    else:
+        plane = cv2.undistortPoints(*arguments, criteria=criteria)[:, 0]
     opencv_ray = np.column_stack([plane, np.ones(len(plane))])
     assert seen.all()
     assert angle_between(ray, opencv_ray).max() < 1e-9
@@ -390,7 +405,7 @@ def test_pinhole_refuses_parameters_that_make_no_camera(change: dict[str, object
 def test_inverse_of_a_rising_polynomial_closes(slope: float, higher: list[float], parts: list[float]) -> None:
     """Whatever the coefficients, y → x → y closes to rounding on the part where the polynomial rises."""
     coefficients = (0.0, slope, *higher)
-    upper = min(rising_limit(coefficients), 5.0)
+    upper = rising_limit(coefficients, 5.0)
     top = float(polynomial(coefficients, np.array(upper)))
     y = np.array(parts) * top
     x = invert_rising_polynomial(coefficients, y, upper)
@@ -404,3 +419,44 @@ def test_inverse_outside_the_range_is_nan() -> None:
     """Values that the polynomial does not reach have no inverse."""
     x = invert_rising_polynomial((0.0, 2.0), np.array([-1e-9, 0.0, 4.0, 4.1, np.nan]), 2.0)
     np.testing.assert_array_equal(x, [np.nan, 0.0, 2.0, np.nan, np.nan])
+
+
+@pytest.mark.parametrize("turn", [1e-6, 1e-2, 1.0, 577.0, 1e6])
+def test_rising_limit_finds_the_turn_at_any_scale(turn: float) -> None:
+    """The slope of x - x³ / (3 t²) ends at t, even where the range searched is a trillion times wider."""
+    limit = rising_limit((0.0, 1.0, 0.0, -1.0 / (3.0 * turn**2)), 1e7)
+    # 1 - (x / t)² is down to a thousandth there.
+    assert limit == pytest.approx(turn * math.sqrt(0.999), rel=1e-12)
+
+
+def plausible_camera(rng: np.random.Generator) -> Camera:
+    """Draw a camera with distortion stronger than lenses have, of either model and polynomial direction."""
+    focal = rng.uniform(300.0, 3000.0)
+    cx, cy = rng.uniform(0.0, [1920.0, 1080.0])
+    kind = rng.integers(3)
+    if kind == 0:
+        scale = np.array([1.0, 1.0, 5e-3, 5e-3, 1.0, 1.0, 1.0, 1.0]) * rng.choice([0.05, 0.2, 0.5])
+        distortion = tuple((scale * rng.normal(size=8)).tolist())
+        return PinholeCamera(1920, 1080, focal, focal * rng.uniform(0.9, 1.1), cx, cy, distortion)
+    c, d, e = rng.normal([1.0, 0.0, 0.0], 0.02)
+    if kind == 1:
+        higher = rng.normal(size=4) / focal / np.array([1e3, 1e6, 1e9, 1e12])
+        return FThetaCamera(1920, 1080, cx, cy, (0.0, 1.0 / focal, *higher.tolist()), c=c, d=d, e=e)
+    higher = 0.5 * focal * rng.normal(size=4)
+    return FThetaCamera(1920, 1080, cx, cy, None, (0.0, focal, *higher.tolist()), c=c, d=d, e=e)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_camera_of_any_plausible_parameters_closes(seed: int) -> None:
+    """Both ways and to 1e-6 px and 1e-9 rad, wherever the camera says that it can see."""
+    rng = np.random.default_rng(seed)
+    camera = plausible_camera(rng)
+    pixel = rng.uniform(-0.5, [1919.5, 1079.5], (200, 2))
+    ray, seen = camera.camera_ray_from_pixel(pixel)
+    again, _ = camera.pixel_from_camera_point(3.0 * ray[seen])
+    assert seen.any()
+    assert np.isnan(ray[~seen]).all()
+    np.testing.assert_allclose(again, pixel[seen], rtol=0, atol=1e-6)
+    direction = rng.normal((0.0, 0.0, 1.0), size=(200, 3))
+    pixel, seen = camera.pixel_from_camera_point(direction)
+    assert (angle_between(camera.camera_ray_from_pixel(pixel[seen])[0], direction[seen]) < 1e-9).all()
