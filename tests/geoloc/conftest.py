@@ -1,9 +1,0 @@
-"""Settings that every test of ``geoloc`` shares."""
-
-from __future__ import annotations
-
-from hypothesis import settings
-
-# A clock never decides a test, and every run draws the same examples.
-settings.register_profile("geoloc", deadline=None, derandomize=True, database=None, max_examples=60)
-settings.load_profile("geoloc")
