@@ -217,6 +217,32 @@ def rig_with_lever_arms(rig: Rig, lever_arms_m: Mapping[str, Sequence[float]]) -
     return replace(rig, antennas=antennas)
 
 
+def without_template_masks(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
+    """Drop car masks that several cameras share bit for bit.
+
+    What one camera sees of the car, another cannot see in the same pixels: such a mask is a template of the
+    rig tool (all eight cameras of NTNU's rig file carry one) and would reject good feet of poles.
+
+    Returns
+    -------
+    Rig
+        Without those masks.
+    tuple of str
+        The cameras that lost one.
+    """
+    masks = {name: camera.ego_mask for name, camera in rig.cameras.items() if camera.ego_mask is not None}
+    shared = tuple(
+        name
+        for name, mask in masks.items()
+        if any(name != other and np.array_equal(mask, masks[other]) for other in masks)
+    )
+    kept = {
+        name: replace(camera, ego_mask=None) if name in shared else camera
+        for name, camera in rig.cameras.items()
+    }
+    return replace(rig, cameras=kept), shared
+
+
 def rig_document(rig: Rig) -> dict[str, Any]:
     """Write a rig as a DriveWorks rig document (version 7), ready for ``json.dumps``.
 

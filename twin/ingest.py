@@ -22,6 +22,7 @@ from geoloc.trajectory import Poses, Trajectory, trajectory_from_gnss, trajector
 from twin import __version__
 from twin.drives.drive import Annotations, Drive
 from twin.drives.read import read_drive
+from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
 from twin.match import METHODS, blob_from_poses
 from twin.store import Store
@@ -109,7 +110,7 @@ def ingest_drive(
             "ended_ns": int(trajectory.span_ns[1]),
             "datum": drive.datum,
             "annotations_complete": drive.annotations_complete,
-            "n_frames": sum(len(stamps) for stamps in drive.frame_epoch_ns.values()),
+            "n_frames": sum(int((s != NO_STAMP).sum()) for s in drive.frame_epoch_ns.values()),
             "n_annotations": len(drive.annotations.frame),
             "length_m": length_m,
             "delay_ms": delay,
@@ -342,9 +343,8 @@ def _delay_ms(drive: Drive, trajectory: Trajectory) -> float | None:
 def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
     """Poses at the annotated cameras' frames, thinned to steps of 0.3 m."""
     cameras = {str(c) for c in drive.annotations.camera} or set(drive.frame_epoch_ns)
-    unset = np.iinfo(np.int64).min
     stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
-    epoch = np.unique(np.concatenate([s[s != unset] for s in stamps])) + drive.camera_offset_ns
+    epoch = np.unique(np.concatenate([s[s != NO_STAMP] for s in stamps])) + drive.camera_offset_ns
     poses = trajectory.poses_at(epoch)
     epoch = epoch[poses.valid]
     travelled = np.concatenate(

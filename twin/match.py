@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 
 from geoloc.geodesy import geographic_from_utm33
-from geoloc.rig import rig_from_document
+from geoloc.rig import rig_from_document, without_template_masks
 from geoloc.trajectory import Poses
 from geoloc.visibility import count_views
 from twin import schema
@@ -149,7 +149,8 @@ def _views(
         np.array([site.east_m for site in sites]), np.array([site.north_m for site in sites])
     )
     for drive in drives:
-        rig = rig_from_document(json.loads(zlib.decompress(drive["rig"])), source=drive["name"])
+        document = json.loads(zlib.decompress(drive["rig"]))
+        rig, _ = without_template_masks(rig_from_document(document, source=drive["name"]))
         seen = count_views(
             rig,
             poses_from_blob(drive["poses"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -28,6 +29,7 @@ from geoloc.rig import (
     rig_document,
     rig_from_document,
     rig_with_lever_arms,
+    without_template_masks,
 )
 
 FTHETA = {
@@ -456,3 +458,36 @@ def test_rig_document_refuses_a_model_that_rig_files_cannot_hold() -> None:
     rig = Rig({"pano": RigCamera("pano", model, FLU_R_RDF, np.zeros(3))}, {}, "made up")
     with pytest.raises(CalibrationError, match="equirectangular of pano cannot be written"):
         rig_document(rig)
+
+
+def test_without_template_masks_drops_only_shared_ones() -> None:
+    """A mask that two cameras share bit for bit is a template; one that is a camera's own stays."""
+    rig = rig_from_document(_three_masks(), "rig.json")
+    kept, shared = without_template_masks(rig)
+    assert shared == ("a", "b")
+    assert kept.cameras["a"].ego_mask is None
+    assert kept.cameras["b"].ego_mask is None
+    assert kept.cameras["c"].ego_mask is not None
+    assert rig.cameras["a"].ego_mask is not None  # the argument is not changed
+
+
+def _three_masks() -> dict[str, Any]:
+    """Three cameras with 2 x 1 masks: a and b the same, c another."""
+    masks = {"a": (1, 0, 1, 1), "b": (1, 0, 1, 1), "c": (1, 1, 1, 0)}
+    properties = {"Model": "pinhole", "width": "64", "height": "48", "fx": "60", "fy": "60", "cx": "31.5"}
+    sensors = [
+        {
+            "name": name,
+            "protocol": "camera.virtual",
+            "properties": {**properties, "cy": "23.5"},
+            "nominalSensor2Rig_FLU": {"roll-pitch-yaw": [0, 0, 0], "t": [0, 0, 1.5]},
+            "car-mask": {
+                "data/rle16-base64": base64.b64encode(
+                    b"".join(struct.pack("<HB", runs[i], runs[i + 1]) for i in (0, 2))
+                ).decode(),
+                "resolution": [2, 1],
+            },
+        }
+        for name, runs in masks.items()
+    ]
+    return {"rig": {"sensors": sensors}, "version": 7}

@@ -10,8 +10,9 @@ Which object it is
     whichever file and camera. Without it the track id, which CVAT numbers anew in every file: it stands alone
     (``12``) only where nothing else could be confused with it, that is in a drive with one annotation file,
     one camera and no ``object`` attributes; otherwise it carries its camera (``C3_tricam120:12``), and its
-    file where a camera has several (``C3_tricam120/evening:12``). A shape of an image task without ``track_id``
-    is an object of its own (``f123.1``: frame 123, first such shape).
+    file where a camera has several (``C3_tricam120/evening:12``). Image tasks have no tracks: there the
+    attribute ``track_id`` counts as one, and a shape without it is an object of its own (``f123.1``: frame
+    123, first such shape).
 """
 
 from __future__ import annotations
@@ -27,11 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.rig import Rig, RigCamera
+from twin.drives.camera_names import CameraChooser
 from twin.drives.cvat import CvatFile, CvatShape
 from twin.drives.drive import Annotations, IntArray, Skipped
-from twin.drives.driveworks import named_in
 from twin.drives.labels import codes_from_attribute, codes_from_label
-from twin.drives.settings import SETTINGS_FILE
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
 
@@ -91,16 +91,22 @@ def gather(files: Sequence[tuple[CvatFile, str | None]], rig: Rig) -> Annotation
         skipped += file.skipped
         faults: Counter[str] = Counter()
         codeless: Counter[str] = Counter()
-        chooser = _CameraChooser(file, declared, rig)
+        chooser = CameraChooser(file, declared, rig)
         cameras |= chooser.of_empty_file() if not file.shapes else set()
-        rows += _rows(file, chooser, faults, codeless)
+        rows += _rows(file, chooser, rig.source, faults, codeless)
         skipped += (Skipped("annotations", file.where, n, reason) for reason, n in sorted(faults.items()))
         skipped += (
             Skipped("sign codes", file.where, n, f"not a sign code: {text!r:.60}")
             for text, n in sorted(codeless.items())
         )
         cameras |= chooser.chosen
-    return AnnotationsRead(_arrays(_named(rows)), tuple(sorted(cameras)), tuple(skipped))
+    named = _named(rows)
+    # Points carry math.nan itself as their box, so that equal rows compare equal.
+    unique = list(dict.fromkeys(row._replace(file="") for row in named))
+    if len(unique) < len(named):
+        where = ", ".join(sorted({row.file for row in named}))
+        skipped.append(Skipped("annotations", where, len(named) - len(unique), "the same annotation again"))
+    return AnnotationsRead(_arrays(unique), tuple(sorted(cameras)), tuple(skipped))
 
 
 def stamped(
@@ -129,7 +135,7 @@ def stamped(
             known = np.flatnonzero(frame_epoch_ns[str(camera)] != NO_STAMP)
             raise DriveError(
                 f"The annotated frames {frames.min()}–{frames.max()} of {camera} are none of the frames"
-                f" {known[0]}–{known[-1]} in {sources[str(camera)]}: the annotations are of another recording."
+                f" {known[0]}–{known[-1]} in {sources[str(camera)]}: give the annotations of this recording."
             )
         if not has_stamp.all():
             lost = int(np.count_nonzero(~has_stamp))
@@ -153,82 +159,14 @@ def only(annotations: Annotations, keep: NDArray[np.bool_]) -> Annotations:
     return Annotations(**{f.name: getattr(annotations, f.name)[keep] for f in fields(Annotations)})
 
 
-class _CameraChooser:
-    """Says which camera a shape of one file belongs to."""
-
-    def __init__(self, file: CvatFile, declared: str | None, rig: Rig) -> None:
-        self.chosen: set[str] = set()
-        self._file = file
-        self._declared = declared
-        self._rig = rig
-        self._aliases = {name: name for name in (*rig.cameras, *rig.unsupported)}
-        for camera in rig.cameras.values():
-            if camera.video:
-                self._aliases.setdefault(PurePosixPath(camera.video).stem, camera.name)
-        self._known: dict[tuple[str, str], RigCamera] = {}
-
-    def of(self, shape: CvatShape) -> RigCamera:
-        key = (shape.task, shape.image)
-        if key not in self._known:
-            self._known[key] = self._camera(*key)
-        return self._known[key]
-
-    def of_empty_file(self) -> set[str]:
-        """Name the camera of a file without usable shapes: annotated, with nothing seen; empty if unclear."""
-        candidates = self._candidates("", "")
-        return candidates & set(self._rig.cameras) if len(candidates) == 1 else set()
-
-    def _camera(self, task: str, image: str) -> RigCamera:
-        from geoloc.errors import CalibrationError
-
-        candidates = self._candidates(task, image)
-        if len(candidates) != 1:
-            raise DriveError(self._unclear(candidates))
-        (name,) = candidates
-        try:
-            camera = self._rig.camera(name)
-        except CalibrationError as error:
-            raise DriveError(f"{self._file.where} annotates {name}: {error}") from error
-        self.chosen.add(name)
-        return camera
-
-    def _candidates(self, task: str, image: str) -> set[str]:
-        """Cameras that every source of a name agrees on; all that were named where they disagree."""
-        if self._declared is not None:
-            return {self._declared}
-        file_stem = PurePosixPath(self._file.where).stem
-        of_task = self._cameras_in(*self._file.tasks.get(task, ()))
-        clues = (
-            self._cameras_in(file_stem),
-            of_task or self._cameras_in(*self._file.source),
-            self._cameras_in(image),
-        )
-        named = [clue for clue in clues if clue]
-        if not named:
-            return set(self._rig.cameras) if len(self._rig.cameras) == 1 else set()
-        return set.intersection(*named) or set.union(*named)
-
-    def _cameras_in(self, *texts: str) -> set[str]:
-        return {self._aliases[alias] for text in texts for alias in named_in(text, self._aliases)}
-
-    def _unclear(self, candidates: set[str]) -> str:
-        cameras = ", ".join(sorted({*self._rig.cameras, *self._rig.unsupported}))
-        which = f"could be of {' or of '.join(sorted(candidates))}" if candidates else "names no camera of the rig"
-        return (
-            f"{self._file.where} {which}: write [annotations] <camera> = \"{self._file.where}\" in"
-            f" {SETTINGS_FILE}, or put the camera into the file's name (the cameras of {self._rig.source} are"
-            f" {cameras})."
-        )
-
-
 def _rows(
-    file: CvatFile, chooser: _CameraChooser, faults: Counter[str], codeless: Counter[str]
+    file: CvatFile, chooser: CameraChooser, rig_source: str, faults: Counter[str], codeless: Counter[str]
 ) -> Iterable[_Row]:
     inherited = _track_attributes(file.shapes)
     singles: Counter[tuple[str, int]] = Counter()
     for shape in file.shapes:
         camera = chooser.of(shape)
-        _check_size(shape, camera, file.where, chooser)
+        _check_size(shape, camera, file.where, rig_source)
         frame = _frame_of_image(shape, camera.name) if shape.frame is None else shape.frame
         reason = _unusable(shape, frame, camera)
         if reason:
@@ -275,13 +213,13 @@ def _codes(attribute: str, label: str, codeless: Counter[str]) -> str:
     return codes or codes_from_label(label)
 
 
-def _check_size(shape: CvatShape, camera: RigCamera, where: str, chooser: _CameraChooser) -> None:
+def _check_size(shape: CvatShape, camera: RigCamera, where: str, source: str) -> None:
     size = (camera.model.width_px, camera.model.height_px)
     if shape.size_px is not None and shape.size_px != size:
         drawn = f"{shape.size_px[0]} x {shape.size_px[1]}"
         raise DriveError(
             f"{where} was drawn on images of {drawn} pixels, but {camera.name} has {size[0]} x {size[1]} in"
-            f" {chooser.rig_source}: annotate the recording in its own size, or give the rig it belongs to."
+            f" {source}: annotate the recording in its own size, or give the rig it belongs to."
         )
 
 
@@ -312,13 +250,15 @@ def _named(rows: list[_Row]) -> list[_Row]:
     files_of: dict[str, set[str]] = {}
     for row in rows:
         files_of.setdefault(row.camera, set()).add(row.file)
-    alone = len(files_of) == 1 and len({row.file for row in rows}) == 1 and not any(row.object for row in rows)
+    alone = (
+        len(files_of) == 1 and len({row.file for row in rows}) == 1 and not any(row.object for row in rows)
+    )
 
     def name(row: _Row) -> str:
         if row.object or alone:
             return row.object or row.track
         if len(files_of[row.camera]) > 1:
-            return f"{row.camera}/{PurePosixPath(row.file).stem}:{row.track}"
+            return f"{row.camera}/{PurePosixPath(row.file).with_suffix('')}:{row.track}"
         return f"{row.camera}:{row.track}"
 
     named = [row._replace(object=name(row)) for row in rows]

@@ -38,8 +38,9 @@ class Annotations:
     frame : int64 (n,)
         Absolute frame number in the recording of that camera.
     object : str (n,)
-        The annotator's track id (``12``), unique in the drive; for image tasks without tracks, the value of
-        the attribute ``object`` or ``track_id``, else one id an annotation.
+        Unique in the drive: the attribute ``object`` or ``object_id`` as written, which ties one pole
+        together across cameras; else the track id, with the camera before it (``C3:12``) where there are
+        several files.
     label : str (n,)
         The annotator's label, as written.
     skiltnummer : str (n,)
@@ -73,7 +74,7 @@ class Drive:
         First 12 hex digits of the SHA-256 over the content of every file that was read: the same drive is
         the same id on every machine.
     name : str
-        Folder name.
+        The folder's, or ``name`` in ``drive.toml``.
     path : str
         Where it was read from.
     rig : Rig
@@ -83,7 +84,7 @@ class Drive:
         One an antenna; empty if `poses` is given.
     poses : PoseTrack or None
     frame_epoch_ns : mapping camera → int64 (frames,)
-        UTC host stamp of each frame, by frame number.
+        UTC host stamp of each frame, by frame number; `twin.drives.timestamps.NO_STAMP` where it has none.
     annotations : Annotations
     annotations_complete : bool
         Whether every sign in view was annotated: only then can a sign be missing.

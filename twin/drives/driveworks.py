@@ -1,17 +1,16 @@
 """What a DriveWorks trip does not say by name is found by content.
 
 A trip of the NTNU car is a flat folder: a rig file (JSON, whatever its name), ``<camera>.h264`` with
-``<camera>.h264.timestamps``, ``gnss*_vehicle.bin`` (NMEA text), and beside them CVAT exports of the annotators.
+``<camera>.h264.timestamps``, ``gnss*_vehicle.bin`` (NMEA text), and beside them the annotators' CVAT exports.
 """
 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterable
 from typing import Any
 
 from geoloc.rig import Rig, RigCamera, looks_like_rig
+from twin.drives.camera_names import named_in, plain
 from twin.drives.cvat import is_cvat
 from twin.drives.folder import DriveFolder
 from twin.drives.nmea import iter_sentences
@@ -23,14 +22,6 @@ LARGEST_RIG_BYTES = 50_000_000
 
 # Files that are never NMEA, whatever their first bytes: looking into them costs time for nothing.
 _NOT_NMEA = (".json", ".xml", ".toml", ".timestamps", ".h264", ".mp4", ".png", ".jpg", ".pcap", ".csv")
-
-
-def plain(name: str) -> str:
-    """Spell a sensor or file name so that both compare: lower case, ``_`` for all that is no letter or digit.
-
-    File systems refuse the colons of ``camera:front:120`` and of ``gnss50:vehicle``.
-    """
-    return re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
 
 
 def find_rig(folder: DriveFolder) -> str:
@@ -161,14 +152,3 @@ def looks_like_nmea(head: bytes) -> bool:
     if b"\0" in head or b"$" not in head:
         return False
     return any(sentence.kind in ("GGA", "RMC", "ZDA") for sentence in iter_sentences(head))
-
-
-def named_in(text: str, names: Iterable[str]) -> list[str]:
-    """Those of `names` that stand as a whole in `text`; of names within one another only the longest."""
-    padded = f"_{plain(text)}_"
-    found = [name for name in names if plain(name) and f"_{plain(name)}_" in padded]
-    return [
-        name
-        for name in found
-        if not any(f"_{plain(name)}_" in f"_{plain(other)}_" and other != name for other in found)
-    ]

@@ -72,8 +72,26 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
     DriveError
         If a column is missing, or no row can be used.
     """
-    reader = csv.reader(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
     faults: Counter[str] = Counter()
+    header, times, rows = _table(content, where, faults)
+    epoch_ns = np.array(times, dtype=np.int64)
+    keep = longest_increasing(epoch_ns)
+    faults["epoch not after the pose before"] += int(np.count_nonzero(~keep))
+    skipped = tuple(Skipped("poses", where, n, reason) for reason, n in sorted(faults.items()) if n)
+    if not times:
+        counts = "; ".join(f"{s.count} × {s.reason}" for s in skipped) or "it has no rows"
+        raise DriveError(f"{where} holds no usable pose ({counts}): export the poses of this drive.")
+    values = dict(zip((*REQUIRED, *DEFAULT_SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
+    if pitch_nose_up:
+        values["pitch_deg"] = -values["pitch_deg"]
+    return PosesRead(PoseTrack(epoch_ns=epoch_ns[keep], **values), skipped, _ignored(header, where))
+
+
+def _table(
+    content: bytes, where: str, faults: Counter[str]
+) -> tuple[list[str], list[int], list[list[float]]]:
+    """Header, epochs and values of all usable rows, in file order; the other rows are counted."""
+    reader = csv.reader(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
     times: list[int] = []
     rows: list[list[float]] = []
     try:
@@ -93,17 +111,7 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
         raise DriveError(
             f"{where} is not CSV ({error} in line {reader.line_num}): export it again."
         ) from error
-    epoch_ns = np.array(times, dtype=np.int64)
-    keep = longest_increasing(epoch_ns)
-    faults["epoch not after the pose before"] += int(np.count_nonzero(~keep))
-    skipped = tuple(Skipped("poses", where, n, reason) for reason, n in sorted(faults.items()) if n)
-    if not times:
-        counts = "; ".join(f"{s.count} × {s.reason}" for s in skipped) or "it has no rows"
-        raise DriveError(f"{where} holds no usable pose ({counts}): export the poses of this drive.")
-    values = dict(zip((*REQUIRED, *DEFAULT_SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
-    if pitch_nose_up:
-        values["pitch_deg"] = -values["pitch_deg"]
-    return PosesRead(PoseTrack(epoch_ns=epoch_ns[keep], **values), skipped, _ignored(header, where))
+    return header, times, rows
 
 
 def _columns(header: Sequence[str], where: str) -> dict[str, int]:

@@ -1,0 +1,122 @@
+"""Sensor names in the names of files, tasks and images."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import PurePosixPath
+
+from geoloc.errors import CalibrationError
+from geoloc.rig import Rig, RigCamera
+from twin.drives.cvat import CvatFile, CvatShape
+from twin.drives.settings import SETTINGS_FILE
+from twin.errors import DriveError
+
+
+def plain(name: str) -> str:
+    """Spell a sensor or file name so that both compare: lower case, ``_`` for all that is no letter or digit.
+
+    File systems refuse the colons of ``camera:front:120`` and of ``gnss50:vehicle``.
+    """
+    return re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+
+
+def named_in(text: str, names: Iterable[str]) -> list[str]:
+    """Those of `names` that stand as a whole in `text`; of names within one another only the longest."""
+    padded = f"_{plain(text)}_"
+    found = [name for name in names if plain(name) and f"_{plain(name)}_" in padded]
+    return [
+        name
+        for name in found
+        if not any(f"_{plain(name)}_" in f"_{plain(other)}_" and other != name for other in found)
+    ]
+
+
+class CameraChooser:
+    """Says which camera each shape of one annotation file belongs to.
+
+    Parameters
+    ----------
+    file : CvatFile
+    declared : str or None
+        The camera that ``drive.toml`` gives the file, which settles it.
+    rig : Rig
+
+    Attributes
+    ----------
+    chosen : set of str
+        Cameras that were named so far.
+    """
+
+    def __init__(self, file: CvatFile, declared: str | None, rig: Rig) -> None:
+        self.chosen: set[str] = set()
+        self._file = file
+        self._declared = declared
+        self._rig = rig
+        self._aliases = {name: name for name in (*rig.cameras, *rig.unsupported)}
+        for camera in rig.cameras.values():
+            if camera.video:
+                self._aliases.setdefault(PurePosixPath(camera.video).stem, camera.name)
+        self._known: dict[tuple[str, str], RigCamera] = {}
+
+    def of(self, shape: CvatShape) -> RigCamera:
+        """Return the camera of a shape.
+
+        Raises
+        ------
+        DriveError
+            If that is unclear, or the rig does not have the camera or cannot compute with it.
+        """
+        key = (shape.task, shape.image)
+        if key not in self._known:
+            self._known[key] = self._camera(*key)
+        return self._known[key]
+
+    def of_empty_file(self) -> set[str]:
+        """Name the camera of a file without usable shapes: annotated, with nothing seen; empty if unclear."""
+        candidates = self._candidates("", "")
+        return candidates & set(self._rig.cameras) if len(candidates) == 1 else set()
+
+    def _camera(self, task: str, image: str) -> RigCamera:
+        candidates = self._candidates(task, image)
+        if len(candidates) != 1:
+            raise DriveError(self._unclear(candidates))
+        (name,) = candidates
+        try:
+            camera = self._rig.camera(name)
+        except CalibrationError as error:
+            raise DriveError(f"{self._file.where} annotates {name}: {error}") from error
+        self.chosen.add(name)
+        return camera
+
+    def _candidates(self, task: str, image: str) -> set[str]:
+        """Cameras that every source of a name agrees on; all that were named where they disagree."""
+        if self._declared is not None:
+            return {self._declared}
+        file_stem = PurePosixPath(self._file.where).stem
+        of_task = self._cameras_in(*self._file.tasks.get(task, ()))
+        clues = (
+            self._cameras_in(file_stem),
+            of_task or self._cameras_in(*self._file.source),
+            self._cameras_in(image),
+        )
+        named = [clue for clue in clues if clue]
+        if not named:
+            return set(self._rig.cameras) if len(self._rig.cameras) == 1 else set()
+        return set.intersection(*named) or set.union(*named)
+
+    def _cameras_in(self, *texts: str) -> set[str]:
+        return {self._aliases[alias] for text in texts for alias in named_in(text, self._aliases)}
+
+    def _unclear(self, candidates: set[str]) -> str:
+        cameras = ", ".join(sorted({*self._rig.cameras, *self._rig.unsupported}))
+        which = (
+            f"could be of {' or of '.join(sorted(candidates))}"
+            if candidates
+            else "names no camera of the rig"
+        )
+        return (
+            f'{self._file.where} {which}: write [annotations] <camera> = "{self._file.where}" in'
+            f" {SETTINGS_FILE}, or put the camera into the file's name (the cameras of {self._rig.source} are"
+            f" {cameras})."
+        )
