@@ -2,4 +2,61 @@
 
 Knows the road database and nothing of cameras. Only :mod:`nvdb.client` opens a socket to an API;
 :mod:`nvdb.replay` serves recorded pages on loopback.
+
+The names below are loaded when they are first used, so that ``import nvdb`` costs nothing.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from nvdb.area import Area
+    from nvdb.client import NvdbClient
+    from nvdb.errors import NvdbError
+    from nvdb.geometri import Position
+    from nvdb.mirror import MirrorStore, SyncReport, sync
+    from nvdb.paging import iter_pages
+    from nvdb.replay import ReplayServer
+    from nvdb.skilt import Skiltplate, Skiltpunkt
+    from nvdb.vegobjekt import Vegobjekt, vegobjekt_from_les_v4
+
+__all__ = [
+    "Area",
+    "MirrorStore",
+    "NvdbClient",
+    "NvdbError",
+    "Position",
+    "ReplayServer",
+    "Skiltplate",
+    "Skiltpunkt",
+    "SyncReport",
+    "Vegobjekt",
+    "iter_pages",
+    "sync",
+    "vegobjekt_from_les_v4",
+]
+
+_HOME = {
+    "Area": "area",
+    "MirrorStore": "mirror",
+    "NvdbClient": "client",
+    "NvdbError": "errors",
+    "Position": "geometri",
+    "ReplayServer": "replay",
+    "Skiltplate": "skilt",
+    "Skiltpunkt": "skilt",
+    "SyncReport": "mirror",
+    "Vegobjekt": "vegobjekt",
+    "iter_pages": "paging",
+    "sync": "mirror",
+    "vegobjekt_from_les_v4": "vegobjekt",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        msg = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(msg)
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

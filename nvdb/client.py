@@ -7,6 +7,8 @@ socket read and not the whole answer.
 
 from __future__ import annotations
 
+import logging
+import re
 import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
@@ -28,6 +30,8 @@ from nvdb.errors import (
     TransportError,
     TruncatedBodyError,
 )
+
+log = logging.getLogger(__name__)
 
 API_URL = "https://nvdbapiles.atlas.vegvesen.no"
 """API Les V4, current since May 2025. The test environment is ``nvdbapiles.test.atlas.vegvesen.no``."""
@@ -147,6 +151,7 @@ class NvdbClient:
             retry=tenacity.retry_if_exception(
                 lambda error: isinstance(error, TransportError) and error.retryable
             ),
+            before_sleep=_tell,
             reraise=True,
         )
         try:
@@ -161,7 +166,8 @@ class NvdbClient:
             return f"{self.api_url}/{path_or_url.lstrip('/')}"
         parts = urlsplit(path_or_url)
         if (parts.scheme, parts.netloc) != (self._base.scheme, self._base.netloc):
-            msg = f"{answers.place(path_or_url)} is not on {self._base.netloc}: ask only the API's own host."
+            here = answers.place(self.api_url)
+            msg = f"{answers.place(path_or_url)} is not on {here}: ask only the API's own host."
             raise RequestError(msg)
         return path_or_url
 
@@ -202,7 +208,13 @@ class NvdbClient:
 
     def _note_budget(self, response: requests.Response) -> None:
         text = response.headers.get("x-ratelimit-remaining", "")
-        self.rate_limit_remaining = int(text) if text.isascii() and text.isdigit() else None
+        self.rate_limit_remaining = int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
+
+
+def _tell(state: tenacity.RetryCallState) -> None:
+    """Say that an attempt failed and that another follows: a wait without a word looks like a hang."""
+    if state.outcome is not None and state.next_action is not None:
+        log.info("%s Trying again in %.0f s.", state.outcome.exception(), state.next_action.sleep)
 
 
 def _wait_s(state: tenacity.RetryCallState) -> float:
@@ -212,7 +224,7 @@ def _wait_s(state: tenacity.RetryCallState) -> float:
     return max(_back_off(state), min(asked_s or 0.0, RETRY_AFTER_CAP_S))
 
 
-_back_off = tenacity.wait_exponential_jitter(initial=0.5, max=30.0, jitter=0.5)
+_back_off = tenacity.wait_exponential(multiplier=0.5, max=30.0) + tenacity.wait_random(0.0, 0.5)
 
 
 _NAMES: tuple[tuple[tuple[type[Exception], ...], type[TransportError], str], ...] = (
@@ -254,13 +266,14 @@ def _named(error: Exception, where: str) -> TransportError:
     for kinds, name, clause in _NAMES:
         if isinstance(error, kinds):
             return name(f"{where} {clause}.")
-    return ConnectionFailedError(f"{where} cannot be reached: check the network, the proxy and the API URL.")
+    return ConnectionFailedError(f"{where} cannot be reached or hangs up: check the network and the API URL.")
 
 
 def _checked_base(api_url: str) -> SplitResult:
     try:
         parts = urlsplit(api_url)
-        usable = parts.scheme in {"http", "https"} and bool(parts.hostname) and not parts.query
+        # A name or password in the URL would end up in the store as the mirror's source.
+        usable = parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.username is None
         _ = parts.port  # raises ValueError if it is not a number
     except ValueError:
         usable = False

@@ -47,7 +47,9 @@ class TransportError(NvdbError):
 
     def __str__(self) -> str:
         message = super().__str__()
-        return f"{message} (tried {self.attempts} times)" if self.attempts > 1 else message
+        if self.attempts == 1:
+            return message
+        return f"{message.removesuffix('.')} (tried {self.attempts} times)."
 
 
 class ConnectionFailedError(TransportError):

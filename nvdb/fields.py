@@ -43,12 +43,10 @@ class Fields:
         raise self.error(name, f"is {value!r:.40} instead of text")
 
     def integer(self, name: str) -> int | None:
-        """Whole number, or None. A text of digits is accepted: gateways have written ids so."""
+        """Whole number, or None."""
         value = self.raw.get(name)
         if value is None:
             return None
-        if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) < 19:
-            return int(value)
         if isinstance(value, int) and not isinstance(value, bool):
             return value
         raise self.error(name, f"is {value!r:.40} instead of a whole number")

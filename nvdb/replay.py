@@ -97,7 +97,7 @@ class ReplayServer:
         except (OSError, OverflowError) as error:
             msg = f"Port {self._port} on {self._host} cannot be used ({error}): take another one, or 0."
             raise ReplaySourceError(msg) from error
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
         self._thread.start()
         return self
 
@@ -220,16 +220,15 @@ class _Handler(BaseHTTPRequestHandler):
         match = _VEGOBJEKTER.fullmatch(info.path)
         if match is None:
             return _problem(404, "Not Found", f"No static resource {info.path.lstrip('/')}.", info.path)
-        type_id, rest = int(match["type"]), match["rest"]
-        if type_id not in self.server.source.types:
-            return _problem(404, "Not Found", f"Vegobjekttype {type_id} finnes ikke", info.path)
         try:
-            return self._vegobjekter(info, type_id, rest, repeat=repeat)
+            return self._vegobjekter(info, int(match["type"]), match["rest"], repeat=repeat)
         except QueryError as error:
             return _problem(400, "Bad Request", str(error), info.path)
 
     def _vegobjekter(self, info: RequestInfo, type_id: int, rest: str | None, *, repeat: bool) -> _Answer:
         source = self.server.source
+        if type_id not in source.types:
+            return _problem(404, "Not Found", f"Vegobjekttype {type_id} finnes ikke", info.path)
         page_url = f"http://{self.headers.get('Host', 'localhost')}/vegobjekter/{type_id}"
         if rest is None:
             page = source.page(type_id, info.query, page_url)
@@ -273,12 +272,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--port", type=int, default=8096, help="0 takes a free one (default: %(default)s)")
     options = parser.parse_args(arguments)
     try:
-        with ReplayServer(options.folder, host=options.host, port=options.port) as server:
+        # Ctrl-C may come at any moment once the address is out, so it is not the wait alone that expects it.
+        with (
+            suppress(KeyboardInterrupt),
+            ReplayServer(options.folder, host=options.host, port=options.port) as server,
+        ):
             counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
             sys.stdout.write(f"{server.url} serves {counts}; Ctrl-C ends it.\n")
             sys.stdout.flush()
-            with suppress(KeyboardInterrupt):
-                threading.Event().wait()
+            threading.Event().wait()
     except NvdbError as error:
         sys.stderr.write(f"{error}\n")
         return 4

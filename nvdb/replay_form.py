@@ -14,10 +14,17 @@ if TYPE_CHECKING:
 
 PARTS: Final = ("metadata", "egenskaper", "relasjoner", "lokasjon", "vegsegmenter", "geometri")
 
-_EPSG: Final = {
-    "5972": 25832, "UTM32": 25832, "5973": 25833, "UTM33": 25833, "5975": 25835, "UTM35": 25835,
-    "4326": 4326, "WGS84": 4326,
-}  # fmt: skip
+_SYSTEMS: Final = {
+    "5972": (25832, 5972),
+    "UTM32": (25832, 5972),
+    "5973": (25833, 5973),
+    "UTM33": (25833, 5973),
+    "5975": (25835, 5975),
+    "UTM35": (25835, 5975),
+    "4326": (4326, 4326),
+    "WGS84": (4326, 4326),
+}
+"""``srid`` as asked → EPSG code in plan, and ``srid`` as shown."""
 
 
 def shown(raw: RawObject, query: Mapping[str, str], href: str) -> dict[str, Any]:
@@ -32,13 +39,14 @@ def shown(raw: RawObject, query: Mapping[str, str], href: str) -> dict[str, Any]
     """
     wanted = _parts(query.get("inkluder", "minimum"))
     srid = query.get("srid", "5973")
-    if srid not in _EPSG:
+    if srid not in _SYSTEMS:
         msg = f"srid: '{srid}' er ikke en gyldig verdi"
         raise ValueError(msg)
     found: dict[str, Any] = {"id": raw.get("id"), "href": raw.get("href", href)}
     found.update((part, raw[part]) for part in PARTS if part in wanted and part in raw)
-    if isinstance(found.get("geometri"), Mapping) and _EPSG[srid] != 25833:
-        found["geometri"] = _in_system(found["geometri"], srid)
+    epsg, srid_shown = _SYSTEMS[srid]
+    if isinstance(found.get("geometri"), Mapping) and epsg != 25833:
+        found["geometri"] = _in_system(found["geometri"], epsg, srid_shown)
     return found
 
 
@@ -51,29 +59,22 @@ def _parts(text: str) -> set[str]:
     return set(PARTS) if "alle" in asked else asked
 
 
-def _in_system(geometri: Mapping[str, Any], srid: str) -> dict[str, Any]:
+def _in_system(geometri: Mapping[str, Any], epsg: int, srid: int) -> dict[str, Any]:
     """``geometri`` converted from UTM33; what is not a point in UTM33 stays as it is."""
+    wkt = str(geometri.get("wkt"))
     try:
-        east, north, height = point_from_wkt(str(geometri.get("wkt")))
+        east, north, height = point_from_wkt(wkt)
     except ValueError:
         return dict(geometri)
     if str(geometri.get("srid")) not in {"5973", "25833", "UTM33"}:
         return dict(geometri)
-    x, y = _transformer(_EPSG[srid]).transform(east, north)
+    x, y = _transformer(epsg).transform(east, north)
     # V4 writes latitude first, 8 decimals in degrees and 3 in metres, without trailing zeros.
-    numbers = (
-        [_decimals(y, 8), _decimals(x, 8)] if _EPSG[srid] == 4326 else [_decimals(x, 3), _decimals(y, 3)]
-    )
-    if "Z" in str(geometri["wkt"]):
-        numbers.append(_decimals(UNKNOWN_HEIGHT if height is None else height, 8))
-        return {**geometri, "wkt": f"POINT Z ({' '.join(numbers)})", "srid": _EPSG_NAME[srid]}
-    return {**geometri, "wkt": f"POINT({' '.join(numbers)})", "srid": _EPSG_NAME[srid]}
-
-
-_EPSG_NAME: Final = {
-    "5972": 5972, "UTM32": 5972, "5973": 5973, "UTM33": 5973, "5975": 5975, "UTM35": 5975,
-    "4326": 4326, "WGS84": 4326,
-}  # fmt: skip
+    numbers = [_decimals(y, 8), _decimals(x, 8)] if epsg == 4326 else [_decimals(x, 3), _decimals(y, 3)]
+    if height is None and "Z" not in wkt.upper():
+        return {**geometri, "wkt": f"POINT({' '.join(numbers)})", "srid": srid}
+    numbers.append(_decimals(UNKNOWN_HEIGHT if height is None else height, 8))
+    return {**geometri, "wkt": f"POINT Z ({' '.join(numbers)})", "srid": srid}
 
 
 def _decimals(value: float, decimals: int) -> str:

@@ -10,6 +10,7 @@ import gzip
 import json
 import logging
 import re
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -241,7 +242,10 @@ def _from_file(path: Path) -> Iterator[Record]:
         for raw in objects:
             try:
                 yield _record(raw, type_id, recorded=True, kommuner=kommuner)
-            except ReplaySourceError:
+            except ReplaySourceError as error:
+                if isinstance(document, Mapping) and "objekter" in document:
+                    msg = f"An object of {path.name} in {path.parent} {error}: record the page again."
+                    raise ReplaySourceError(msg) from error
                 # A recorded folder may hold other answers too, such as the list of kommuner.
                 log.info("%s: an entry that is no vegobjekt is passed over", path.name)
 
@@ -273,7 +277,7 @@ def _documents(path: Path) -> Iterator[object]:
     try:
         data = path.read_bytes()
         text = (gzip.decompress(data) if path.suffix == ".gz" else data).decode("utf-8-sig")
-    except (OSError, EOFError, UnicodeDecodeError) as error:
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         msg = f"{path.name} in {path.parent} cannot be read ({error}): record it again or take it away."
         raise ReplaySourceError(msg) from error
     lines = [text] if ".json" in path.suffixes else text.splitlines()

@@ -222,10 +222,22 @@ def test_bad_api_exits_with_3_and_leaves_the_store(
     """An API that fails on its second page leaves the old mirror, whole."""
     before = contents(store)
     with ReplayServer(sample / "nvdb", faults=lambda r: fault if "start" in r.query else None) as server:
-        answer = twin("sync-nvdb", "--kommune", "5001", "--api-url", server.url, "--store", store)
+        arguments = ["sync-nvdb", "--kommune", "5001", "--api-url", server.url, "--store", store]
+        answer = twin(*arguments, "--json")
     assert answer.code == 3, answer.err
     assert len(answer.err.strip().splitlines()) == 1, answer.err
     assert contents(store) == before
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_retries_are_told(twin: Twin, store: Path, sample: Path) -> None:
+    """A wait without a word looks like a hang: each failed attempt is said, and the sync goes on."""
+    with ReplayServer(
+        sample / "nvdb", faults=[Fault("status", status=503), None, Fault("html_200")]
+    ) as server:
+        answer = twin("sync-nvdb", "--kommune", "5001", "--api-url", server.url, "--store", store)
+    assert answer.code == 0
+    assert answer.err.count("Trying again in") == 2
 
 
 @pytest.mark.usefixtures("no_waiting")

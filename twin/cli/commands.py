@@ -5,7 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, steps, warn
+from twin.cli.output import (
+    bar,
+    log_notes,
+    note,
+    print_json,
+    print_pairs,
+    print_paths,
+    print_table,
+    steps,
+    warn,
+)
 
 if TYPE_CHECKING:
     from twin.evaluate import MethodResult
@@ -28,7 +38,8 @@ def sync_nvdb(
     from twin.sync import sync_nvdb as run
 
     area = area_from_options(kommune, bbox, everything)
-    with Store.open(store) as opened, bar(quiet=json_output) as progress:
+    quiet = json_output
+    with Store.open(store) as opened, log_notes("nvdb", quiet=quiet), bar(quiet=quiet) as progress:
         result = run(opened, area, api_url=api_url, contact=contact, replace=replace, progress=progress)
     if json_output:
         print_json(result)

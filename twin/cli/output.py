@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -120,3 +121,25 @@ def bar(*, quiet: bool = False) -> Iterator[Callable[[str, int, int | None], Non
             progress.update(tasks[what], completed=done, total=total)
 
         yield show
+
+
+@contextmanager
+def log_notes(name: str, *, quiet: bool = False) -> Iterator[None]:
+    """Show what a library logs (retries, for one) as notes on stderr while the block runs."""
+
+    class _Notes(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            note(record.getMessage())
+
+    if quiet:
+        yield
+        return
+    logger, handler = logging.getLogger(name), _Notes(logging.INFO)
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)

@@ -96,6 +96,26 @@ def refuse_if_open(path: Path) -> None:
         )
 
 
+def replace_file(path: Path, content: bytes) -> None:
+    """Write one small file: as it was or completely new.
+
+    Raises
+    ------
+    ExportRefusedError
+        The folder does not exist or cannot be written, or the disk is full.
+    """
+    temporary = path.with_name(f".{path.name}.tmp")
+    try:
+        temporary.write_bytes(content)
+        _flush(temporary)
+        temporary.replace(path)
+        _flush_folder(path.parent)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise ExportRefusedError(f"cannot write {path}: {error.strerror or error}") from error
+
+
 def _is_locked(path: Path) -> bool:
     """Whether another program has an SQLite file open in write-ahead mode, or is writing to it."""
     if not path.with_name(path.name + "-shm").exists() or not path.exists():
@@ -103,7 +123,7 @@ def _is_locked(path: Path) -> bool:
     with closing(sqlite3.connect(path, timeout=0.0, isolation_level=None)) as database:
         try:
             # Needs that nobody else has the file open; ends write-ahead mode and removes -wal and -shm.
-            return database.execute("PRAGMA journal_mode=DELETE").fetchone()[0] != "delete"
+            return bool(database.execute("PRAGMA journal_mode=DELETE").fetchone()[0] != "delete")
         except sqlite3.OperationalError:
             return True
         except sqlite3.DatabaseError:

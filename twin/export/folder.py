@@ -62,12 +62,18 @@ def export_all(
             _refuse_to_lose_decisions(folder, checked.changes)
             tell(f"replacing the files in {folder}")
     except (OSError, sqlite3.Error, DataSourceError, DataLayerError) as error:
-        cause = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
         raise ExportRefusedError(
-            f"cannot export to {folder}: {cause}; older files there are as they were. "
-            "Free space on the disk or give a folder that can be written, then export again"
+            f"cannot export to {folder}: {_cause(error)}; older files there are as they were: "
+            "free space on the disk or give a folder that can be written"
         ) from error
     return [folder / name for name in FILES]
+
+
+def _cause(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return error.strerror or str(error)
+    # GDAL's own text is the SQL that failed; it stays in the chain of exceptions.
+    return str(error) if isinstance(error, sqlite3.Error) else "the GeoPackage could not be written in full"
 
 
 def _write(layers: ExportLayers, staging: Path, tell: Callable[[str], None]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,7 @@ from twin.export.layers import COLUMNS, EPSG_WGS84, KEY
 
 if TYPE_CHECKING:
     import geopandas as gpd
+    import pandas as pd
 
 DECIMALS = 7
 """1.1 cm: RFC 7946, section 11.2, asks for no more than the data need."""
@@ -36,10 +36,10 @@ def write_geojson(frame: gpd.GeoDataFrame, layer: str, path: Path) -> None:
     if frame.crs is None or frame.crs.to_epsg() != EPSG_WGS84:
         raise ValueError("GeoJSON is written from EPSG:4326")
     names = [column.name for column in COLUMNS[layer]]
-    rows = zip(*(frame[name] for name in names), strict=True)
+    rows = zip(*(_plain(frame[name]) for name in names), strict=True)
     features = [
         json.dumps(
-            _feature(dict(zip(names, map(_plain, row), strict=True)), KEY[layer], point),
+            _feature(dict(zip(names, row, strict=True)), KEY[layer], point),
             ensure_ascii=False,
             allow_nan=False,
         )
@@ -59,14 +59,15 @@ def _feature(properties: dict[str, Any], key: str, point: Any) -> dict[str, Any]
     return {"type": "Feature", "id": properties[key], "geometry": geometry, "properties": properties}
 
 
-def _plain(value: Any) -> Any:
-    """Give what JSON knows: a null for NaN, NA and NaT, ISO 8601 for a moment, Python's own numbers."""
+def _plain(column: pd.Series[Any]) -> list[Any]:
+    """Give what JSON knows: null where there is no value, ISO 8601 for a moment, Python's own numbers."""
     import pandas as pd
 
-    if isinstance(value, str):
-        return value
-    if value is pd.NA or value is pd.NaT or (isinstance(value, float) and math.isnan(value)):
-        return None
-    if isinstance(value, pd.Timestamp):
-        return value.isoformat(timespec="milliseconds").replace("+00:00", "Z")
-    return value.item() if hasattr(value, "item") else value
+    if isinstance(column.dtype, pd.DatetimeTZDtype):
+        column = column.map(_iso8601, na_action="ignore")
+    values: list[Any] = column.astype(object).where(column.notna(), None).tolist()
+    return values
+
+
+def _iso8601(moment: pd.Timestamp) -> str:
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -9,8 +9,11 @@ import json
 import sqlite3
 from collections.abc import Mapping
 from contextlib import closing
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from twin.errors import ExportRefusedError
 from twin.export.layers import COLUMNS, DESCRIPTION, GEOMETRY, ExportLayers
@@ -21,6 +24,12 @@ if TYPE_CHECKING:
 
 GEOMETRY_COLUMN = "geom"
 _DECISIONS = "twin_decisions"
+_NOTED = f"./Metadata/MDI[@key='{_DECISIONS}']"
+# Where GDAL keeps the metadata of a layer.
+_LAYER_METADATA = """
+SELECT metadata FROM gpkg_metadata JOIN gpkg_metadata_reference ON md_file_id = id
+WHERE table_name = 'changes' AND md_standard_uri = 'http://gdal.org'
+"""
 
 # As QGIS 3.22 itself makes it on "Save style in database".
 _LAYER_STYLES = """
@@ -57,7 +66,7 @@ def write_geopackage(layers: ExportLayers, path: Path, *, epsg: int, time: str) 
     for number, name in enumerate(COLUMNS):
         frame: gpd.GeoDataFrame = getattr(layers, name)
         pyogrio.write_dataframe(
-            frame,
+            _with_lasting_fid(frame) if name == "changes" else frame,
             path,
             layer=name,
             driver="GPKG",
@@ -95,22 +104,30 @@ def edited_decisions(path: Path) -> dict[str, str]:
     ExportRefusedError
         The file is not an export of twin.
     """
-    import pyogrio
-    from pyogrio.errors import DataLayerError, DataSourceError
+    from defusedxml.ElementTree import fromstring
 
+    # Not by GDAL, which opens what is not a GeoPackage with a warning.
     try:
-        metadata = pyogrio.read_info(path, layer="changes")["layer_metadata"] or {}
-        written = json.loads(metadata[_DECISIONS])
-        rows = pyogrio.read_dataframe(
-            path, layer="changes", columns=["change_id", "decision"], read_geometry=False, use_arrow=False
-        )
-        pairs = list(zip(rows["change_id"], rows["decision"], strict=True))
-    except (DataSourceError, DataLayerError, KeyError, ValueError) as error:
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
+            notes = [fromstring(text) for (text,) in database.execute(_LAYER_METADATA)]
+            pairs = database.execute("SELECT change_id, coalesce(decision, 'open') FROM changes").fetchall()
+        written = json.loads(next(item.text or "" for note in notes for item in note.iterfind(_NOTED)))
+    except (sqlite3.Error, SyntaxError, StopIteration, ValueError) as error:
         raise ExportRefusedError(
             f"{path} is not an export of twin, or is damaged: move it away, then export again"
         ) from error
-    now = {change: decision if isinstance(decision, str) else "open" for change, decision in pairs}
-    return {change: said for change, said in now.items() if said != written.get(change, "open")}
+    return {change: said for change, said in pairs if said != written.get(change, "open")}
+
+
+def _with_lasting_fid(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
+    """Give a change the same row number in every export.
+
+    QGIS edits by row number. Where it still shows the rows of an older export, a decision must not land on
+    another change of the newer one.
+    """
+    # 56 bits: two of a million changes share one once in 140,000 exports, which SQLite then refuses to write.
+    fid = [int.from_bytes(sha256(change.encode()).digest()[:7]) for change in changes["change_id"]]
+    return changes.assign(fid=np.array(fid, dtype=np.int64))
 
 
 def _decision_metadata(changes: gpd.GeoDataFrame) -> Mapping[str, str]:

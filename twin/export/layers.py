@@ -222,7 +222,7 @@ def _normalise(name: str, frame: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
         wrong = set(series.unique()) - allowed if allowed is not None else set()
         if wrong:
             raise ExportRefusedError(
-                f"layer {name}: column {column} holds {min(wrong, key=str)!r}, "
+                f"layer {name}: column {column} holds {min(wrong, key=str)}, "
                 f"but it must be one of {', '.join(sorted(map(str, allowed or ())))}"
             )
     result = gpd.GeoDataFrame(values, geometry=_flat(name, frame), crs=EPSG_UTM33)
@@ -286,7 +286,7 @@ def _cast_bool(series: pd.Series[Any]) -> pd.Series[Any]:
 def _cast_time(series: pd.Series[Any]) -> pd.Series[Any]:
     import pandas as pd
 
-    return pd.to_datetime(series, utc=True).astype(TIME)
+    return pd.to_datetime(series, utc=True, format="ISO8601").dt.as_unit("ms")
 
 
 # By way of Int64, which refuses fractions where int64 would cut them off.

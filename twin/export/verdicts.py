@@ -38,16 +38,16 @@ class Verdict:
     meaning: str
 
 
-# Okabe & Ito's palette (Color Universal Design, 2008) for what needs a decision; grey for what needs none.
-# Drawn in this order, so that what matters most lies on top.
+# After Okabe & Ito (Color Universal Design, 2008), apart for every kind of colour vision; pale where there is
+# nothing to decide. Drawn in this order, so that what matters most lies on top.
 VERDICTS: tuple[Verdict, ...] = (
-    Verdict("unchanged", "Unchanged", "#8c9196", "circle", 0.0, "o", 1.8, "NVDB and the road agree"),
+    Verdict("unchanged", "Unchanged", "#a9adb2", "circle", 0.0, "o", 2.0, "NVDB and the road agree"),
     Verdict(
         "not_observable", "Not observable", "#56b4e9", "circle", 0.0, "o", 2.4, "no drive could have seen it"
     ),
     Verdict("review", "Review", "#0072b2", "square", 0.0, "s", 3.2, "more than one reading is possible"),
     Verdict("moved", "Moved", "#e69f00", "triangle", 0.0, "^", 4.0, "the sign stands elsewhere than in NVDB"),
-    Verdict("wrong_type", "Wrong type", "#cc79a7", "diamond", 0.0, "D", 4.2, "not the sign code in NVDB"),
+    Verdict("wrong_type", "Wrong type", "#aa3377", "diamond", 0.0, "D", 4.2, "not the sign code in NVDB"),
     Verdict("new", "New", "#009e73", "cross_fill", 0.0, "P", 4.8, "on the road, not in NVDB"),
     Verdict("missing", "Missing", "#d55e00", "cross_fill", 45.0, "X", 4.8, "in NVDB, not on the road"),
 )
@@ -60,5 +60,5 @@ DECISIONS: dict[str, str] = {"open": "Open", "accept": "Accept", "dismiss": "Dis
 OTHER_COLOUR = "#000000"
 """The rim of a value that is none of the above, e.g. typed by hand."""
 ESTIMATE_COLOUR = "#1b2a41"
-NVDB_COLOUR = "#7b3f9d"
+NVDB_COLOUR = "#5e4fa2"
 DRIVE_COLOUR = "#5b7083"
