@@ -14,6 +14,7 @@ from geoloc.fixes import sigma_of_quality
 from geoloc.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig
 from geoloc.heading import (
     MIN_BASELINE_M,
+    MOVING_MPS,
     VERTICAL_FACTOR,
     AntennaTrack,
     antenna_track,
@@ -21,6 +22,7 @@ from geoloc.heading import (
     heading_from_baseline,
     heading_from_course,
     held,
+    length_tolerance_m,
     pitch_from_climb,
     resampled,
     smoothed_heading,
@@ -33,10 +35,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STANDING = "standing still with one antenna: no heading"
-_TILT_SIGMA_DEG = 1.0
+STANDING_PAIR = "standing still without a usable pair of antennas: no heading"
+DROWNED = "no heading: the course is lost in the noise of the fixes"
+_ROLL_SIGMA_DEG = 1.0
+# Of a car that never moved: roads climb by about 4 %.
+_PITCH_SIGMA_DEG = 2.5
 # Fixes good enough to tell wrong lever arms from bad reception.
 _CHECK_SIGMA_M = 0.05
-_CHECK_TOLERANCE_M = 0.25
 _MIN_COURSE_STEP_M = 0.1
 
 
@@ -103,7 +108,7 @@ def rig_poses(
         sigma_roll_pitch_deg=masked(np.maximum(pitch.sigma, roll.sigma)),
         sigma_heading_deg=masked(heading.sigma),
         valid=known,
-        reason=np.where(known, "", STANDING),
+        reason=np.where(known, "", _reasons(tracks, pair)),
     )
 
 
@@ -141,11 +146,17 @@ def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_
         speed_mps=speed,
         sigma_horizontal_m=sigma,
         sigma_vertical_m=VERTICAL_FACTOR * sigma,
-        sigma_roll_pitch_deg=np.full_like(sigma, _TILT_SIGMA_DEG),
+        sigma_roll_pitch_deg=np.full_like(sigma, _PITCH_SIGMA_DEG),
         sigma_heading_deg=heading.sigma,
         valid=known,
         reason=np.where(known, "", STANDING),
     )
+
+
+def _reasons(tracks: Sequence[AntennaTrack], pair: _Pair | None) -> NDArray[np.str_]:
+    """Why there is no heading, knot by knot, where there is none."""
+    speed = np.max(np.stack([np.nan_to_num(track.speed_mps) for track in tracks]), axis=0)
+    return np.where(speed > MOVING_MPS, DROWNED, STANDING if pair is None else STANDING_PAIR)
 
 
 def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, FloatArray]:
@@ -168,7 +179,7 @@ def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, Floa
 
 def _longest_baseline(levers: Sequence[FloatArray]) -> _Pair | None:
     best: _Pair | None = None
-    longest = MIN_BASELINE_M
+    longest = MIN_BASELINE_M - 1e-6
     for i in range(len(levers)):
         for j in range(i + 1, len(levers)):
             baseline = levers[j] - levers[i]
@@ -185,7 +196,7 @@ def _heading(
     levers: Sequence[FloatArray],
     pair: _Pair | None,
 ) -> _Angle:
-    course = _mean_course(tracks, levers)
+    course = _mean_course(tracks, levers, reverse=False)
     if pair is None:
         return course
     first, second = tracks[pair.first], tracks[pair.second]
@@ -194,13 +205,15 @@ def _heading(
     _check_distance(first, second, length, pair.baseline_m, who)
     line = smoothed_heading(t_s, line, sigma)
     _check_direction(t_s, line, course.deg, first.speed_mps, who)
-    return _Angle(*fused_heading(line, sigma, *course))
+    reverse = _mean_course(tracks, levers, reverse=True)
+    return _Angle(*fused_heading(line, sigma, course.deg, reverse.deg, course.sigma))
 
 
-def _mean_course(tracks: Sequence[AntennaTrack], levers: Sequence[FloatArray]) -> _Angle:
+def _mean_course(tracks: Sequence[AntennaTrack], levers: Sequence[FloatArray], *, reverse: bool) -> _Angle:
     """Weigh the courses of all antennas; they share their errors, so that the mean is no surer than each."""
     courses = [
-        _Angle(*heading_from_course(track, lever)) for track, lever in zip(tracks, levers, strict=True)
+        _Angle(*heading_from_course(track, lever, reverse=reverse))
+        for track, lever in zip(tracks, levers, strict=True)
     ]
     weights = np.stack([np.where(np.isfinite(c.deg), c.sigma**-2.0, 0.0) for c in courses])
     angles = np.radians(np.stack([np.where(np.isfinite(c.deg), c.deg, 0.0) for c in courses]))
@@ -221,7 +234,7 @@ def _check_distance(
     if not good.any():
         return
     measured = float(np.median(length_m[good]))
-    if abs(measured - mounted) > _CHECK_TOLERANCE_M:
+    if abs(measured - mounted) > length_tolerance_m(mounted):
         raise TrajectoryError(
             f"Antennas {who} are {measured:.2f} m apart in the recording but {mounted:.2f} m by their lever "
             "arms: correct the lever arms."
@@ -256,9 +269,9 @@ def _tilt(
     rows = np.arange(t_s.size)
     climb = np.stack([c[0] for c in climbs])[best, rows]
     deg, sigma = held(t_s, *place, climb, np.stack([c[1] for c in climbs])[best, rows])
-    unknown = ~np.isfinite(deg) | (sigma > _TILT_SIGMA_DEG * 2)
-    pitch = _Angle(np.where(unknown, 0.0, deg), np.where(unknown, _TILT_SIGMA_DEG, sigma))
-    roll = _Angle(np.zeros(t_s.size), np.full(t_s.size, _TILT_SIGMA_DEG))
+    unknown = ~(sigma < _PITCH_SIGMA_DEG)
+    pitch = _Angle(np.where(unknown, 0.0, deg), np.where(unknown, _PITCH_SIGMA_DEG, sigma))
+    roll = _Angle(np.zeros(t_s.size), np.full(t_s.size, _ROLL_SIGMA_DEG))
     if pair is None:
         return pitch, roll
     updated = tilt_with_baseline(pitch, roll, tracks[pair.first], tracks[pair.second], pair.baseline_m)

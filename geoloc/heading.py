@@ -34,6 +34,7 @@ MIN_BASELINE_M = 0.3
 VERTICAL_FACTOR = 1.7
 """Vertical sigma of a fix over its horizontal one."""
 
+_SLOWEST_MPS = 0.01
 _HALF_WINDOW_S = 0.5
 _ACCELERATION_MPS2 = 3.0
 _YAW_ACCELERATION_DEGPS2 = 30.0
@@ -113,8 +114,7 @@ def antenna_track(
     missed = _JERK_MPS3 * window**2 / 8.0
     (ve, vn), (ae, an) = fit.slope.T, fit.curvature.T
     speed = np.hypot(ve, vn)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        curvature = (ve * an - vn * ae) / speed**3
+    curvature = (ve * an - vn * ae) / np.maximum(speed, _SLOWEST_MPS) ** 3
     return AntennaTrack(
         latitude_deg,
         longitude_deg,
@@ -156,12 +156,20 @@ def course_over_ground(velocity_mps: FloatArray) -> FloatArray:
     return np.degrees(np.arctan2(velocity_mps[..., 0], velocity_mps[..., 1])) % 360.0
 
 
-def heading_from_course(track: AntennaTrack, lever_arm_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def heading_from_course(
+    track: AntennaTrack, lever_arm_m: FloatArray, *, reverse: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Heading from the course of one antenna.
 
     The rear axle does not slip sideways, but an antenna ahead of it swings out in a bend: by asin(x κ) for a
-    lever arm x and a path of curvature κ (1.9° for 1 m and a radius of 30 m), which is removed. A car in
-    reverse cannot be told from one that drives the other way: only two antennas show it.
+    lever arm x and a path of curvature κ (1.9° for 1 m and a radius of 30 m), which is removed.
+
+    Parameters
+    ----------
+    track : AntennaTrack
+    lever_arm_m : float64 (3,)
+    reverse : bool
+        Take it that the car reverses. A course alone cannot tell.
 
     Returns
     -------
@@ -169,9 +177,9 @@ def heading_from_course(track: AntennaTrack, lever_arm_m: FloatArray) -> tuple[F
         NaN where the antenna is slower than 1 m/s.
     """
     speed = track.speed_mps
-    with np.errstate(divide="ignore", invalid="ignore"):
-        course_sigma = track.sigma_velocity_mps / speed
-        curvature_sigma = track.sigma_acceleration_mps2 / speed**2
+    divisor = np.maximum(speed, _SLOWEST_MPS)
+    course_sigma = track.sigma_velocity_mps / divisor
+    curvature_sigma = track.sigma_acceleration_mps2 / divisor**2
     # Curvature from noisy accelerations of a creeping car is worth little: weigh it against roads.
     gain = _CURVATURE_PER_M**2 / (_CURVATURE_PER_M**2 + curvature_sigma**2)
     swing = np.arcsin(np.clip(lever_arm_m[0] * gain * track.curvature_per_m, -0.9, 0.9))
@@ -180,7 +188,8 @@ def heading_from_course(track: AntennaTrack, lever_arm_m: FloatArray) -> tuple[F
     sigma = np.sqrt(
         np.degrees(course_sigma) ** 2 + np.degrees(swing_sigma) ** 2 + drift**2 + _COURSE_FLOOR_DEG**2
     )
-    heading = course_over_ground(track.velocity_mps) + np.degrees(swing)
+    course = course_over_ground(track.velocity_mps)
+    heading = course + 180.0 - np.degrees(swing) if reverse else course + np.degrees(swing)
     moving = (speed > MOVING_MPS) & (course_sigma < 1.0)
     return np.where(moving, heading % 360.0, np.nan), np.where(moving, sigma, np.nan)
 
@@ -201,7 +210,8 @@ def heading_from_baseline(
     -------
     heading_deg, sigma_deg : float64 (n,)
         Of the *car*: the direction in which the baseline is mounted is taken off. NaN where one of the
-        antennas is missing, or their distance differs from the rig's by more than four sigma.
+        antennas is missing, or their distance differs from the rig's by more than four sigma and the
+        tolerance of `length_tolerance_m`.
     length_m : float64 (n,)
         Measured horizontal distance.
     """
@@ -211,12 +221,17 @@ def heading_from_baseline(
     length = np.hypot(east, north)
     noise = np.hypot(first.sigma_m, second.sigma_m)
     mounted = float(np.hypot(baseline_m[0], baseline_m[1]))
-    plausible = np.abs(length - mounted) < np.maximum(0.1, 4.0 * noise)
+    plausible = np.abs(length - mounted) < np.maximum(length_tolerance_m(mounted), 4.0 * noise)
     azimuth = np.degrees(np.arctan2(east, north))
     heading = (azimuth + np.degrees(np.arctan2(baseline_m[1], baseline_m[0]))) % 360.0
     sigma = np.degrees(noise / mounted)
     usable = plausible & (sigma < _HOLD_LIMIT_DEG)
     return np.where(usable, heading, np.nan), np.where(usable, sigma, np.nan), length
+
+
+def length_tolerance_m(mounted_m: float) -> float:
+    """How far a measured baseline may differ from the mounted one before one of them is wrong."""
+    return min(0.25, 0.05 + 0.2 * mounted_m)
 
 
 def smoothed_heading(t_s: FloatArray, heading_deg: FloatArray, sigma_deg: FloatArray) -> FloatArray:
@@ -242,14 +257,18 @@ def smoothed_heading(t_s: FloatArray, heading_deg: FloatArray, sigma_deg: FloatA
 
 
 def fused_heading(
-    baseline_deg: FloatArray, baseline_sigma: FloatArray, course_deg: FloatArray, course_sigma: FloatArray
+    baseline_deg: FloatArray,
+    baseline_sigma: FloatArray,
+    course_deg: FloatArray,
+    reverse_deg: FloatArray,
+    course_sigma: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Weigh the headings of baseline and course by their sigmas; one alone stands for itself.
 
-    Where they point opposite ways the car reverses, and the course is turned round.
+    `reverse_deg` is the heading from the course if the car reverses: taken where the baseline says so.
     """
     difference = wrap_deg(course_deg - baseline_deg)
-    difference = np.where(np.abs(difference) > 90.0, wrap_deg(difference + 180.0), difference)
+    difference = np.where(np.abs(difference) > 90.0, wrap_deg(reverse_deg - baseline_deg), difference)
     weight_b, weight_c = baseline_sigma**-2, course_sigma**-2
     both = np.isfinite(difference)
     heading = np.where(both, baseline_deg + difference * weight_c / (weight_b + weight_c), baseline_deg)
@@ -293,8 +312,7 @@ def held(
 def pitch_from_climb(track: AntennaTrack) -> tuple[FloatArray, FloatArray]:
     """Pitch of the road (positive nose down) from the heights along the track; NaN below 1 m/s."""
     speed = track.speed_mps
-    with np.errstate(divide="ignore", invalid="ignore"):
-        noise = np.degrees(VERTICAL_FACTOR * track.sigma_velocity_mps / speed)
+    noise = np.degrees(VERTICAL_FACTOR * track.sigma_velocity_mps / np.maximum(speed, _SLOWEST_MPS))
     moving = (speed > MOVING_MPS) & (noise < _HOLD_LIMIT_DEG)
     pitch = -np.degrees(np.arctan2(track.velocity_mps[:, 2], speed))
     return np.where(moving, pitch, np.nan), np.where(moving, np.hypot(noise, _SLOPE_FLOOR_DEG), np.nan)

@@ -62,9 +62,18 @@ def bracket(sample_ns: IntArray, epoch_ns: IntArray) -> Bracket:
     left = np.where(on_last, left + 1, left)
     fraction = np.where(on_last, 0.0, fraction)
     right = np.where(fraction > 0, left + 1, left)
-    before = np.maximum(sample_ns[0] - epoch_ns, 0) / NANOSECONDS
-    after = np.maximum(epoch_ns - sample_ns[-1], 0) / NANOSECONDS
+    before = np.where(epoch_ns < sample_ns[0], apart_s(sample_ns[:1], epoch_ns), 0.0)
+    after = np.where(epoch_ns > sample_ns[-1], apart_s(epoch_ns, sample_ns[-1:]), 0.0)
     return Bracket(left, right, fraction, span_s, before, after)
+
+
+def apart_s(a_ns: IntArray, b_ns: IntArray) -> FloatArray:
+    """Seconds between epochs, never 0 for different ones, and safe for stamps such as int64's minimum.
+
+    As floats: to 0.3 µs, for messages and limits only.
+    """
+    difference = np.abs(a_ns.astype(np.float64) - b_ns.astype(np.float64)) / NANOSECONDS
+    return np.where(a_ns == b_ns, 0.0, np.maximum(difference, 1.0 / NANOSECONDS))
 
 
 def seconds(epoch_ns: IntArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """How far a located point moves for each source of error: analytic Jacobians of ray ∩ ground plane.
 
-A point p of the plane seen along the ray r from the camera at c: whatever displaces the ray's end by δ leaves the
-point where the displaced ray meets the plane again, ``p + δ - (δ_z / r_z) r``.
+A point p of the plane is seen along the ray r from the camera at c. Whatever displaces the end of the ray by
+δ leaves the point where the displaced ray meets the plane again: ``p + δ - (δ_z / r_z) r``.
 """
 
 from __future__ import annotations

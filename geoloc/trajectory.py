@@ -16,6 +16,7 @@ from geoloc.heading import antenna_track, course_over_ground, resampled
 from geoloc.interpolation import (
     NANOSECONDS,
     Bracket,
+    apart_s,
     bracket,
     hermite,
     linear,
@@ -139,7 +140,7 @@ class Trajectory:
         order = np.argsort(self.host_ns, kind="stable")
         at = bracket(self.host_ns[order], asked)
         index = order[np.where(at.fraction > 0.5, at.right, at.left)]
-        away_s = np.abs(self.host_ns[index] - asked) / NANOSECONDS
+        away_s = apart_s(self.host_ns[index], asked)
         near = away_s <= self.max_gap_s
         valid = near & self.fixes.valid[index]
         far = np.array([f"the nearest fix is {s:.1f} s away" for s in away_s[~near]], dtype=np.str_)
@@ -208,9 +209,10 @@ def trajectory_from_gnss(
 
     Heading comes from the two antennas that are furthest apart (0.3 m or more), weighed with the course over
     ground where the car moves; with one antenna from the course alone, held through standstill with a growing
-    sigma. Pitch comes from the climb of the track, roll only from antennas side by side, else it is 0 ± 1°.
-    Each lever arm is taken off with that attitude, so that the pose is that of the rig's origin on the
-    ground; antennas are then averaged. Lever arms that are all zero make the antenna the rig's origin.
+    sigma. Pitch comes from the climb of the track (0 ± 2.5° if the car never moved), roll only from antennas
+    side by side, else it is 0 ± 1°. Each lever arm is taken off with that attitude, so that the pose is that
+    of the rig's origin on the ground; antennas are then averaged. Lever arms that are all zero make the
+    antenna the rig's origin.
 
     Parameters
     ----------

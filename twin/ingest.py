@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -32,6 +33,10 @@ IntArray = NDArray[np.int64]
 _NS_PER_S = 1_000_000_000
 _VIEW_STEP_M = 0.3
 """Poses closer together than this add nothing to the question whether a place was in view."""
+
+
+_NUMBER = re.compile(r"( of)? ?\b\d+(\.\d+)? s\b ?")
+"""A duration inside a reason: without it, the same reason counts together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +214,14 @@ def locate_annotations(
     poses = trajectory.poses_at(epoch)
     if method == "paper":
         # The paper pairs host stamps, late as they are: that is part of what it is measured by.
-        located = locate_paper(drive.rig, sightings, trajectory.nearest_fix(stamp), budget)
+        located = locate_paper(
+            drive.rig,
+            sightings,
+            trajectory.nearest_fix(stamp),
+            budget,
+            fix_interval_s=trajectory.interval_s,
+            delay_ms=trajectory.delay_ms()[0],
+        )
     else:
         located = locate_single_frame(drive.rig, sightings, poses, budget)
     return SightedObjects(index, epoch, poses, located)
@@ -344,8 +356,11 @@ def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
     """Poses at the annotated cameras' frames, thinned to steps of 0.3 m."""
     cameras = {str(c) for c in drive.annotations.camera} or set(drive.frame_epoch_ns)
     stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
-    epoch = np.unique(np.concatenate([s[s != NO_STAMP] for s in stamps])) + drive.camera_offset_ns
+    known = [s[s != NO_STAMP] for s in stamps]
+    epoch = np.unique(np.concatenate([np.empty(0, np.int64), *known])) + drive.camera_offset_ns
     poses = trajectory.poses_at(epoch)
+    if not poses.valid.any():
+        return poses
     epoch = epoch[poses.valid]
     travelled = np.concatenate(
         [[0.0], np.cumsum(poses.speed_mps[poses.valid][1:] * np.diff(epoch) / _NS_PER_S)]
@@ -373,6 +388,6 @@ def _skipped(
     reasons, numbers = np.unique(sighted.located.rejected, return_counts=True)
     for reason, number in zip(reasons, numbers, strict=True):
         if reason:
-            add(f"sightings: {reason}", int(number))
+            add(f"sightings: {_NUMBER.sub('', reason)}", int(number))
     add("sightings: outliers among those of the same object", n_outliers)
     return counts

@@ -51,22 +51,22 @@ RIG = Rig(
 )
 
 
-def poses_of(n: int, **changes: object) -> Poses:
+def poses_of(n: int, **changes: float) -> Poses:
     """The same pose n times."""
-    values: dict[str, float] = dict(
-        latitude_deg=LAT0,
-        longitude_deg=LON0,
-        height_m=HEIGHT,
-        roll_deg=0.0,
-        pitch_deg=0.0,
-        heading_deg=0.0,
-        speed_mps=0.0,
-        sigma_horizontal_m=0.0,
-        sigma_vertical_m=0.0,
-        sigma_roll_pitch_deg=0.0,
-        sigma_heading_deg=0.0,
-    )
-    columns = {name: np.full(n, changes.get(name, value), dtype=np.float64) for name, value in values.items()}
+    values: dict[str, float] = {
+        "latitude_deg": LAT0,
+        "longitude_deg": LON0,
+        "height_m": HEIGHT,
+        "roll_deg": 0.0,
+        "pitch_deg": 0.0,
+        "heading_deg": 0.0,
+        "speed_mps": 0.0,
+        "sigma_horizontal_m": 0.0,
+        "sigma_vertical_m": 0.0,
+        "sigma_roll_pitch_deg": 0.0,
+        "sigma_heading_deg": 0.0,
+    }
+    columns = {name: np.full(n, value) for name, value in (values | changes).items()}
     return Poses(
         epoch_ns=np.arange(n), **columns, valid=np.ones(n, dtype=bool), reason=np.full(n, "", dtype="U40")
     )
@@ -125,8 +125,8 @@ def test_cameras_may_be_mixed_in_any_order() -> None:
             Sightings(names[i : i + 1], pixel[i : i + 1]),
             poses_of(1, heading_deg=70.0, sigma_heading_deg=0.2, sigma_horizontal_m=0.02, speed_mps=12.0),
         )
-        np.testing.assert_array_equal(metres(mixed)[i], metres(alone)[0])
-        np.testing.assert_allclose(mixed.covariance_m2[i], alone.covariance_m2[0], rtol=1e-12)
+        np.testing.assert_allclose(metres(mixed)[i], metres(alone)[0], atol=1e-8)
+        np.testing.assert_allclose(mixed.covariance_m2[i], alone.covariance_m2[0], rtol=1e-9)
         own = [k for k, source in enumerate(mixed.source) if source == f"boresight pitch {name}"]
         assert np.abs(mixed.systematic_m[i, :, own]).max() > 0
 
@@ -218,7 +218,7 @@ class _World:
             point = _turn(body).T @ point
         value, seen = self.one.model.pixel_from_camera_point((point - at) @ rotation)
         assert seen
-        return value + (np.zeros(2) if pixel is None else pixel)
+        return np.asarray(value + (np.zeros(2) if pixel is None else pixel))
 
 
 def _turn(vector: FloatArray) -> FloatArray:
@@ -242,7 +242,7 @@ def _shift(world: _World, pixel: FloatArray, **pose: float) -> FloatArray:
     names = np.array([world.one.name])
     nominal = locate_single_frame(RIG, Sightings(names, world.seen()[None]), poses_of(1, **state), EXACT)
     moved = locate_single_frame(RIG, Sightings(names, pixel[None]), poses_of(1, **(state | pose)), EXACT)
-    return (metres(moved) - metres(nominal))[0]
+    return np.asarray((metres(moved) - metres(nominal))[0])
 
 
 _STEP = 1e-5
@@ -276,6 +276,9 @@ def test_systematic_columns_equal_disturbed_projections(name: str, source: str) 
     label = source if source.startswith("ground") else f"{source} {name}"
     column = found.systematic_m[0, :, found.source.index(label)]
     moved = _shift(world, _DISTURBED[source](world)) / _STEP
+    # Feet that rise along the normal of a tilted road move sideways themselves.
+    rise = {"ground height": 1.0, "ground slope": float(np.hypot(*world.foot[:2]))}.get(source, 0.0)
+    moved -= rise * rotation_enu_from_rig(world.heading, world.pitch, world.roll)[:2, 2]
     assert min(np.abs(column - moved).max(), np.abs(column + moved).max()) < 2e-3 * np.abs(moved).max() + 1e-3
 
 
@@ -303,16 +306,19 @@ def test_time_moves_the_point_along_the_heading() -> None:
 
 
 def test_range_sigma_of_pitch_is_the_error_budgets() -> None:
-    """At 15 m from a camera 1.5 m high, 0.25° of pitch are (d² + h²) / h δ = 0.66 m of range."""
+    """At 15 m from a camera 1.5 m high, 0.25° of boresight are (d² + h²) / h δ = 0.66 m of range.
+
+    Across the ray they are d δ = 0.065 m.
+    """
     level = replace(
         RIG,
         cameras={"level": camera("level", NARROW, (0.0, 0.0, 1.5), (0.0, 0.0, 0.0))},
     )
     pixel = pixels_of(np.array([[15.0, 0.0, 0.0]]), level.cameras["level"])
-    budget = replace(EXACT, pitch_jitter_deg=0.25)
+    budget = replace(EXACT, boresight_deg=0.25)
     found = locate_single_frame(level, Sightings(np.array(["level"]), pixel), poses_of(1), budget)
     assert np.sqrt(found.covariance_m2[0, 1, 1]) == pytest.approx(0.66, abs=0.005)
-    assert np.sqrt(found.covariance_m2[0, 0, 0]) < 1e-6
+    assert np.sqrt(found.covariance_m2[0, 0, 0]) == pytest.approx(15.0 * np.radians(0.25), rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["wide", "narrow"])

@@ -285,6 +285,15 @@ def test_epochs_outside_the_recording_are_refused_with_its_bounds() -> None:
     assert trajectory.span_ns == (EPOCH0, EPOCH0 + 10_000_000_000)
 
 
+def test_stamp_that_marks_a_missing_frame_is_outside() -> None:
+    """The smallest int64, which readers use for "no stamp", overflows nothing and has no pose."""
+    trajectory = trajectory_from_gnss([record(Circle(), np.zeros(3))], {"left": np.zeros(3)})
+    unset = np.array([np.iinfo(np.int64).min])
+    for poses in (trajectory.poses_at(unset), trajectory.nearest_fix(unset)):
+        assert not poses.valid.any()
+        assert poses.reason[0] != ""
+
+
 @pytest.mark.parametrize("rows", [[40], [40, 41, 42], [0], [299], [40, 90, 91, 200]])
 def test_wild_fixes_are_dropped_and_counted(rows: list[int]) -> None:
     """Fixes that imply more than 70 m/s go, in the middle or at the ends, and the track is as before."""
@@ -339,6 +348,15 @@ def test_car_that_never_moved_has_no_pose_with_one_antenna() -> None:
     assert np.isnan(poses.heading_deg).all()
     assert set(poses.reason) == {"standing still with one antenna: no heading"}
     assert trajectory.line()[0].size >= 0
+
+
+def test_course_that_drowns_in_the_noise_is_no_heading() -> None:
+    """At walking pace, fixes of 2 m say nothing of the heading: a reason of its own, not standstill."""
+    one = record(Circle(radius_m=500.0, speed_mps=1.6), np.zeros(3))
+    one = replace(one, quality=np.ones_like(one.quality))
+    poses = trajectory_from_gnss([one], {"left": np.zeros(3)}).poses_at(one.epoch_ns[50:60])
+    assert not poses.valid.any()
+    assert set(poses.reason) == {"no heading: the course is lost in the noise of the fixes"}
 
 
 def test_nearest_fix_with_late_host_stamps_is_off_by_speed_times_delay() -> None:

@@ -44,7 +44,11 @@ def drive(n: int, seed: int = 1) -> Poses:
         rng.normal(0.0, 1.5, n) + some,
         rng.normal(0.0, 2.0, n) + some,
         rng.uniform(0.0, 360.0, n) + some,
-        *(np.full(n, 0.1) for _ in range(5)),
+        np.full(n, 10.0),
+        np.full(n, 0.1),
+        np.full(n, 0.1),
+        np.full(n, 0.1),
+        np.full(n, 0.1),
         valid,
         np.where(valid, "", "a gap"),
     )
@@ -98,7 +102,7 @@ def test_views_say_which_camera_saw_what_where() -> None:
     poses = drive(1, seed=4)
     poses = replace(poses, heading_deg=np.array([90.0]), pitch_deg=np.zeros(1), roll_deg=np.zeros(1))
     lat, lon = geographic_from_enu(
-        poses.latitude_deg[0], poses.longitude_deg[0], np.array([11.5, -8.5]), np.array([-0.1, -0.1])
+        poses.latitude_deg[0], poses.longitude_deg[0], np.array([11.5, -8.5]), np.array([0.1, 0.1])
     )
     found = list(views(RIG, poses, lat, lon))
     assert [(one.camera.tolist(), one.site.tolist()) for one in found] == [(["front"], [0]), (["rear"], [1])]

@@ -57,15 +57,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def exit_code(error: BaseException) -> int:
     """Return the exit code that belongs to an exception; 1 for what twin does not expect."""
     from geoloc.errors import GeolocError
-    from nvdb.errors import NvdbError, RequestError, SchemaError
+    from nvdb.errors import NvdbError, RequestError, TransportError
     from twin.errors import RefusedError, TwinError
 
     if isinstance(error, RefusedError):
         return EXIT_REFUSED
     if isinstance(error, RequestError):
         return EXIT_USAGE
-    if isinstance(error, SchemaError | TwinError | GeolocError):
-        return EXIT_DATA
-    if isinstance(error, NvdbError):
+    if isinstance(error, TransportError):
         return EXIT_NETWORK
+    if isinstance(error, NvdbError | TwinError | GeolocError):
+        return EXIT_DATA
     return EXIT_BUG

@@ -148,7 +148,7 @@ def _finish(path: Path, styles: Mapping[str, str], time: str, rows: Mapping[str,
         database.execute("COMMIT")
         # Rewrites every page: nothing stays of the clock's times in freed space.
         database.execute("VACUUM")
-        _check(database, path, rows)
+        check_rows(database, path, rows)
 
 
 def _add_styles(database: sqlite3.Connection, styles: Mapping[str, str], time: str) -> None:
@@ -165,7 +165,7 @@ def _add_styles(database: sqlite3.Connection, styles: Mapping[str, str], time: s
     )
 
 
-def _check(database: sqlite3.Connection, path: Path, rows: Mapping[str, int]) -> None:
+def check_rows(database: sqlite3.Connection, path: Path, rows: Mapping[str, int]) -> None:
     """Read back what GDAL may have failed to write without saying so."""
     problems = [text for (text,) in database.execute("PRAGMA quick_check") if text != "ok"]
     for name, wanted in rows.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -28,17 +28,17 @@ SIZE_IN = (12.0, 7.0)
 # Figure fractions (left, bottom, width, height): the map, then the close-ups.
 _BESIDE = (
     (0.012, 0.020, 0.636, 0.925),
-    (0.664, 0.515, 0.160, 0.430),
-    (0.832, 0.515, 0.160, 0.430),
-    (0.664, 0.020, 0.160, 0.430),
-    (0.832, 0.020, 0.160, 0.430),
+    (0.664, 0.520, 0.160, 0.425),
+    (0.832, 0.520, 0.160, 0.425),
+    (0.664, 0.020, 0.160, 0.425),
+    (0.832, 0.020, 0.160, 0.425),
 )
 _BELOW = (
-    (0.012, 0.420, 0.976, 0.530),
-    (0.012, 0.020, 0.235, 0.355),
-    (0.259, 0.020, 0.235, 0.355),
-    (0.506, 0.020, 0.235, 0.355),
-    (0.753, 0.020, 0.235, 0.355),
+    (0.012, 0.435, 0.976, 0.515),
+    (0.012, 0.020, 0.235, 0.350),
+    (0.259, 0.020, 0.235, 0.350),
+    (0.506, 0.020, 0.235, 0.350),
+    (0.753, 0.020, 0.235, 0.350),
 )
 _SOMEWHERE = (270_000.0, 7_041_000.0, 270_100.0, 7_041_060.0)
 """What an empty map shows, EPSG:25833: Trondheim."""
@@ -104,7 +104,7 @@ def render_png(layers: ExportLayers, path: Path, *, title: str = "", dpi: int = 
 def _draw_overview(axes: Axes, layers: ExportLayers, letters: Mapping[str, str], title: str) -> None:
     window = _around(_extent(layers), axes)
     _frame(axes, window)
-    _draw_layers(axes, layers, scale=1.0)
+    _draw_layers(axes, layers, mark_scale=1.0, sign_scale=1.0)
     _draw_legend(axes, layers)
     _draw_scale_bar(axes, window)
     _draw_north(axes, window)
@@ -129,7 +129,8 @@ def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], let
     box = axes.get_window_extent()
     window = _Window(float(middle[0]), float(middle[1]), half, half * box.height / box.width)
     _frame(axes, window)
-    _draw_layers(axes, layers, scale=1.9)
+    # NVDB's rings wide enough to show around a mark at the same place.
+    _draw_layers(axes, layers, mark_scale=1.3, sign_scale=2.4)
     if there is not None and apart > 0.5:
         arrow = {"arrowstyle": "-|>", "color": verdict.colour, "lw": 1.5, "shrinkA": 8, "shrinkB": 9}
         axes.annotate("", xy=tuple(here), xytext=tuple(there), arrowprops=arrow, zorder=6)
@@ -137,10 +138,10 @@ def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], let
     heading = verdict.label
     if np.isfinite(change["distance_m"]) and change["verdict"] == "moved":
         heading += f" {change['distance_m']:.1f} m"
-    axes.set_title(f"{letter}  {heading}  {_code(change)}", loc="left", fontsize=9, color="#222222")
+    axes.set_title(f"{letter}  {heading}\n{_code(change)}", loc="left", fontsize=8.5, color="#222222")
 
 
-def _draw_layers(axes: Axes, layers: ExportLayers, *, scale: float) -> None:
+def _draw_layers(axes: Axes, layers: ExportLayers, *, mark_scale: float, sign_scale: float) -> None:
     for line in layers.drives.geometry[layers.drives.geometry.notna()]:
         east, north = line.xy
         axes.plot(east, north, color=DRIVE_COLOUR, lw=1.6, solid_capstyle="round", zorder=1)
@@ -151,7 +152,7 @@ def _draw_layers(axes: Axes, layers: ExportLayers, *, scale: float) -> None:
         axes.scatter(
             east,
             north,
-            s=size * scale**2,
+            s=size * sign_scale**2,
             marker=marker,
             facecolors="none",
             edgecolors=NVDB_COLOUR,
@@ -163,7 +164,7 @@ def _draw_layers(axes: Axes, layers: ExportLayers, *, scale: float) -> None:
         axes.scatter(
             east,
             north,
-            s=(2.2 * verdict.size_mm * scale) ** 2,
+            s=(2.2 * verdict.size_mm * mark_scale) ** 2,
             marker=verdict.mpl_marker,
             color=verdict.colour,
             edgecolors="white",
@@ -218,12 +219,16 @@ def _draw_legend(axes: Axes, layers: ExportLayers) -> None:
         Patch(fc=_ELLIPSE_FILL, ec=ESTIMATE_COLOUR, lw=0.9, label="95 % error ellipse"),
         Line2D([], [], color=DRIVE_COLOUR, lw=1.6, label="Drive"),
     ]
-    legend = axes.legend(handles=marks, loc="best", fontsize=8, framealpha=0.9, edgecolor="#cccccc")
+    box = axes.get_window_extent()
+    place: Literal["upper right", "best"] = "upper right" if box.width > 2 * box.height else "best"
+    legend = axes.legend(handles=marks, loc=place, fontsize=8, framealpha=0.9, edgecolor="#cccccc")
     legend.set_zorder(20)
 
 
 def _draw_scale_bar(axes: Axes, window: _Window) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten metres, about a fifth of the width."""
+    from matplotlib.patheffects import withStroke
+
     wanted = 0.45 * window.half_width_m
     power = 10.0 ** np.floor(np.log10(wanted))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted)
@@ -241,6 +246,7 @@ def _draw_scale_bar(axes: Axes, window: _Window) -> None:
         ha="center",
         fontsize=8,
         zorder=15,
+        path_effects=[withStroke(linewidth=2.5, foreground="white")],
     )
 
 
@@ -279,11 +285,17 @@ def _extent(layers: ExportLayers) -> tuple[float, float, float, float]:
 
 
 def _around(extent: tuple[float, float, float, float], axes: Axes) -> _Window:
-    """Window with a margin around an extent, shaped like the axes so that a metre is a metre both ways."""
+    """Window around an extent, shaped like the axes so that a metre is a metre both ways.
+
+    With a margin, and in wide axes with a free strip in the east for the legend.
+    """
     west, south, east, north = extent
     box = axes.get_window_extent()
-    half_width = max(0.56 * (east - west), 0.56 * (north - south) * box.width / box.height, 10.0)
-    return _Window((west + east) / 2, (south + north) / 2, half_width, half_width * box.height / box.width)
+    strip = 0.14 if box.width > 2 * box.height else 0.0
+    wide, high = 0.55 * (east - west) / (1 - strip), 0.55 * (north - south)
+    half_width = max(wide, high * box.width / box.height, 10.0)
+    middle = (west + east) / 2 + strip * half_width
+    return _Window(middle, (south + north) / 2, half_width, half_width * box.height / box.width)
 
 
 def _frame(axes: Axes, window: _Window) -> None:
@@ -312,9 +324,8 @@ def _nvdb_position(signs: gpd.GeoDataFrame, change: pd.Series[Any]) -> NDArray[n
 
 def _code(change: pd.Series[Any]) -> str:
     known, seen = str(change["skiltnummer_nvdb"]), str(change["skiltnummer_seen"])
-    if change["verdict"] == "wrong_type":
-        return f"{known} → {seen}"
-    return seen or known
+    code = f"{known} → {seen}" if change["verdict"] == "wrong_type" else seen or known
+    return code.replace(";", " + ")
 
 
 def _xy(frame: gpd.GeoDataFrame) -> NDArray[np.float64]:

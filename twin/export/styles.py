@@ -59,9 +59,9 @@ def _changes(occurring: Sequence[Verdict]) -> str:
         "circle", qml.rgba("#ffffff"), 3.0, outline_color=qml.rgba(OTHER_COLOUR), outline_width="0.4"
     )
     codes = (
-        "CASE WHEN \"verdict\" IN ('unchanged', 'not_observable') THEN '' "
+        "replace(CASE WHEN \"verdict\" IN ('unchanged', 'not_observable') THEN '' "
         'WHEN "verdict" = \'wrong_type\' THEN "skiltnummer_nvdb" || \' → \' || "skiltnummer_seen" '
-        'WHEN "skiltnummer_seen" <> \'\' THEN "skiltnummer_seen" ELSE "skiltnummer_nvdb" END'
+        "WHEN \"skiltnummer_seen\" <> '' THEN \"skiltnummer_seen\" ELSE \"skiltnummer_nvdb\" END, ';', ' + ')"
     )
     return qml.document(
         qml.categorised_renderer("verdict", [*shown, ("", "Other", qml.symbol("marker", [other]))], order),

@@ -1,0 +1,155 @@
+"""Drive → estimates: what a user's folder can hold beside the sample's perfect case."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sqlalchemy as sa
+
+from geoloc.simulate import scenario, simulate_drive
+from twin import schema
+from twin.drives.write import write_driveworks_trip, write_generic_folder
+from twin.errors import DriveError
+from twin.ingest import ingest_drive
+from twin.match import poses_from_blob
+from twin.store import Store
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    """A new store."""
+    with Store.open(tmp_path / "twin.db") as opened:
+        yield opened
+
+
+@pytest.fixture
+def trip(sample: Path, tmp_path: Path) -> Path:
+    """A copy of the sample's drive."""
+    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
+
+
+def positions(store: Store) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
+    """Object → easting and northing."""
+    rows = store.rows(sa.select(schema.estimate))
+    return {row["object"]: np.array([row["east_m"], row["north_m"]]) for row in rows}
+
+
+def test_ingest_brings_itrf2020_to_euref89(store: Store, trip: Path) -> None:
+    """The same fixes declared ITRF2020 lie 0.8 to 0.9 m to the south-west in EUREF89, in 2026."""
+    ingest_drive(store, trip)
+    before = positions(store)
+    settings = trip / "drive.toml"
+    settings.write_text(settings.read_text().replace("EUREF89", "ITRF2020"))
+    with Store.open(store.path.with_name("itrf.db")) as other:
+        ingest_drive(other, trip)
+        after = positions(other)
+    shift = np.array([after[name] - before[name] for name in before])
+    assert np.all((np.hypot(*shift.T) > 0.80) & (np.hypot(*shift.T) < 0.90))
+    assert np.all(shift < 0)
+    assert np.ptp(shift, axis=0).max() < 0.01
+
+
+def test_ingest_gives_the_same_from_both_layouts(store: Store, tmp_path: Path) -> None:
+    """One drive as a DriveWorks trip and as a generic folder: the same positions to the last bit."""
+    drive = simulate_drive(scenario("approach", 15.0, 3), 3)
+    write_driveworks_trip(drive, tmp_path / "trip")
+    write_generic_folder(drive, tmp_path / "folder")
+    ingest_drive(store, tmp_path / "trip")
+    with Store.open(tmp_path / "other.db") as other:
+        ingest_drive(other, tmp_path / "folder")
+        ours, theirs = positions(store), positions(other)
+    assert ours.keys() == theirs.keys()
+    assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
+
+
+def test_ingest_takes_full_poses_instead_of_gnss(store: Store, tmp_path: Path) -> None:
+    """With the simulator's true poses the errors are those of the ground and the pixels alone."""
+    drive = simulate_drive(scenario("approach", 15.0, 3), 3)
+    write_generic_folder(drive, tmp_path / "folder", true_poses=True)
+    report = ingest_drive(store, tmp_path / "folder")
+    assert report.delay_ms is None
+    truth = {
+        str(name): np.array([east, north])
+        for name, east, north in zip(
+            drive.objects.object, drive.objects.east_utm33_m, drive.objects.north_utm33_m, strict=True
+        )
+    }
+    errors = [np.hypot(*(place - truth[name])) for name, place in positions(store).items()]
+    assert len(errors) == report.n_estimates > 0
+    assert np.median(errors) < 0.5
+
+
+def test_ingest_works_standing_still(store: Store, tmp_path: Path) -> None:
+    """Two antennas give the heading of a car that never moves; its line is a point."""
+    drive = simulate_drive(scenario("still", None, 5), 5)
+    write_driveworks_trip(drive, tmp_path / "trip")
+    report = ingest_drive(store, tmp_path / "trip")
+    assert report.n_estimates == report.n_objects > 0
+    assert report.length_m < 1.0
+
+
+def test_ingest_counts_boxes_that_it_cannot_locate(store: Store, trip: Path) -> None:
+    """A box shows the face: it is counted with the cure, and the points still give their estimates."""
+    path = trip / "C2_tricam60.xml"
+    text = path.read_text()
+    boxed = re.sub(
+        r'<points (frame="\d+"[^>]*?) points="([\d.]+),([\d.]+)"',
+        lambda m: f'<box {m[1]} xtl="{m[2]}" ytl="{m[3]}" xbr="{float(m[2]) + 9}" ybr="{float(m[3]) + 9}"',
+        text,
+    ).replace("</points>", "</box>")
+    assert boxed.count("<box ") > 100
+    path.write_text(boxed)
+    report = ingest_drive(store, trip)
+    boxes = {key: n for key, n in report.skipped.items() if key.startswith("boxes")}
+    assert list(boxes.values()) == [len(re.findall(r'<box [^>]*outside="0"', boxed))]
+    assert report.n_estimates == 15
+
+
+def test_ingest_without_annotations_keeps_the_drive(store: Store, trip: Path) -> None:
+    """A drive that nobody annotated has a line and no sightings, and says so."""
+    for path in trip.glob("*.xml"):
+        path.unlink()
+    report = ingest_drive(store, trip)
+    assert (report.n_sightings, report.n_estimates) == (0, 0)
+    assert any("no annotations" in warning for warning in report.warnings)
+    assert store.count(schema.drive) == 1
+
+
+def test_ingest_keeps_where_the_car_was(store: Store, trip: Path) -> None:
+    """The stored poses are valid, in time order, and not closer than frames 0.2 m apart on average."""
+    report = ingest_drive(store, trip)
+    (drive,) = store.rows(sa.select(schema.drive))
+    poses = poses_from_blob(drive["poses"])
+    assert poses.valid.all()
+    assert np.all(np.diff(poses.epoch_ns) > 0)
+    assert report.length_m / len(poses.epoch_ns) > 0.2
+
+
+def test_ingest_reports_the_link_delay(store: Store, trip: Path) -> None:
+    """The sample's host stamps are 78 ms late, as the real car's."""
+    report = ingest_drive(store, trip)
+    assert report.delay_ms == pytest.approx(78.0, abs=1.5)
+
+
+def test_ingest_by_an_unknown_method_is_refused(store: Store, trip: Path) -> None:
+    """The message lists the methods."""
+    with pytest.raises(DriveError, match="single-frame, paper"):
+        ingest_drive(store, trip, method="magic")
+
+
+def test_ingest_counts_sightings_outside_the_track_together(store: Store, trip: Path) -> None:
+    """Frames before the first fix and inside a gap are two reasons with a count each, not one a frame."""
+    for path in trip.glob("gnss*"):
+        lines = path.read_text().splitlines(keepends=True)
+        path.write_text("".join(lines[40:100] + lines[130:]))
+    report = ingest_drive(store, trip)
+    reasons = [key for key in report.skipped if "fix" in key]
+    assert len(reasons) == 2
+    assert any("before the first fix" in key for key in reasons)
+    assert any("inside a gap" in key for key in reasons)
