@@ -31,5 +31,8 @@ real: $(VENV)/.installed          ## the whole job on real input (../shared/real
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 	$(BIN)/python -m twin.sample data
 
+bench: $(VENV)/.installed         ## errors of both methods on simulated drives
+	$(BIN)/python benchmarks/accuracy.py
+
 clean:
 	rm -rf $(VENV) demo-out build dist .coverage

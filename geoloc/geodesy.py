@@ -188,6 +188,8 @@ def grid_convergence_deg(latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> F
     ``grid azimuth = true azimuth - convergence``.
     """
     lat, lon = _broadcast(latitude_deg, longitude_deg)
+    if not lat.size:  # PROJ refuses to work on nothing
+        return lat.copy()
     factors = _utm33_projection().get_factors(lon.ravel(), lat.ravel())
     return _finite(factors.meridian_convergence, lat.shape)
 
@@ -195,6 +197,8 @@ def grid_convergence_deg(latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> F
 def utm33_scale(latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> FloatArray:
     """Metres on the UTM33 grid a metre on the ellipsoid: 0.9996 at 15°E, 1.0002 in Trondheim."""
     lat, lon = _broadcast(latitude_deg, longitude_deg)
+    if not lat.size:
+        return lat.copy()
     factors = _utm33_projection().get_factors(lon.ravel(), lat.ravel())
     return _finite(factors.meridional_scale, lat.shape)
 

@@ -111,15 +111,16 @@ METHODS = ("single-frame", "paper")
 
 def choose_method(store: Store, method: str | None) -> str:
     """Return `method` if the store has estimates by it; by default the best one that it has."""
+    if not store.count(schema.drive):
+        raise StoreError(f"The store {store.path} has no drive yet: run `twin ingest-drive` first.")
     present = store.methods()
-    if not present:
-        raise StoreError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
     if method is None:
-        return next((name for name in METHODS if name in present), present[0])
+        # Drives without any estimate can still show that signs are missing.
+        return next((name for name in METHODS if name in present), METHODS[0])
     if method not in present:
         raise StoreError(
-            f"The store {store.path} has no estimates by --method {method}, only by {', '.join(present)}: "
-            f"run `twin ingest-drive --method {method}` first."
+            f"The store {store.path} has no estimates by --method {method}, only by "
+            f"{', '.join(present) or 'none'}: run `twin ingest-drive --method {method}` first."
         )
     return method
 

@@ -251,3 +251,20 @@ def test_euref89_from_itrf2020_refuses_a_shift_that_cannot_be() -> None:
         geodesy.euref89_from_itrf2020(63.42, 10.40, 80.0, 1990.0)
     with pytest.raises(GeolocError, match="1 of 2 positions"):
         geodesy.euref89_from_itrf2020(63.42, 10.40, 80.0, [2024.0, 2200.0])
+
+
+def test_functions_of_no_positions_return_none() -> None:
+    """Empty arrays come back empty: a drive without a single estimate is no error."""
+    none = np.zeros(0)
+    for result in (
+        geodesy.grid_convergence_deg(none, none),
+        geodesy.utm33_scale(none, none),
+        *geodesy.utm33_from_geographic(none, none),
+        *geodesy.geographic_from_utm33(none, none),
+        *geodesy.direct(none, none, none, none),
+        *geodesy.inverse(none, none, none, none),
+        *geodesy.enu_offset(none, none, none, none),
+        *geodesy.geographic_from_enu(none, none, none, none),
+    ):
+        assert result.shape == (0,)
+    assert geodesy.utm33_covariance_from_enu(np.zeros((0, 2, 2)), none, none).shape == (0, 2, 2)

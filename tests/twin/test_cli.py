@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -142,7 +144,7 @@ def test_demo_runs_and_says_which_files_to_open(twin: Twin, tmp_path: Path) -> N
 def test_demo_closing_table_names_everything(twin: Twin, tmp_path: Path) -> None:
     """The table shows signs synced, drives, sightings, estimates, verdicts, errors and files."""
     answer = twin("demo", "--out", tmp_path / "demo")
-    for word in ("signs synced", "drives", "sightings", "estimates", "moved", "median", "twin_utm33.gpkg"):
+    for word in ("signs synced", "drives", "sightings", "estimates", "moved", "median [m]", "range [m]", "twin_utm33.gpkg"):
         assert word in answer.out
 
 
@@ -180,6 +182,21 @@ def test_match_by_a_method_without_estimates_says_so(
 def test_methods_of_the_command_line_are_the_librarys() -> None:
     """The choices that the command line offers are those that ingest knows, best first."""
     assert tuple(method.value for method in Method) == METHODS
+
+
+def test_a_drive_without_sightings_can_still_miss_signs(
+    twin: Twin, sample: Path, nvdb_url: str, tmp_path: Path
+) -> None:
+    """A complete drive whose annotation files name no object: every sign in view is missing, and exports."""
+    store, trip = tmp_path / "twin.db", Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
+    for path in trip.glob("*.xml"):
+        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", store)
+    assert twin("ingest-drive", trip, "--store", store).code == 0
+    verdicts = twin("match", "--store", store, "--json").json["verdicts"]
+    assert verdicts["missing"] == 15
+    assert sum(verdicts.values()) == 15
+    assert twin("export", tmp_path / "out", "--store", store).code == 0
 
 
 def test_json_is_one_document_on_stdout(twin: Twin, store: Path) -> None:

@@ -60,9 +60,9 @@ def print_table(
     """Print a table on stdout; columns from `right_from` on are aligned to the right."""
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", title_style="bold", header_style="bold")
+    table = Table(title=_escape(title), title_justify="left", title_style="bold", header_style="bold")
     for number, name in enumerate(columns):
-        table.add_column(name, justify="right" if number >= right_from else "left", overflow="fold")
+        table.add_column(_escape(name), justify="right" if number >= right_from else "left", overflow="fold")
     for row in rows:
         table.add_row(*(_escape(cell(value)) for value in row))
     console().print(table)

@@ -27,10 +27,12 @@ def _changes() -> gpd.GeoDataFrame:
         {
             "change_id": [f"c-{i:02d}" for i in range(n)],
             "verdict": VERDICTS,
-            "reason": [f"Skjærgårdsveien <{verdict}> & \"so\" on" for verdict in VERDICTS],
+            "reason": [f'Skjærgårdsveien <{verdict}> & "so" on' for verdict in VERDICTS],
             "confidence": np.linspace(0.5, 0.99, n),
             "nvdb_type": [96, 95, 96, 96, 96, 96, 95],
-            "nvdb_id": pd.array([900_000_000 + i if ok else None for i, ok in enumerate(known)], dtype="Int64"),
+            "nvdb_id": pd.array(
+                [900_000_000 + i if ok else None for i, ok in enumerate(known)], dtype="Int64"
+            ),
             "nvdb_version": pd.array([1 if ok else None for ok in known], dtype="Int64"),
             "skiltnummer_nvdb": ["362.50" if ok else "" for ok in known],
             "skiltnummer_seen": ["362.60" if ok else "" for ok in seen],
@@ -117,9 +119,9 @@ def _drives() -> gpd.GeoDataFrame:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def layers() -> ExportLayers:
-    """Return a small, complete set of layers."""
+    """Return a small, complete set of layers, which no test changes."""
     from twin.export import ExportLayers
 
     return ExportLayers(_changes(), _estimates(), _nvdb_signs(), _drives())

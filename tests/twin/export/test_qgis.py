@@ -1,0 +1,163 @@
+"""What a user of QGIS sees, told by QGIS itself (tests/qgis_open_layer.py, without a screen)."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from pyproj import Proj
+
+from twin.export import COLUMNS, VERDICTS, ExportLayers, export_all
+from twin.export.folder import UTM33, WGS84
+from twin.export.layers import EPSG_UTM33
+from twin.export.styles import SIGMAS_95
+from twin.export.verdicts import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR
+
+pytestmark = pytest.mark.qgis
+
+SYSTEM_PYTHON = "/usr/bin/python3"
+SCRIPT = Path(__file__).resolve().parents[2] / "qgis_open_layer.py"
+FILES = {UTM33: "EPSG:25833", WGS84: "EPSG:4326"}
+ENVIRONMENT = {
+    # A French desktop would write 0,25: the map tips must not depend on the test machine's language.
+    "PATH": os.environ.get("PATH", ""),
+    "HOME": os.environ.get("HOME", "/"),
+    "LC_ALL": "C.UTF-8",
+    "QT_QPA_PLATFORM": "offscreen",
+}
+
+
+def _open(*triples: tuple[Path, str, Path]) -> list[dict[str, Any]]:
+    if not Path(SYSTEM_PYTHON).exists():
+        pytest.skip("no system Python")
+    probe = [SYSTEM_PYTHON, "-c", "import qgis.core"]
+    if subprocess.run(probe, capture_output=True, check=False, env=ENVIRONMENT).returncode:
+        pytest.skip("QGIS's Python bindings are not installed")
+    arguments = [str(part) for triple in triples for part in triple]
+    done = subprocess.run(
+        [SYSTEM_PYTHON, str(SCRIPT), *arguments], capture_output=True, text=True, check=False, env=ENVIRONMENT
+    )
+    assert done.returncode == 0, done.stderr
+    found: list[dict[str, Any]] = json.loads(done.stdout)
+    return found
+
+
+@pytest.fixture(scope="module")
+def opened(
+    layers: ExportLayers, tmp_path_factory: pytest.TempPathFactory
+) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return what QGIS says of every layer in both files."""
+    folder: Path = tmp_path_factory.mktemp("qgis")
+    export_all(layers, folder)
+    wanted = [(file, layer) for file in FILES for layer in COLUMNS]
+    found = _open(*((folder / file, layer, folder / f"{file}-{layer}.png") for file, layer in wanted))
+    return dict(zip(wanted, found, strict=True))
+
+
+EVERY = pytest.mark.parametrize(("file", "layer"), [(file, layer) for file in FILES for layer in COLUMNS])
+
+
+@EVERY
+def test_qgis_opens_the_layer_with_its_style(
+    opened: dict[tuple[str, str], dict[str, Any]], layers: ExportLayers, file: str, layer: str
+) -> None:
+    """QGIS finds the style by itself: CRS, rows, renderer, and an alias for every field."""
+    said = opened[file, layer]
+    assert said["crs"] == FILES[file]
+    assert said["features"] == len(getattr(layers, layer))
+    assert said["renderer"] == ("categorizedSymbol" if layer in {"changes", "nvdb_signs"} else "singleSymbol")
+    assert said["aliases"] == {"fid": ""} | {column.name: column.label for column in COLUMNS[layer]}
+    assert said["errors"] == []
+
+
+@EVERY
+def test_qgis_draws_the_layer_in_its_colours(
+    opened: dict[tuple[str, str], dict[str, Any]], file: str, layer: str
+) -> None:
+    """The picture that QGIS renders has pixels of every colour of the style."""
+    colours = {
+        "changes": [verdict.colour for verdict in VERDICTS],
+        "estimates": [ESTIMATE_COLOUR],
+        "nvdb_signs": [NVDB_COLOUR],
+        "drives": [DRIVE_COLOUR],
+    }[layer]
+    pixels = opened[file, layer]["pixels"]
+    assert {colour: pixels.get(colour, 0) >= 10 for colour in colours} == dict.fromkeys(colours, True)
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_qgis_categorises_changes_by_verdict(
+    opened: dict[tuple[str, str], dict[str, Any]], file: str
+) -> None:
+    """Each verdict is drawn in its own colour, and any other value has a symbol, too."""
+    symbols = opened[file, "changes"]["symbols"]
+    assert {name: colours[0] for name, colours in symbols.items() if name} == {
+        verdict.name: verdict.colour for verdict in VERDICTS
+    }
+    assert "" in symbols
+    assert opened[file, "changes"]["labels"]
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_qgis_lets_only_decisions_be_edited(opened: dict[tuple[str, str], dict[str, Any]], file: str) -> None:
+    """The form offers the decision as a list; everything else, in every layer, is read-only."""
+    assert opened[file, "changes"]["editable"] == ["decision"]
+    assert opened[file, "changes"]["widgets"]["decision"] == "ValueMap"
+    assert all(opened[file, layer]["editable"] == [] for layer in COLUMNS if layer != "changes")
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_qgis_map_tips_tell_the_finding(opened: dict[tuple[str, str], dict[str, Any]], file: str) -> None:
+    """Verdict, codes, distance ± sigma and reason, evaluated by QGIS; "<" in a text is no markup."""
+    tips = opened[file, "changes"]["map_tips"]
+    moved = next(tip for tip in tips if "<b>Moved</b>" in tip)
+    assert "NVDB: 362.50, seen: 362.60" in moved
+    assert "Distance 0.25 m ± 0.4 m" in moved
+    assert 'Skjærgårdsveien &lt;moved> &amp; "so" on' in moved
+    new = next(tip for tip in tips if "<b>New</b>" in tip)
+    assert "NVDB: –, seen: 362.60" in new
+    assert "Distance – ± –" in new
+    sign = opened[file, "nvdb_signs"]["map_tips"][0]
+    assert "<b>Skiltpunkt 900000000</b> version 1" in sign
+    assert "stated accuracy 10 cm" in sign
+    assert "2026-06-10 08:00:00 – 2026-06-10 08:01:00 UTC, 250 m" in opened[file, "drives"]["map_tips"][0]
+    assert "σ 0.5 m × 0.2 m, CEP95 1 m" in opened[file, "estimates"]["map_tips"][0]
+
+
+def test_qgis_draws_error_ellipses_to_scale_and_turned(layers: ExportLayers, tmp_path: Path) -> None:
+    """An ellipse of 20 m by 5 m sigma at azimuth 30° covers what it should on the map, to a pixel or two.
+
+    On the grid its axis lies at 30° minus the convergence, here +4.2°, which PROJ gives independently. The
+    shape's second moments are a quarter of its squared half axes.
+    """
+    import cv2
+
+    east, north = np.array([270_000.0, 270_500.0]), np.array([7_041_000.0, 7_041_000.0])
+    estimates = layers.estimates.iloc[:2].assign(
+        sigma_major_m=20.0, sigma_minor_m=5.0, sigma_azimuth_deg=30.0
+    )
+    estimates = estimates.set_geometry(shapely.points(east, north), crs=EPSG_UTM33)
+    export_all(dataclasses.replace(layers, estimates=estimates), tmp_path)
+    _open((tmp_path / UTM33, "estimates", tmp_path / "map.png"))
+
+    picture = cv2.imread(str(tmp_path / "map.png"), cv2.IMREAD_GRAYSCALE)
+    assert picture is not None
+    row, column = np.nonzero(picture[:, : picture.shape[1] // 2] < 250)
+    metres_per_px = 1.2 * 500.0 / picture.shape[1]
+    covariance = np.cov(np.stack([column, -row]) * metres_per_px)
+    values, vectors = np.linalg.eigh(covariance)
+    half_axes_m = 2 * np.sqrt(values)
+    azimuth_deg = np.degrees(np.arctan2(vectors[0, 1], vectors[1, 1])) % 180
+
+    longitude, latitude = Proj(EPSG_UTM33)(east[0], north[0], inverse=True)
+    convergence = Proj(EPSG_UTM33).get_factors(longitude, latitude).meridian_convergence
+    assert convergence == pytest.approx(-4.1, abs=0.1)
+    np.testing.assert_allclose(half_axes_m, [5 * SIGMAS_95, 20 * SIGMAS_95], rtol=0, atol=2 * metres_per_px)
+    assert azimuth_deg == pytest.approx(30.0 - convergence, abs=0.5)
