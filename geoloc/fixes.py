@@ -16,6 +16,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 MAX_SPEED_MPS = 70.0
+_SLACK_M = 0.5
+"""Noise of a position: between epochs nanoseconds apart, as some loggers write them, it is no speed."""
 """Faster than this between two fixes, one of them is wrong."""
 
 SIGMA_BY_QUALITY_M = {4: 0.015, 5: 0.3, 2: 0.6, 1: 2.0, 6: 2.0}
@@ -89,7 +91,7 @@ def without_jumps(positions: _Positions) -> BoolArray:
             np.diff(positions.longitude_deg[keep]) * east[keep[1:]],
             np.diff(positions.latitude_deg[keep]) * north[keep[1:]],
         )
-        cuts = np.flatnonzero(step > MAX_SPEED_MPS * np.diff(t_s[keep])) + 1
+        cuts = np.flatnonzero(step > MAX_SPEED_MPS * np.diff(t_s[keep]) + _SLACK_M) + 1
         if cuts.size == 0:
             break
         pieces = np.split(keep, cuts)

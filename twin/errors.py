@@ -5,6 +5,7 @@
     TwinError
     ├── DriveError          a recorded drive that cannot be read (what, where, cure)
     ├── StoreError          the store is missing, locked, or written by a newer version
+    ├── ConfigError         a setting that cannot be
     ├── TruthError          a truth file for ``evaluate`` that cannot be read
     └── RefusedError        doing it would lose or overwrite something
         └── ExportRefusedError  … in an export folder
@@ -25,6 +26,10 @@ class DriveError(TwinError):
 
 class StoreError(TwinError):
     """A store that cannot be opened or written."""
+
+
+class ConfigError(TwinError):
+    """A setting that is out of its range."""
 
 
 class TruthError(TwinError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -14,16 +13,14 @@ import numpy as np
 import sqlalchemy as sa
 from numpy.typing import NDArray
 
-from geoloc.accuracy import ellipse_coverage, error_stats
+from geoloc.accuracy import ellipse_coverage, error_stats, stats_by_range
 from twin import schema
 from twin.errors import TruthError
+from twin.folders import make_folder
 from twin.store import Store
 
 FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]
-
-RANGE_EDGES_M = (0.0, 8.0, 12.0, 16.0, 22.0, 30.0, math.inf)
-"""Bins of the distance to the object: those in which flat-ground errors of real recordings are known."""
 
 _REQUIRED = ("object", "easting", "northing")
 
@@ -48,8 +45,9 @@ class MethodResult:
         n, mean, median, p95, max, rmse of the estimates' horizontal errors, metres.
     coverage95 : float
         Share of the truths inside the 95 % ellipse.
-    by_range : list of dict
-        The same statistics of *single sightings*, by distance from camera to object.
+    objects_by_range, sightings_by_range : list of dict
+        The same statistics by distance: of the estimates by that of their nearest sighting, and of single
+        sightings. ``from_m``, ``to_m`` (None: no limit), n … rmse, ``coverage95``.
     not_estimated : tuple of str
         Truth objects that this method has no estimate of.
     """
@@ -57,7 +55,8 @@ class MethodResult:
     method: str
     objects: dict[str, float]
     coverage95: float
-    by_range: list[dict[str, Any]]
+    objects_by_range: list[dict[str, Any]]
+    sightings_by_range: list[dict[str, Any]]
     not_estimated: tuple[str, ...]
 
 
@@ -140,10 +139,21 @@ def evaluate(store: Store, truths: Sequence[Truth]) -> Evaluation:
         seen = [(s, t) for s in sightings if s["method"] == method and (t := _find(known, s)) is not None]
         if not own:
             continue
-        arrays = _errors(seen, ("range_m", "speed_mps"))
-        sighting_arrays[method] = arrays
-        estimate_arrays[method] = _errors(own, ("range_min_m",))
-        results.append(_result(method, own, arrays, truths))
+        objects, singles = _errors(own, "range_min_m"), _errors(seen, "range_m")
+        estimate_arrays[method], sighting_arrays[method] = objects.arrays(), singles.arrays()
+        found = {row["object"] for row, _ in own}
+        results.append(
+            MethodResult(
+                method=method,
+                objects=asdict(error_stats(objects.error_m)),
+                coverage95=float(ellipse_coverage(objects.offset_m, objects.covariance_m2)),
+                objects_by_range=objects.by_range(),
+                sightings_by_range=singles.by_range(),
+                not_estimated=tuple(sorted({t.object for t in truths} - found)),
+            )
+        )
+    if not estimates:
+        raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
     if not results:
         names = ", ".join(sorted({t.object for t in truths})[:3])
         raise TruthError(
@@ -157,45 +167,48 @@ def _find(known: Mapping[tuple[str, str], Truth], row: Row) -> Truth | None:
     return known.get((row["drive_id"], row["object"])) or known.get(("", row["object"]))
 
 
-def _errors(pairs: Sequence[tuple[Row, Truth]], names: Sequence[str]) -> dict[str, FloatArray]:
-    offset = _offsets(pairs)
-    arrays = {name: np.array([row[name] for row, _ in pairs], dtype=np.float64) for name in names}
-    arrays["error_m"] = np.hypot(offset[:, 0], offset[:, 1])
-    if "range_min_m" in arrays:
-        arrays["range_m"] = arrays.pop("range_min_m")
-    return arrays
+@dataclass(frozen=True, slots=True)
+class _Errors:
+    """Positions minus truth, EPSG:25833, with their covariance and the range to the object."""
+
+    offset_m: FloatArray
+    covariance_m2: FloatArray
+    range_m: FloatArray
+    speed_mps: FloatArray
+
+    @property
+    def error_m(self) -> FloatArray:
+        return np.asarray(np.hypot(self.offset_m[:, 0], self.offset_m[:, 1]))
+
+    def arrays(self) -> dict[str, FloatArray]:
+        return {"range_m": self.range_m, "speed_mps": self.speed_mps, "error_m": self.error_m}
+
+    def by_range(self) -> list[dict[str, Any]]:
+        bins = []
+        for one in stats_by_range(self.error_m, self.range_m):
+            if one.stats.n:
+                inside = (self.range_m >= one.from_m) & (self.range_m < one.to_m)
+                covered = ellipse_coverage(self.offset_m[inside], self.covariance_m2[inside])
+                # JSON has no infinity: the last bin is open.
+                to_m = one.to_m if math.isfinite(one.to_m) else None
+                bins.append(
+                    {"from_m": one.from_m, "to_m": to_m, **asdict(one.stats), "coverage95": float(covered)}
+                )
+        return bins
 
 
-def _offsets(pairs: Sequence[tuple[Row, Truth]]) -> FloatArray:
-    return np.array(
-        [(row["east_m"] - t.east_m, row["north_m"] - t.north_m) for row, t in pairs], dtype=np.float64
-    ).reshape(-1, 2)
+def _errors(pairs: Sequence[tuple[Row, Truth]], range_name: str) -> _Errors:
+    def column(*names: str) -> FloatArray:
+        values = [[row.get(name) for name in names] for row, _ in pairs]
+        return np.array(values, dtype=np.float64).reshape(len(pairs), len(names))
 
-
-def _result(
-    method: str,
-    own: Sequence[tuple[Row, Truth]],
-    sightings: Mapping[str, FloatArray],
-    truths: Sequence[Truth],
-) -> MethodResult:
-    offset = _offsets(own)
-    covariance = np.array(
-        [[[e["cov_ee_m2"], e["cov_en_m2"]], [e["cov_en_m2"], e["cov_nn_m2"]]] for e, _ in own]
-    )
-    by_range = []
-    for low, high in itertools.pairwise(RANGE_EDGES_M):
-        inside = (sightings["range_m"] >= low) & (sightings["range_m"] < high)
-        if inside.any():
-            stats = asdict(error_stats(sightings["error_m"][inside]))
-            # JSON has no infinity: the last bin is open.
-            by_range.append({"from_m": low, "to_m": high if math.isfinite(high) else None, **stats})
-    found = {e["object"] for e, _ in own}
-    return MethodResult(
-        method=method,
-        objects=asdict(error_stats(np.hypot(offset[:, 0], offset[:, 1]))),
-        coverage95=float(ellipse_coverage(offset, covariance)),
-        by_range=by_range,
-        not_estimated=tuple(sorted({t.object for t in truths} - found)),
+    truth = np.array([(t.east_m, t.north_m) for _, t in pairs]).reshape(-1, 2)
+    covariance = column("cov_ee_m2", "cov_en_m2", "cov_en_m2", "cov_nn_m2").reshape(-1, 2, 2)
+    return _Errors(
+        offset_m=column("east_m", "north_m") - truth,
+        covariance_m2=covariance,
+        range_m=column(range_name)[:, 0],
+        speed_mps=column("speed_mps")[:, 0],
     )
 
 
@@ -210,8 +223,7 @@ def plot(evaluation: Evaluation, folder: Path | str) -> list[Path]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = make_folder(folder)
     written = []
     for name, column, label, scale in (
         ("error_distance.png", "range_m", "distance from camera to object [m]", 1.0),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import zlib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,29 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.combine import Combined, combine
-from geoloc.geodesy import (
-    euref89_from_itrf2020,
-    utm33_covariance_from_enu,
-    utm33_from_geographic,
-)
-from geoloc.locate import ErrorBudget, Located, Sightings, locate_paper, locate_single_frame
-from geoloc.trajectory import Poses, Trajectory, trajectory_from_gnss, trajectory_from_poses
+from geoloc.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.locate import ErrorBudget
+from geoloc.trajectory import Poses, Trajectory
 from twin import __version__
 from twin.drives.drive import Annotations, Drive
 from twin.drives.read import read_drive
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
 from twin.match import METHODS, blob_from_poses
+from twin.plausible import annotation_warnings, check_track
+from twin.sighted import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.store import Store
 
 IntArray = NDArray[np.int64]
 
 _NS_PER_S = 1_000_000_000
+FAR_REASONS = ("above the horizon", "more than ")
+"""How :func:`geoloc.ground.miss_reason` begins for rays that end far away."""
 _VIEW_STEP_M = 0.3
 """Poses closer together than this add nothing to the question whether a place was in view."""
 
 
-_NUMBER = re.compile(r"( of)? ?\b\d+(\.\d+)? s\b ?")
+_NUMBER = re.compile(r" of \d+(\.\d+)? s\b|\b\d+(\.\d+)? s ")
 """A duration inside a reason: without it, the same reason counts together."""
 
 
@@ -53,6 +53,8 @@ class IngestReport:
         "what: reason" → count, for everything that was left out on the way.
     delay_ms : float or None
         Median delay of the GNSS host stamps, the trip's link delay.
+    fix_quality : dict
+        In words → number of fixes, of all antennas; empty for a full-pose track.
     """
 
     drive_id: str
@@ -65,6 +67,7 @@ class IngestReport:
     n_estimates: int
     length_m: float
     delay_ms: float | None
+    fix_quality: dict[str, int]
     warnings: tuple[str, ...]
     skipped: dict[str, int]
 
@@ -99,14 +102,22 @@ def ingest_drive(
         raise DriveError(f"There is no method {method!r}: use one of {', '.join(METHODS)}.")
     say = progress or (lambda _text: None)
     drive = read_drive(Path(path), progress=say)
+    warnings = check_track(drive)
     say("building the trajectory")
-    drive = in_euref89(drive)
+    drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
     say(f"locating {len(drive.annotations.frame):,} annotations by {method}")
-    sighted = locate_annotations(drive, trajectory, method=method, budget=budget)
+    sighted = locate_annotations(drive, trajectory, method=method, budget=budget, datum_sigma_m=datum_sigma_m)
     estimates, n_outliers = _estimates(drive, sighted, method)
+    n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
     line, length_m = _line(trajectory)
     delay = _delay_ms(drive, trajectory)
+    warnings = (
+        *drive.warnings,
+        *warnings,
+        *annotation_warnings(drive, int(sighted.located.valid.sum())),
+        *_unplaced_warning(drive, n_unplaced),
+    )
     store.save_drive(
         {
             "drive_id": drive.drive_id,
@@ -123,13 +134,16 @@ def ingest_drive(
             "rig": zlib.compress(drive.rig_document.encode()),
             "poses": blob_from_poses(_view_poses(drive, trajectory)),
             "cameras": sorted({str(c) for c in drive.annotations.camera} or drive.frame_epoch_ns),
-            "warnings": list(drive.warnings),
+            "warnings": list(warnings),
             "skipped": [asdict(s) for s in drive.skipped],
             "software": f"nvdb-twin {__version__}",
+            "content_sha256": drive.content_sha256,
+            "fix_quality": _fix_quality(drive),
         },
         method,
         _sighting_rows(drive, sighted, method),
         estimates,
+        n_unplaced,
     )
     return IngestReport(
         drive_id=drive.drive_id,
@@ -142,97 +156,10 @@ def ingest_drive(
         n_estimates=len(estimates),
         length_m=length_m,
         delay_ms=delay,
-        warnings=drive.warnings,
+        fix_quality=_fix_quality(drive),
+        warnings=warnings,
         skipped=_skipped(drive, trajectory, sighted, n_outliers),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class SightedObjects:
-    """The drive's foot points with their epochs and positions.
-
-    Attributes
-    ----------
-    index : int (n,)
-        Row in the drive's annotations.
-    epoch_ns : int (n,)
-        Epoch of exposure.
-    poses : Poses (n,)
-    located : Located (n,)
-    """
-
-    index: IntArray
-    epoch_ns: IntArray
-    poses: Poses
-    located: Located
-
-
-def in_euref89(drive: Drive) -> Drive:
-    """Return the drive with positions in EUREF89: unchanged, or transformed at the epoch of each fix."""
-    if drive.datum == "EUREF89":
-        return drive
-    gnss = tuple(replace(fixes, **_transformed(fixes)) for fixes in drive.gnss)
-    poses = replace(drive.poses, **_transformed(drive.poses)) if drive.poses is not None else None
-    return replace(drive, gnss=gnss, poses=poses)
-
-
-def _transformed(track: Any) -> dict[str, Any]:
-    """ITRF2020 → EUREF89; the plate has moved 2.7 cm a year since 1989, so the epoch matters."""
-    year = 1970.0 + track.epoch_ns / (_NS_PER_S * 86400 * 365.25)
-    result = euref89_from_itrf2020(track.latitude_deg, track.longitude_deg, track.height_m, year)
-    changed = {
-        "latitude_deg": result.latitude_deg,
-        "longitude_deg": result.longitude_deg,
-        "height_m": result.height_m,
-    }
-    if hasattr(track, "sigma_horizontal_m"):
-        changed["sigma_horizontal_m"] = np.hypot(track.sigma_horizontal_m, result.extra_sigma_m)
-    return changed
-
-
-def trajectory_of(drive: Drive) -> Trajectory:
-    """Build the drive's trajectory from its full poses if it has them, else from its GNSS."""
-    if drive.poses is not None:
-        return trajectory_from_poses(drive.poses)
-    lever_arms = {name: antenna.rig_t_antenna_m for name, antenna in drive.rig.antennas.items()}
-    return trajectory_from_gnss(drive.gnss, lever_arms)
-
-
-def locate_annotations(
-    drive: Drive, trajectory: Trajectory, *, method: str, budget: ErrorBudget | None = None
-) -> SightedObjects:
-    """Give every annotated foot its epoch, pose and position.
-
-    Boxes show a sign's face, not where its pole meets the ground: one frame cannot locate them.
-    """
-    budget = budget or ErrorBudget()
-    index = np.flatnonzero(drive.annotations.kind == "foot")
-    camera = drive.annotations.camera[index]
-    stamp = _frame_stamps(drive, camera, drive.annotations.frame[index])
-    epoch = stamp + drive.camera_offset_ns
-    sightings = Sightings(camera=camera, pixel_px=drive.annotations.pixel_px[index])
-    poses = trajectory.poses_at(epoch)
-    if method == "paper":
-        # The paper pairs host stamps, late as they are: that is part of what it is measured by.
-        located = locate_paper(
-            drive.rig,
-            sightings,
-            trajectory.nearest_fix(stamp),
-            budget,
-            fix_interval_s=trajectory.interval_s,
-            delay_ms=trajectory.delay_ms()[0],
-        )
-    else:
-        located = locate_single_frame(drive.rig, sightings, poses, budget)
-    return SightedObjects(index, epoch, poses, located)
-
-
-def _frame_stamps(drive: Drive, camera: NDArray[np.str_], frame: IntArray) -> IntArray:
-    stamps = np.empty(len(frame), dtype=np.int64)
-    for name in np.unique(camera):
-        mask = camera == name
-        stamps[mask] = drive.frame_epoch_ns[str(name)][frame[mask]]
-    return stamps
 
 
 def _estimates(drive: Drive, sighted: SightedObjects, method: str) -> tuple[list[dict[str, Any]], int]:
@@ -250,7 +177,7 @@ def _estimates(drive: Drive, sighted: SightedObjects, method: str) -> tuple[list
     for g, name in enumerate(names):
         if combined.n_used[g] == 0:
             continue
-        member = np.flatnonzero((group == g) & valid)
+        member = np.flatnonzero((group == g) & combined.used)
         rows.append(
             {
                 "estimate_id": f"{drive.drive_id}:{name}:{method}",
@@ -265,27 +192,61 @@ def _estimates(drive: Drive, sighted: SightedObjects, method: str) -> tuple[list
                 "cov_nn_m2": float(covariance[g, 1, 1]),
                 "range_min_m": float(combined.range_min_m[g]),
                 "flags": _flags(combined, g),
-                **_summary(drive.annotations, sighted, member, combined.n_used[g]),
+                **_summary(drive.annotations, sighted, member),
             }
         )
     return rows, int(combined.n_rejected.sum())
 
 
-def _summary(
-    annotations: Annotations, sighted: SightedObjects, member: IntArray, n_used: int
-) -> dict[str, Any]:
-    """Label, code and counts of one object's located sightings."""
+def _summary(annotations: Annotations, sighted: SightedObjects, member: IntArray) -> dict[str, Any]:
+    """Label, code and counts of the sightings that one object's position comes from."""
     rows = sighted.index[member]
-    frames = {(str(annotations.camera[i]), int(annotations.frame[i])) for i in rows}
+    cameras = sorted({str(camera) for camera in annotations.camera[rows]})
     return {
         "label": _commonest(annotations.label[rows]),
         "skiltnummer": _commonest(annotations.skiltnummer[rows]),
-        "n_sightings": int(n_used),
-        "n_frames": len({frame for _, frame in frames}),
-        "n_cameras": len({camera for camera, _ in frames}),
+        "n_sightings": len(member),
+        # Cameras that run side by side show the same instant in frames of their own.
+        "n_frames": len({(annotations.camera[i], annotations.frame[i]) for i in rows}),
+        "n_cameras": len(cameras),
+        "cameras": cameras,
         "first_ns": int(sighted.epoch_ns[member].min()),
         "last_ns": int(sighted.epoch_ns[member].max()),
     }
+
+
+def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
+    """Count annotated objects without a position that may stand near the car.
+
+    One whose every ray ends beyond flat ground's reach, or above the horizon, stands far away; a box, or a
+    foot that was rejected for any other reason, may be any sign that the car passed.
+    """
+    far = np.char.startswith(sighted.located.rejected, FAR_REASONS[0])
+    for reason in FAR_REASONS[1:]:
+        far |= np.char.startswith(sighted.located.rejected, reason)
+    near = set(drive.annotations.object[drive.annotations.kind == "box"].tolist())
+    near |= set(drive.annotations.object[sighted.index[~far]].tolist())
+    return len(near - placed)
+
+
+def _unplaced_warning(drive: Drive, n_unplaced: int) -> tuple[str, ...]:
+    if not (n_unplaced and drive.annotations_complete):
+        return ()
+    missing = (
+        f"{n_unplaced} annotated objects have no position (see what was left out), so this drive cannot show"
+        " that a sign is missing: annotate the foot of each pole as a point."
+    )
+    return (missing,)
+
+
+_QUALITY = {1: "single", 2: "DGNSS", 4: "RTK fixed", 5: "RTK float", 6: "dead reckoning"}
+
+
+def _fix_quality(drive: Drive) -> dict[str, int]:
+    """Fixes by GGA quality, in words, best first as the standard numbers them."""
+    quality = np.concatenate([np.empty(0, np.int64), *(fixes.quality for fixes in drive.gnss)])
+    values, counts = np.unique(quality, return_counts=True)
+    return {_QUALITY.get(int(q), f"quality {q}"): int(n) for q, n in zip(values, counts, strict=True)}
 
 
 def _commonest(values: NDArray[np.str_]) -> str:
@@ -308,6 +269,7 @@ def _flags(combined: Combined, g: int) -> str:
 def _sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[dict[str, Any]]:
     located = sighted.located
     east, north = utm33_from_geographic(located.latitude_deg, located.longitude_deg)
+    covariance = utm33_covariance_from_enu(located.covariance_m2, located.latitude_deg, located.longitude_deg)
     notes = drive.annotations
     return [
         {
@@ -322,6 +284,9 @@ def _sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[d
             "v_px": float(notes.pixel_px[i, 1]),
             "east_m": _finite(east[k]),
             "north_m": _finite(north[k]),
+            "cov_ee_m2": _finite(covariance[k, 0, 0]),
+            "cov_en_m2": _finite(covariance[k, 0, 1]),
+            "cov_nn_m2": _finite(covariance[k, 1, 1]),
             "range_m": _finite(located.range_m[k]),
             "speed_mps": _finite(sighted.poses.speed_mps[k]),
             "rejected": str(located.rejected[k]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import io
 import json
 import zlib
@@ -14,19 +15,23 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 
 from geoloc.geodesy import geographic_from_utm33
-from geoloc.rig import rig_from_document, without_template_masks
+from geoloc.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory import Poses
 from geoloc.visibility import count_views
 from twin import schema
 from twin.errors import StoreError
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
-from twin.matching.observed import observed_poles
+from twin.matching.observed import ObservedPole, observed_poles
 from twin.matching.sites import Site, sites_from_mirror
 from twin.matching.verdict import VERDICTS, Change, judge
-from twin.store import Store, utc_now
+from twin.store import Snapshot, Store, utc_now
 
 Row = Mapping[str, Any]
+IntArray = NDArray[np.int64]
+
+METHODS = ("single-frame", "paper")
+"""Geolocation methods, best first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +48,8 @@ class MatchReport:
         Observed poles; NVDB sites that have any position.
     n_in_view : int
         Sites that a completely annotated drive had in view.
+    n_outdated : int
+        Poles of earlier drives that a later, completely annotated drive passed without seeing them: left out.
     """
 
     method: str
@@ -50,6 +57,7 @@ class MatchReport:
     n_poles: int
     n_sites: int
     n_in_view: int
+    n_outdated: int
 
 
 def match(
@@ -65,64 +73,168 @@ def match(
     ----------
     store : Store
     method : str, optional
-        Default: the best that the store has estimates of (``single-frame`` before ``paper``).
+        Default: the best that drives were ingested by (``single-frame`` before ``paper``).
     config : MatchConfig, optional
 
     Raises
     ------
     StoreError
-        No drive was ingested, nothing was synced, or the method has no estimates.
+        No drive was ingested, nothing was synced, or no drive was ingested by the method.
     """
     config = config or MatchConfig()
     say = progress or (lambda _text: None)
     method = choose_method(store, method)
     if store.fact("mirror") is None:
         raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
-    drives = store.rows(sa.select(schema.drive).order_by(schema.drive.c.started_ns, schema.drive.c.drive_id))
-    estimates = store.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method))
-    say("grouping estimates into poles")
-    poles = observed_poles(estimates, [d["drive_id"] for d in drives], config)
-    sites = sites_from_mirror(
-        store.rows(sa.select(*_columns(schema.skiltpunkt))),
-        store.rows(sa.select(*_columns(schema.skiltplate))),
-        config,
-    )
+    with store.snapshot() as view:
+        say("grouping estimates into poles")
+        drives = _drives(view, method)
+        estimates = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method))
+        known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
+        poles = observed_poles(estimates, [drive.drive_id for drive in drives], config, known)
+        sites = sites_from_mirror(
+            view.rows(sa.select(*_columns(schema.skiltpunkt))),
+            view.rows(sa.select(*_columns(schema.skiltplate))),
+            config,
+        )
     say("finding which signs were in view")
-    complete, views, watched_by = _views(drives, sites, config)
-    p_unannotated = np.where(
-        complete >= config.min_views, config.p_missed, np.where(views > 0, config.p_unseen, 1.0)
-    )
+    current = _still_seen(drives, poles, config)
+    seen = _views_of_sites(drives, sites, config)
     say("assigning")
-    assignment = assign(poles, sites, p_unannotated, config)
-    changes = judge(poles, sites, assignment, complete, watched_by, config)
-    store.save_changes([asdict(change) for change in changes], {"method": method, "at": utc_now()})
+    assignment = assign(current, sites, seen.p_unannotated(config), config)
+    changes = judge(current, sites, assignment, seen.complete, seen.watched_by, config)
+    keys = {member: pole.key for pole in poles for member in pole.members}
+    store.save_changes([asdict(change) for change in changes], keys, {"method": method, "at": utc_now()})
     return MatchReport(
         method=method,
         verdicts=_counts(changes),
-        n_poles=len(poles),
+        n_poles=len(current),
         n_sites=len(sites),
-        n_in_view=int((complete >= config.min_views).sum()),
+        n_in_view=int((seen.complete >= config.min_views).sum()),
+        n_outdated=len(poles) - len(current),
     )
 
 
-METHODS = ("single-frame", "paper")
-"""Geolocation methods, best first."""
-
-
 def choose_method(store: Store, method: str | None) -> str:
-    """Return `method` if the store has estimates by it; by default the best one that it has."""
-    if not store.count(schema.drive):
-        raise StoreError(f"The store {store.path} has no drive yet: run `twin ingest-drive` first.")
+    """Return `method` if drives were ingested by it; by default the best one that some were."""
     present = store.methods()
+    if not present:
+        raise StoreError(f"The store {store.path} has no drive yet: run `twin ingest-drive` first.")
     if method is None:
-        # Drives without any estimate can still show that signs are missing.
-        return next((name for name in METHODS if name in present), METHODS[0])
+        return next((name for name in METHODS if name in present), present[0])
     if method not in present:
         raise StoreError(
-            f"The store {store.path} has no estimates by --method {method}, only by "
-            f"{', '.join(present) or 'none'}: run `twin ingest-drive --method {method}` first."
+            f"No drive in the store {store.path} was ingested by --method {method}, only by "
+            f"{', '.join(present)}: run `twin ingest-drive --method {method}` first."
         )
     return method
+
+
+@dataclass(frozen=True, slots=True)
+class _Drive:
+    """What matching needs of a drive.
+
+    ``is_evidence``: whether a sign that it passed and did not see is gone. It is, if the drive was declared
+    completely annotated and every annotated object found its place: one that did not may be that very sign.
+    """
+
+    drive_id: str
+    day: str
+    is_evidence: bool
+    rig: Rig
+    poses: Poses
+    cameras: tuple[str, ...]
+
+    def views(self, east: NDArray[np.float64], north: NDArray[np.float64], config: MatchConfig) -> IntArray:
+        """Count the camera images that had each place in view."""
+        if not len(east):
+            return np.zeros(0, dtype=np.int64)
+        lat, lon = geographic_from_utm33(east, north)
+        return count_views(
+            self.rig, self.poses, lat, lon, max_range_m=config.view_range_m, cameras=list(self.cameras)
+        )
+
+
+def _drives(view: Snapshot, method: str) -> list[_Drive]:
+    """Drives ingested by the method, in time order; only these can have seen or missed a sign."""
+    d, m = schema.drive, schema.drive_method
+    statement = (
+        sa.select(d, m.c.n_unplaced)
+        .join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
+        .order_by(d.c.started_ns, d.c.drive_id)
+    )
+    drives = []
+    for row in view.rows(statement):
+        document = json.loads(zlib.decompress(row["rig"]))
+        rig, _ = without_template_masks(rig_from_document(document, source=row["name"]))
+        drives.append(
+            _Drive(
+                drive_id=row["drive_id"],
+                day=dt.datetime.fromtimestamp(row["started_ns"] / 1e9, tz=dt.UTC).date().isoformat(),
+                is_evidence=bool(row["annotations_complete"]) and row["n_unplaced"] == 0,
+                rig=rig,
+                poses=poses_from_blob(row["poses"]),
+                cameras=tuple(row["cameras"]),
+            )
+        )
+    return drives
+
+
+def _still_seen(
+    drives: Sequence[_Drive], poles: Sequence[ObservedPole], config: MatchConfig
+) -> list[ObservedPole]:
+    """Leave out poles that a later drive passed, completely annotated, without seeing them."""
+    east = np.array([pole.east_m for pole in poles])
+    north = np.array([pole.north_m for pole in poles])
+    last_seen = np.array(
+        [max(i for i, d in enumerate(drives) if d.drive_id in pole.drive_ids) for pole in poles],
+        dtype=np.int64,
+    )
+    gone = np.zeros(len(poles), dtype=bool)
+    for i, drive in enumerate(drives):
+        if drive.is_evidence and (last_seen < i).any():
+            gone |= (last_seen < i) & (drive.views(east, north, config) >= config.min_views)
+    return [pole for pole, is_gone in zip(poles, gone, strict=True) if not is_gone]
+
+
+@dataclass(frozen=True, slots=True)
+class _Views:
+    """Camera images in which each site was in view.
+
+    Attributes
+    ----------
+    complete : int (n_sites,)
+        Of drives that are evidence of absence.
+    every : int (n_sites,)
+        Of all drives.
+    watched_by : per site, the ids of the drives that are evidence
+    """
+
+    complete: IntArray
+    every: IntArray
+    watched_by: list[list[str]]
+
+    def p_unannotated(self, config: MatchConfig) -> NDArray[np.float64]:
+        """Probability that a pole that stands at the site goes unannotated."""
+        return np.where(
+            self.complete >= config.min_views, config.p_missed, np.where(self.every > 0, config.p_unseen, 1.0)
+        )
+
+
+def _views_of_sites(drives: Sequence[_Drive], sites: Sequence[Site], config: MatchConfig) -> _Views:
+    east = np.array([site.east_m for site in sites])
+    north = np.array([site.north_m for site in sites])
+    starts = np.array([site.start_date for site in sites], dtype=np.str_)
+    views = _Views(np.zeros(len(sites), np.int64), np.zeros(len(sites), np.int64), [[] for _ in sites])
+    for drive in drives:
+        # What NVDB says was put up later than the drive could not be seen.
+        seen = np.where(starts <= drive.day, drive.views(east, north, config), 0)
+        views.every[:] += seen
+        if drive.is_evidence:
+            views.complete[:] += seen
+            for j in np.flatnonzero(seen):
+                views.watched_by[int(j)].append(drive.drive_id)
+    return views
 
 
 def _columns(table: sa.Table) -> list[sa.Column[Any]]:
@@ -135,37 +247,6 @@ def _counts(changes: Sequence[Change]) -> dict[str, int]:
     for change in changes:
         counts[change.verdict] += 1
     return counts
-
-
-def _views(
-    drives: Sequence[Row], sites: Sequence[Site], config: MatchConfig
-) -> tuple[NDArray[np.int64], NDArray[np.int64], list[list[str]]]:
-    """Frames in view per site: over completely annotated drives, over all; and which complete drives."""
-    complete = np.zeros(len(sites), dtype=np.int64)
-    every = np.zeros(len(sites), dtype=np.int64)
-    watched_by: list[list[str]] = [[] for _ in sites]
-    if not sites:
-        return complete, every, watched_by
-    lat, lon = geographic_from_utm33(
-        np.array([site.east_m for site in sites]), np.array([site.north_m for site in sites])
-    )
-    for drive in drives:
-        document = json.loads(zlib.decompress(drive["rig"]))
-        rig, _ = without_template_masks(rig_from_document(document, source=drive["name"]))
-        seen = count_views(
-            rig,
-            poses_from_blob(drive["poses"]),
-            lat,
-            lon,
-            max_range_m=config.view_range_m,
-            cameras=drive["cameras"],
-        )
-        every += seen
-        if drive["annotations_complete"]:
-            complete += seen
-            for j in np.flatnonzero(seen):
-                watched_by[int(j)].append(drive["drive_id"])
-    return complete, every, watched_by
 
 
 def blob_from_poses(poses: Poses) -> bytes:

@@ -28,6 +28,20 @@ def utc_now() -> str:
     return dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
+_REVISION = "revision"
+
+
+class Snapshot:
+    """One state of a store, for several queries that must agree."""
+
+    def __init__(self, connection: sa.Connection) -> None:
+        self._connection = connection
+
+    def rows(self, statement: sa.Select[Any]) -> list[Row]:
+        """Run a query and return its rows as mappings."""
+        return [dict(row) for row in self._connection.execute(statement).mappings()]
+
+
 class Store:
     """An open store. Use :meth:`open`; close it or use it as a context manager.
 
@@ -99,76 +113,126 @@ class Store:
         StoreError
             Another process writes to the store, the disk is full, or the folder is read-only.
         """
-        with store_errors(self.path), self._engine.begin() as connection:
+        writer = self._engine.execution_options(writes=True)
+        with store_errors(self.path), writer.begin() as connection:
             yield connection
-
-    def connect(self) -> sa.Connection:
-        """Give a connection for a transaction that outlives one call; the caller closes it."""
-        return self._engine.connect()
 
     def rows(self, statement: sa.Select[Any]) -> list[Row]:
         """Run a query and return its rows as mappings, inside one read transaction."""
-        with store_errors(self.path), self._engine.connect() as connection:
-            return [dict(row) for row in connection.execute(statement).mappings()]
+        with self.snapshot() as view:
+            return view.rows(statement)
 
     def count(self, table: sa.Table) -> int:
         """Count the rows of a table."""
         return int(self.rows(sa.select(sa.func.count().label("n")).select_from(table))[0]["n"])
 
+    @contextmanager
+    def snapshot(self) -> Iterator[Snapshot]:
+        """Give a view of one and the same state, however many queries are asked of it."""
+        with store_errors(self.path), self._engine.connect() as connection, connection.begin():
+            yield Snapshot(connection)
+
     # -- drives --------------------------------------------------------------------------------------------
 
-    def save_drive(self, drive: Row, method: str, sightings: Sequence[Row], estimates: Sequence[Row]) -> None:
-        """Replace one drive's record and its sightings and estimates by `method`, in one transaction."""
+    def save_drive(
+        self,
+        drive: Row,
+        method: str,
+        sightings: Sequence[Row],
+        estimates: Sequence[Row],
+        n_unplaced: int = 0,
+    ) -> None:
+        """Replace one drive's record and its sightings and estimates by `method`, in one transaction.
+
+        Results of another method from files that were since changed are of another recording: they go too.
+        """
         drive_id = drive["drive_id"]
         with self.transaction() as connection:
+            known = connection.execute(
+                sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive_id)
+            ).scalar()
             connection.execute(sa.delete(schema.drive).where(schema.drive.c.drive_id == drive_id))
             connection.execute(sa.insert(schema.drive), [dict(drive)])
-            for table, rows in ((schema.sighting, sightings), (schema.estimate, estimates)):
-                connection.execute(
-                    sa.delete(table).where(table.c.drive_id == drive_id, table.c.method == method)
-                )
+            results = {
+                schema.drive_method: [{"drive_id": drive_id, "method": method, "n_unplaced": n_unplaced}],
+                schema.sighting: sightings,
+                schema.estimate: estimates,
+            }
+            for table, rows in results.items():
+                old = sa.delete(table).where(table.c.drive_id == drive_id)
+                if known == drive["content_sha256"]:
+                    old = old.where(table.c.method == method)
+                connection.execute(old)
                 if rows:
                     connection.execute(sa.insert(table), [dict(row) for row in rows])
+            self.touch(connection)
 
     def methods(self) -> list[str]:
-        """Return the geolocation methods that have estimates, in alphabetical order."""
-        column = schema.estimate.c.method
+        """Return the geolocation methods by which drives were ingested, in alphabetical order."""
+        column = schema.drive_method.c.method
         return [row["method"] for row in self.rows(sa.select(column).distinct().order_by(column))]
 
     # -- changes -------------------------------------------------------------------------------------------
 
-    def save_changes(self, changes: Sequence[Row], run: Row) -> None:
-        """Replace the findings of the last match; a decision stays with its ``change_id``."""
+    def save_changes(self, changes: Sequence[Row], pole_keys: Mapping[str, str], run: Row) -> None:
+        """Replace the findings of the last match, in one transaction.
+
+        Parameters
+        ----------
+        changes : rows of the ``change`` table
+        pole_keys : mapping of estimate (``drive:object``) to the key of its pole
+        run : JSON object
+            Facts of the match; the store's revision is added to them.
+        """
         with self.transaction() as connection:
-            kept = connection.execute(
-                sa.select(schema.change.c.change_id, schema.change.c.decision).where(
-                    schema.change.c.decision != "open"
-                )
-            )
-            decided = {row.change_id: row.decision for row in kept}
             connection.execute(sa.delete(schema.change))
             if changes:
-                rows = [{**row, "decision": decided.get(row["change_id"], "open")} for row in changes]
-                connection.execute(sa.insert(schema.change), rows)
-            self._put(connection, "last_match", run)
+                connection.execute(sa.insert(schema.change), [dict(row) for row in changes])
+            if pole_keys:
+                connection.execute(
+                    sa.insert(schema.pole_key).prefix_with("OR REPLACE"),
+                    [{"member": member, "pole": pole} for member, pole in pole_keys.items()],
+                )
+            revision = self._fact(connection, _REVISION) or {"n": 0}
+            self.put_fact(connection, "last_match", {**run, "revision": revision["n"]})
+
+    def save_decisions(self, decisions: Mapping[str, str]) -> None:
+        """Keep what people decided, by ``change_id``; it stays while a finding comes and goes."""
+        rows = [{"change_id": key, "decision": value} for key, value in decisions.items()]
+        if rows:
+            with self.transaction() as connection:
+                connection.execute(sa.insert(schema.decision).prefix_with("OR REPLACE"), rows)
 
     # -- small facts ---------------------------------------------------------------------------------------
 
     def fact(self, key: str) -> dict[str, Any] | None:
         """Return a JSON object kept under `key` (``mirror``, ``last_match``), or None."""
-        found = self.rows(sa.select(schema.meta.c.value).where(schema.meta.c.key == key))
-        return json.loads(found[0]["value"]) if found else None
+        with store_errors(self.path), self._engine.connect() as connection:
+            return self._fact(connection, key)
+
+    def revision(self) -> int:
+        """Return how often drives or the mirror have changed: findings of an older revision are stale."""
+        return int((self.fact(_REVISION) or {"n": 0})["n"])
+
+    def touch(self, connection: sa.Connection) -> None:
+        """Count a change of drives or mirror, inside the caller's transaction."""
+        before = self._fact(connection, _REVISION) or {"n": 0}
+        self.put_fact(connection, _REVISION, {"n": before["n"] + 1})
 
     @staticmethod
-    def _put(connection: sa.Connection, key: str, value: Row) -> None:
-        connection.execute(sa.delete(schema.meta).where(schema.meta.c.key == key))
-        connection.execute(
-            sa.insert(schema.meta), [{"key": key, "value": json.dumps(dict(value), ensure_ascii=False)}]
-        )
+    def _fact(connection: sa.Connection, key: str) -> dict[str, Any] | None:
+        value = connection.execute(sa.select(schema.meta.c.value).where(schema.meta.c.key == key)).scalar()
+        return None if value is None else json.loads(value)
 
     def put_fact(self, connection: sa.Connection, key: str, value: Row) -> None:
         """Keep a JSON object under `key` inside the caller's transaction."""
-        self._put(connection, key, value)
+        self.drop_fact(connection, key)
+        text = json.dumps(dict(value), ensure_ascii=False)
+        connection.execute(sa.insert(schema.meta), [{"key": key, "value": text}])
+
+    def drop_fact(self, connection: sa.Connection, key: str) -> None:
+        """Forget what is kept under `key`, inside the caller's transaction."""
+        connection.execute(sa.delete(schema.meta).where(schema.meta.c.key == key))
 
 
 def _engine(path: Path) -> sa.Engine:
@@ -186,7 +250,9 @@ def _engine(path: Path) -> sa.Engine:
 
     @sa.event.listens_for(engine, "begin")
     def _on_begin(connection: sa.Connection) -> None:
-        connection.exec_driver_sql("BEGIN")
+        # A writer takes the lock at once: one that read first could find the state changed under it.
+        writes = connection.get_execution_options().get("writes", False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
     return engine
 

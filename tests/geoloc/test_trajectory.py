@@ -488,3 +488,27 @@ def test_recorded_poses_with_a_nan_attitude_are_refused() -> None:
     t = np.arange(0.0, 5.0, 0.25)
     with pytest.raises(TrajectoryError, match="20 of 20 attitudes are NaN"):
         trajectory_from_poses(pose_track(t, Circle(), t * np.nan))
+
+
+def test_poses_nanoseconds_apart_are_no_jump() -> None:
+    """A logger that writes two poses 1 ns and a few millimetres apart loses neither."""
+    n = 50
+    epoch_ns = np.repeat(np.arange(n, dtype=np.int64) * 100_000_000, 2) + np.tile([0, 1], n)
+    north_m = np.repeat(np.arange(n, dtype=np.float64), 2) + np.tile([0.0, 0.004], n)
+    ones = np.ones(2 * n)
+    track = PoseTrack(
+        epoch_ns=epoch_ns,
+        latitude_deg=63.4 + north_m / 111_450.0,
+        longitude_deg=10.4 * ones,
+        height_m=50.0 * ones,
+        roll_deg=0.0 * ones,
+        pitch_deg=0.0 * ones,
+        heading_deg=0.0 * ones,
+        sigma_horizontal_m=0.02 * ones,
+        sigma_vertical_m=0.02 * ones,
+        sigma_roll_pitch_deg=0.1 * ones,
+        sigma_heading_deg=0.1 * ones,
+    )
+    trajectory = trajectory_from_poses(track)
+    assert trajectory.dropped == ()
+    assert trajectory.poses_at(np.array([2_450_000_000], dtype=np.int64)).valid.all()

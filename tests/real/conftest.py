@@ -12,15 +12,18 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from geoloc.geodesy import geographic_from_enu, utm33_from_geographic
+from geoloc.geodesy import geographic_from_enu, geographic_from_utm33, utm33_from_geographic
+from nvdb.skilt import skilt_from_les_v4
 
 if TYPE_CHECKING:
     import pandas as pd
 
 REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real"
 
-ANCHOR_LAT_DEG, ANCHOR_LON_DEG = 59.9226, 10.7480
-"""Where the Argoverse log is set down: in Oslo, so that UTM33 and the Oslo pages fit."""
+BOLLARD = "c46bad07"
+"""The object, seen 180 times, that is set down beside a recorded plate of Oslo."""
+BESIDE_M = 0.5
+"""How far east of the plate."""
 EGO_HEIGHT_M = 0.324
 """The log's ego frame lies this far over the ground; the rig frame lies on it."""
 EPOCH_SHIFT_NS = 1_465_000_000 * 1_000_000_000
@@ -33,6 +36,8 @@ class RealDrive:
 
     folder: Path
     truth: Path
+    plate_id: int
+    """The Oslo plate beside which the log is set down."""
 
 
 def _real(name: str) -> Path:
@@ -62,15 +67,30 @@ def av2_drive(tmp_path_factory: pytest.TempPathFactory) -> RealDrive:
     poses = pd.read_feather(source / "city_SE3_egovehicle.feather")
     seen = pd.read_csv(source / "pixel_observations.csv")
     origin = (float(poses.tx_m.iloc[0]), float(poses.ty_m.iloc[0]))
-    _write_poses(poses, origin, folder / "poses.csv")
+    plate_id, anchor = _anchor(seen, origin)
+    _write_poses(poses, origin, anchor, folder / "poses.csv")
     _write_rig(source / "calibration", folder / "rig.json")
     cameras = sorted(seen.camera.unique())
     for camera in cameras:
         _write_camera(seen[seen.camera == camera], camera, folder)
     _write_settings(cameras, folder / "drive.toml")
     truth = folder.parent / "truth.csv"
-    _write_truth(seen, origin, truth)
-    return RealDrive(folder, truth)
+    _write_truth(seen, origin, anchor, truth)
+    return RealDrive(folder, truth, plate_id)
+
+
+def _anchor(seen: pd.DataFrame, origin: tuple[float, float]) -> tuple[int, tuple[float, float]]:
+    """Where the log's origin must lie in Oslo so that one bollard stands beside a recorded plate."""
+    page = json.loads((_real("nvdb/les_v4_live_2026-09/signs-0301-page1.json")).read_text(encoding="utf-8"))
+    plate = skilt_from_les_v4(page["objekter"][0], 96)
+    assert plate.own_geometry
+    assert plate.position is not None
+    lat, lon = geographic_from_utm33(plate.position.east_m, plate.position.north_m)
+    rows = seen[seen.track_uuid.str.startswith(BOLLARD)]
+    east = float(rows.base_city_x.median()) - origin[0] - BESIDE_M
+    north = float(rows.base_city_y.median()) - origin[1]
+    place = geographic_from_enu(lat, lon, -east, -north)
+    return plate.nvdb_id, (float(place[0]), float(place[1]))
 
 
 def _rotations(frame: pd.DataFrame) -> Any:
@@ -79,13 +99,13 @@ def _rotations(frame: pd.DataFrame) -> Any:
     return Rotation.from_quat(frame[["qx", "qy", "qz", "qw"]].to_numpy())
 
 
-def _write_poses(poses: pd.DataFrame, origin: tuple[float, float], path: Path) -> None:
+def _write_poses(
+    poses: pd.DataFrame, origin: tuple[float, float], anchor: tuple[float, float], path: Path
+) -> None:
     """Write the rig's origin (on the ground) and ISO 8855 attitude; the city frame is taken as local ENU."""
     rotation = _rotations(poses)
     position = poses[["tx_m", "ty_m", "tz_m"]].to_numpy() - rotation.apply([0.0, 0.0, EGO_HEIGHT_M])
-    lat, lon = geographic_from_enu(
-        ANCHOR_LAT_DEG, ANCHOR_LON_DEG, position[:, 0] - origin[0], position[:, 1] - origin[1]
-    )
+    lat, lon = geographic_from_enu(*anchor, position[:, 0] - origin[0], position[:, 1] - origin[1])
     yaw, pitch, roll = rotation.as_euler("ZYX", degrees=True).T
     with path.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file)
@@ -159,11 +179,13 @@ def _write_settings(cameras: list[str], path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _write_truth(seen: pd.DataFrame, origin: tuple[float, float], path: Path) -> None:
+def _write_truth(
+    seen: pd.DataFrame, origin: tuple[float, float], anchor: tuple[float, float], path: Path
+) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file)
         out.writerow(["object", "label", "easting", "northing"])
         for track, rows in seen.groupby("track_uuid"):
             x, y = float(rows.base_city_x.median()) - origin[0], float(rows.base_city_y.median()) - origin[1]
-            east, north = utm33_from_geographic(*geographic_from_enu(ANCHOR_LAT_DEG, ANCHOR_LON_DEG, x, y))
+            east, north = utm33_from_geographic(*geographic_from_enu(*anchor, x, y))
             out.writerow([str(track)[:8], rows.category.iloc[0], f"{float(east):.4f}", f"{float(north):.4f}"])

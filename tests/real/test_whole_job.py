@@ -32,20 +32,27 @@ def test_whole_job_runs_on_real_input(
     for method in ("paper", "single-frame"):
         report = twin("ingest-drive", str(av2_drive.folder), "--method", method)
         assert report["n_annotations"] == 1029
-        assert report["n_estimates"] >= 8  # 11 objects; those never nearer than the range cap stay out
+        assert report["n_estimates"] == report["n_objects"] == 11
+
+    # One bollard was set down 0.5 m beside a recorded plate; the other ten stand where NVDB has nothing.
     match = twin("match")
-    assert sum(match["verdicts"].values()) > 0
+    assert sum(match["verdicts"].values()) == 11
+    (beside,) = (change for change in match["changes"] if change["nvdb_id"] == av2_drive.plate_id)
+    assert beside["nvdb_type"] == 96
+    assert beside["distance_m"] == pytest.approx(0.5, abs=3 * beside["distance_sigma_m"])
+
     twin("export", str(tmp_path / "out"))
     estimates = pyogrio.read_dataframe(tmp_path / "out" / "twin_utm33.gpkg", layer="estimates")
-    assert len(estimates) == report["n_estimates"]
+    assert len(estimates) == 11
     signs = pyogrio.read_dataframe(tmp_path / "out" / "twin_utm33.gpkg", layer="nvdb_signs")
     assert len(signs) == 30
 
     evaluation = {m["method"]: m for m in twin("evaluate", str(av2_drive.truth))["methods"]}
     # Flat ground on this hilly street errs by 0.6 m (below 8 m) to 5.4 m (22-30 m) even with perfect pixels.
-    single = evaluation["single-frame"]
-    assert single["objects"]["median"] < 3.0
-    assert single["coverage95"] >= 0.7
+    single, paper = evaluation["single-frame"], evaluation["paper"]
+    assert single["objects"]["median"] < 0.6
+    assert single["coverage95"] >= 0.9
+    assert single["objects"]["median"] < paper["objects"]["median"] < 4.0
 
     capsys.readouterr()
     assert run(["evaluate", str(av2_drive.truth), *store]) == 0

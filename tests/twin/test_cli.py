@@ -144,7 +144,16 @@ def test_demo_runs_and_says_which_files_to_open(twin: Twin, tmp_path: Path) -> N
 def test_demo_closing_table_names_everything(twin: Twin, tmp_path: Path) -> None:
     """The table shows signs synced, drives, sightings, estimates, verdicts, errors and files."""
     answer = twin("demo", "--out", tmp_path / "demo")
-    for word in ("signs synced", "drives", "sightings", "estimates", "moved", "median [m]", "range [m]", "twin_utm33.gpkg"):
+    for word in (
+        "signs synced",
+        "drives",
+        "sightings",
+        "estimates",
+        "moved",
+        "median [m]",
+        "range [m]",
+        "twin_utm33.gpkg",
+    ):
         assert word in answer.out
 
 

@@ -41,7 +41,10 @@ def positions(store: Store) -> dict[str, np.ndarray[Any, np.dtype[np.float64]]]:
 
 
 def test_ingest_brings_itrf2020_to_euref89(store: Store, trip: Path) -> None:
-    """The same fixes declared ITRF2020 lie 0.8 to 0.9 m to the south-west in EUREF89, in 2026."""
+    """The same fixes declared ITRF2020 lie 0.84 m to the south-west in EUREF89, in 2026.
+
+    Not to the last centimetre: the datum's own uncertainty changes how sightings weigh against each other.
+    """
     ingest_drive(store, trip)
     before = positions(store)
     settings = trip / "drive.toml"
@@ -50,9 +53,20 @@ def test_ingest_brings_itrf2020_to_euref89(store: Store, trip: Path) -> None:
         ingest_drive(other, trip)
         after = positions(other)
     shift = np.array([after[name] - before[name] for name in before])
-    assert np.all((np.hypot(*shift.T) > 0.80) & (np.hypot(*shift.T) < 0.90))
-    assert np.all(shift < 0)
-    assert np.ptp(shift, axis=0).max() < 0.01
+    assert np.median(np.hypot(*shift.T)) == pytest.approx(0.84, abs=0.03)
+    assert np.all(shift < -0.4)
+
+
+def test_ingest_adds_the_datums_uncertainty(store: Store, trip: Path) -> None:
+    """Without the deformation grids the change of datum costs 5 cm, for every sign of the drive alike."""
+    ingest_drive(store, trip)
+    before = {r["object"]: r["cov_ee_m2"] + r["cov_nn_m2"] for r in store.rows(sa.select(schema.estimate))}
+    settings = trip / "drive.toml"
+    settings.write_text(settings.read_text().replace("EUREF89", "ITRF2020"))
+    ingest_drive(store, trip)
+    after = {r["object"]: r["cov_ee_m2"] + r["cov_nn_m2"] for r in store.rows(sa.select(schema.estimate))}
+    added = [after[name] - before[name] for name in before]
+    assert min(added) > 0.8 * 2 * 0.05**2
 
 
 def test_ingest_gives_the_same_from_both_layouts(store: Store, tmp_path: Path) -> None:
@@ -153,3 +167,75 @@ def test_ingest_counts_sightings_outside_the_track_together(store: Store, trip: 
     assert len(reasons) == 2
     assert any("before the first fix" in key for key in reasons)
     assert any("inside a gap" in key for key in reasons)
+
+
+def test_ingest_of_a_corrected_drive_replaces_it(store: Store, trip: Path) -> None:
+    """Annotations that were corrected and ingested again leave one drive, with the new sign codes."""
+    first = ingest_drive(store, trip)
+    for path in trip.glob("*.xml"):
+        path.write_text(path.read_text().replace("362.50", "362.70"))
+    second = ingest_drive(store, trip)
+    assert second.drive_id == first.drive_id
+    assert store.count(schema.drive) == 1
+    codes = {row["skiltnummer"] for row in store.rows(sa.select(schema.estimate.c.skiltnummer))}
+    assert any("362.70" in code for code in codes)
+    assert not any("362.50" in code for code in codes)
+
+
+def test_ingest_counts_frames_of_each_camera(store: Store, trip: Path) -> None:
+    """Two cameras' frames are counted apart, and only those whose sighting took part."""
+    ingest_drive(store, trip)
+    for row in store.rows(sa.select(schema.estimate)):
+        assert row["n_frames"] <= row["n_sightings"]
+        assert row["n_cameras"] == len(row["cameras"]) == 2
+
+
+def test_ingest_says_how_good_the_fixes_are(store: Store, trip: Path) -> None:
+    """The sample is RTK fixed throughout."""
+    assert ingest_drive(store, trip).fix_quality == {"RTK fixed": 500}
+
+
+def test_ingest_refuses_a_drive_outside_norway(store: Store, tmp_path: Path) -> None:
+    """Latitude and longitude swapped in poses.csv are named as that."""
+    drive = simulate_drive(scenario("approach", 15.0, 3), 3)
+    write_generic_folder(drive, tmp_path / "folder", true_poses=True)
+    path = tmp_path / "folder" / "poses.csv"
+    path.write_text(
+        path.read_text()
+        .replace("latitude_deg", "x")
+        .replace("longitude_deg", "latitude_deg")
+        .replace("x,", "longitude_deg,", 1)
+    )
+    with pytest.raises(DriveError, match="latitude and longitude are swapped"):
+        ingest_drive(store, tmp_path / "folder")
+    assert store.count(schema.drive) == 0
+
+
+@pytest.mark.parametrize(("change", "refused"), [(np.radians, True), (lambda heading: heading + 25.0, False)])
+def test_ingest_compares_headings_with_the_track(
+    store: Store, tmp_path: Path, change: Any, refused: bool
+) -> None:
+    """Headings in radians are refused, headings 25 degrees off are warned of."""
+    drive = simulate_drive(scenario("urban", 25.0, 3), 3)
+    write_generic_folder(drive, tmp_path / "folder", true_poses=True)
+    path = tmp_path / "folder" / "poses.csv"
+    header, *rows = path.read_text().splitlines()
+    column = header.split(",").index("heading_deg")
+    changed = [row.split(",") for row in rows]
+    for fields in changed:
+        fields[column] = f"{change(float(fields[column])):.6f}"
+    path.write_text("\n".join([header, *(",".join(fields) for fields in changed)]) + "\n")
+    if refused:
+        with pytest.raises(DriveError, match="direction of travel"):
+            ingest_drive(store, tmp_path / "folder")
+    else:
+        report = ingest_drive(store, tmp_path / "folder")
+        assert any("25°" in warning for warning in report.warnings)
+
+
+def test_ingest_warns_of_missing_sign_codes(store: Store, trip: Path) -> None:
+    """A misspelt attribute costs every sign its code: said at once, not discovered in the map."""
+    for path in trip.glob("*.xml"):
+        path.write_text(path.read_text().replace('name="skiltnummer"', 'name="skiltnr"'))
+    report = ingest_drive(store, trip)
+    assert any("15 of 15 annotated objects have no sign code" in warning for warning in report.warnings)

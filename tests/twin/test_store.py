@@ -68,6 +68,8 @@ def drive(drive_id: str = "d") -> dict[str, Any]:
         "warnings": [],
         "skipped": [],
         "software": "test",
+        "content_sha256": "1",
+        "fix_quality": {},
     }
 
 
@@ -127,7 +129,7 @@ def test_store_in_a_missing_folder_is_said(tmp_path: Path) -> None:
 
 def test_transaction_rolls_back_on_any_exception(store: Store) -> None:
     """An exception in the middle leaves the old state."""
-    store.save_changes([change("a")], {"method": "m"})
+    store.save_changes([change("a")], {}, {"method": "m"})
 
     def fail_halfway() -> None:
         with store.transaction() as connection:
@@ -139,16 +141,33 @@ def test_transaction_rolls_back_on_any_exception(store: Store) -> None:
     assert store.count(schema.change) == 1
 
 
-def test_save_changes_keeps_decisions_by_change_id(store: Store) -> None:
-    """A decision survives the next match; findings that are gone are gone."""
-    store.save_changes([change("a"), change("b")], {"method": "m"})
-    with store.transaction() as connection:
-        connection.execute(
-            sa.update(schema.change).where(schema.change.c.change_id == "a").values(decision="dismiss")
-        )
-    store.save_changes([change("a"), change("c")], {"method": "m"})
-    rows = store.rows(sa.select(schema.change).order_by(schema.change.c.change_id))
-    assert [(r["change_id"], r["decision"]) for r in rows] == [("a", "dismiss"), ("c", "open")]
+def test_decisions_outlive_the_findings(store: Store) -> None:
+    """A decision stays while its finding comes and goes, and can be changed."""
+    store.save_decisions({"a": "dismiss"})
+    store.save_changes([change("b")], {}, {"method": "m"})
+    store.save_changes([change("a")], {}, {"method": "m"})
+    store.save_decisions({"a": "accept"})
+    assert store.rows(sa.select(schema.decision)) == [{"change_id": "a", "decision": "accept"}]
+
+
+def test_revision_counts_drives_but_not_matches(store: Store) -> None:
+    """A match belongs to the revision it was made from: a drive that comes later makes it stale."""
+    store.save_drive(drive(), "single-frame", [], [estimate("1")])
+    store.save_changes([change("a")], {}, {"method": "m"})
+    last = store.fact("last_match")
+    assert last is not None
+    assert last["revision"] == store.revision()
+    store.save_drive(drive(), "single-frame", [], [estimate("1")])
+    assert last["revision"] != store.revision()
+
+
+def test_snapshot_sees_one_state(store: Store) -> None:
+    """What is written while a snapshot is open is not in it."""
+    store.save_changes([change("a")], {}, {"method": "m"})
+    with store.snapshot() as view:
+        before = view.rows(sa.select(schema.change.c.change_id))
+        store.save_changes([change("b")], {}, {"method": "m"})
+        assert view.rows(sa.select(schema.change.c.change_id)) == before == [{"change_id": "a"}]
 
 
 def test_save_drive_twice_doubles_nothing(store: Store) -> None:
@@ -161,6 +180,13 @@ def test_save_drive_twice_doubles_nothing(store: Store) -> None:
     assert store.methods() == ["paper", "single-frame"]
 
 
+def test_save_drive_of_changed_files_forgets_other_methods(store: Store) -> None:
+    """A drive that was annotated anew does not keep estimates from its old annotations."""
+    store.save_drive(drive(), "paper", [], [estimate("1", "paper")])
+    store.save_drive({**drive(), "content_sha256": "2"}, "single-frame", [], [estimate("1")])
+    assert store.methods() == ["single-frame"]
+
+
 def test_store_locked_by_another_process_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second writer is told that another one is at work."""
     monkeypatch.setattr("twin.store._BUSY_TIMEOUT_S", 0.05)
@@ -168,7 +194,7 @@ def test_store_locked_by_another_process_is_said(store: Store, monkeypatch: pyte
         raw = sqlite3.connect(store.path, isolation_level=None)
         raw.execute("BEGIN IMMEDIATE")
         with pytest.raises(StoreError, match="another process is writing"):
-            second.save_changes([change("a")], {"method": "m"})
+            second.save_changes([change("a")], {}, {"method": "m"})
         raw.execute("ROLLBACK")
         raw.close()
     assert store.count(schema.change) == 0
@@ -184,7 +210,7 @@ print("ready", flush=True)
 n = 0
 while True:
     n += 1
-    store.save_changes([test_store.change(f"{n}-{i}") for i in range(200)], {"method": str(n)})
+    store.save_changes([test_store.change(f"{n}-{i}") for i in range(200)], {}, {"method": str(n)})
 """
 
 

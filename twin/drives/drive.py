@@ -71,8 +71,10 @@ class Drive:
     Attributes
     ----------
     drive_id : str
-        First 12 hex digits of the SHA-256 over the content of every file that was read: the same drive is
-        the same id on every machine.
+        First 12 hex digits of the SHA-256 over the content of the GNSS or pose files: the same drive is the
+        same id on every machine, also when it is annotated or calibrated anew.
+    content_sha256 : str
+        Over name and content of every file that was read.
     name : str
         The folder's, or ``name`` in ``drive.toml``.
     path : str
@@ -98,6 +100,7 @@ class Drive:
     """
 
     drive_id: str
+    content_sha256: str
     name: str
     path: str
     rig: Rig

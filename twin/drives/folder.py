@@ -33,6 +33,7 @@ class DriveFolder:
             raise DriveError(f"{root} is a file: give the folder that holds the drive.")
         self.root = root
         self._digests: dict[str, bytes] = {}
+        self._tracks: set[bytes] = set()
         try:
             self._names = tuple(sorted(entry.name for entry in root.iterdir() if entry.is_file()))
         except OSError as error:
@@ -93,8 +94,14 @@ class DriveFolder:
         except OSError as error:
             raise self._unreadable(name, error) from error
 
-    def content(self, name: str) -> bytes:
-        """Whole content of a file; the file becomes part of the drive's id.
+    def content(self, name: str, *, track: bool = False) -> bytes:
+        """Whole content of a file; the file becomes part of what the drive was read from.
+
+        Parameters
+        ----------
+        name : str
+        track : bool
+            Whether it says where the car was (GNSS, poses): that is what makes it this drive and no other.
 
         Raises
         ------
@@ -104,18 +111,28 @@ class DriveFolder:
         content = self.peek(name)
         key = unicodedata.normalize("NFC", PurePosixPath(name).as_posix())
         self._digests[key] = hashlib.sha256(content).digest()
+        if track:
+            self._tracks.add(self._digests[key])
         return content
 
     def drive_id(self) -> str:
-        """First 12 hex digits of the SHA-256 over name and content of every file read so far.
+        """First 12 hex digits of the SHA-256 over the content of the track files read so far.
+
+        The car's track is what makes a drive: one that is annotated anew, calibrated anew, renamed, moved or
+        laid out in another way stays the same drive.
+        """
+        return hashlib.sha256(b"".join(sorted(self._tracks))).hexdigest()[:12]
+
+    def content_sha256(self) -> str:
+        """SHA-256 over name and content of every file read so far, as hex digits.
 
         Names are relative, in Unicode NFC and sorted: neither the folder's place and name nor the file
-        system's way with accents changes the id.
+        system's way with accents changes it.
         """
         whole = hashlib.sha256()
         for name in sorted(self._digests):
             whole.update(name.encode() + b"\0" + self._digests[name])
-        return whole.hexdigest()[:12]
+        return whole.hexdigest()
 
     def _path(self, name: str) -> Path:
         """The file's path, refused where it leads out of the folder (``..``, absolute, a link outwards)."""

@@ -111,6 +111,7 @@ def read_drive(path: Path | str, *, progress: Progress | None = None) -> Drive:
     _check_span(annotations, stamps, settings.camera_offset_ns, track, notes)
     return Drive(
         drive_id=folder.drive_id(),
+        content_sha256=folder.content_sha256(),
         name=settings.name or path.resolve().name,
         path=str(path),
         rig=track.rig,
@@ -149,7 +150,7 @@ def _read_rig(folder: DriveFolder, settings: DriveSettings, notes: _Notes) -> tu
 def _read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: _Notes) -> _Track:
     if settings.poses:
         read = read_poses(
-            folder.content(settings.poses), settings.poses, pitch_nose_up=settings.pitch_nose_up
+            folder.content(settings.poses, track=True), settings.poses, pitch_nose_up=settings.pitch_nose_up
         )
         notes.warnings += read.warnings
         notes.skipped += read.skipped
@@ -198,7 +199,7 @@ def _read_gnss(folder: DriveFolder, files: Mapping[str, str], notes: _Notes) -> 
     """Fixes of every antenna; one that recorded nothing usable costs a warning while another did."""
     gnss, failures = [], []
     for antenna, file in sorted(files.items()):
-        content = folder.content(file)
+        content = folder.content(file, track=True)
         try:
             read = read_nmea(content, antenna, file)
         except DriveError as error:

@@ -56,13 +56,13 @@ def assign(
     Notes
     -----
     A pair costs minus the log of [position density × code probability × site seen]; a pole alone costs minus
-    the log of the density of unknown signs; a site alone minus the log that it is gone or was overlooked. The
-    assignment is the exact minimum over each connected cluster (Jonker–Volgenant, scipy).
+    the log of the density of unknown signs with its code; a site alone minus the log that it is gone or was
+    overlooked. The assignment is the exact minimum over each connected cluster (Jonker–Volgenant, scipy).
     """
     n_poles, n_sites = len(poles), len(sites)
     pairs = _candidates(poles, sites, config)
     pair_cost = {(i, j): _pair_cost(poles[i], sites[j], p_unannotated[j], config) for i, j in pairs}
-    pole_alone = -np.log(config.new_per_m2)
+    pole_alone = np.array([_pole_alone(pole, config) for pole in poles])
     site_alone = -np.log(config.p_gone + (1 - config.p_gone) * p_unannotated)
     result = Assignment(
         site_of_pole=np.full(n_poles, -1, dtype=np.int64),
@@ -100,12 +100,17 @@ def _pair_cost(pole: ObservedPole, site: Site, p_unannotated: float, config: Mat
     return -float(np.log(density * code_probability(pole.codes, site.codes, config) * seen))
 
 
+def _pole_alone(pole: ObservedPole, config: MatchConfig) -> float:
+    """A sign that NVDB does not have carries a given code by chance."""
+    return -float(np.log(config.new_per_m2 * (config.p_code if pole.codes else 1.0)))
+
+
 def code_probability(seen: Sequence[str], known: Sequence[str], config: MatchConfig) -> float:
     """Probability of the codes seen, given the codes that NVDB has: best over shared, family, other."""
     if not seen or not known:
         return 1.0
     if set(seen) & set(known):
-        return 1.0 - config.p_code_family - config.p_code_other
+        return 1.0 - config.p_code_wrong
     if {family(code) for code in seen} & {family(code) for code in known}:
         return config.p_code_family
     return config.p_code_other
@@ -142,7 +147,7 @@ def _clusters(
 def _solve_cluster(
     cluster: tuple[list[int], list[int]],
     pair_cost: dict[tuple[int, int], float],
-    pole_alone: float,
+    pole_alone: FloatArray,
     site_alone: FloatArray,
     result: Assignment,
 ) -> None:
@@ -156,7 +161,7 @@ def _solve_cluster(
     for a, i in enumerate(poles):
         for b, j in enumerate(sites):
             cost[a, b] = pair_cost.get((i, j), _IMPOSSIBLE)
-        cost[a, m + a] = pole_alone
+        cost[a, m + a] = pole_alone[i]
     for b, j in enumerate(sites):
         cost[n + b, b] = site_alone[j]
     cost[n:, m:] = 0.0

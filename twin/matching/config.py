@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
+
+from twin.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +32,16 @@ class MatchConfig:
     """Chance that a pole goes unannotated in a drive that is not declared complete."""
     new_per_m2: float = 5e-5
     """Density of signs that NVDB does not have, near the road."""
-    p_code_family: float = 0.03
-    """Chance that the sign has changed, or was misread, within its family (362.50 for 362.60)."""
-    p_code_other: float = 0.003
-    """The same across families."""
+    p_code: float = 0.05
+    """Chance that any one sign carries a given common code."""
+    p_code_wrong: float = 0.03
+    """Chance that a sign has changed, or was misread: that it carries another code than NVDB says."""
+    p_code_family: float = 0.01
+    """Chance that a sign now carries a given other code of its family (362.50 for 362.60)."""
+    p_code_other: float = 0.00015
+    """The same for a given code of another family."""
+    mirrored_m: float = 1000.0
+    """A pole that has no sign of NVDB within this distance may stand outside the mirrored area."""
     review_below: float = 0.8
     """A finding whose best hypothesis has less posterior probability than this goes to ``review``."""
     min_views: int = 5
@@ -40,4 +49,12 @@ class MatchConfig:
     view_range_m: float = 20.0
     """How far away a pole counts as in view."""
     same_pole_m: float = 0.4
-    """Objects of one drive closer than this share a pole: plates annotated one by one."""
+    """Objects of one drive and camera closer than this share a pole: plates annotated one by one."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ConfigError(
+                    f"The setting {field.name} of matching is {value}: give a number of at least 0."
+                )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -40,6 +41,8 @@ class Site:
         False where the position is only the road's centre line.
     plates : tuple of Plate
         In the order of plasseringskode (top down), then id.
+    start_date : str
+        ISO date from which NVDB says that it stands; "" if unknown.
     """
 
     nvdb_type: int
@@ -50,6 +53,7 @@ class Site:
     sigma_m: float
     own_geometry: bool
     plates: tuple[Plate, ...]
+    start_date: str = ""
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -64,7 +68,10 @@ def sites_from_mirror(points: Sequence[Row], plates: Sequence[Row], config: Matc
     """
     points, live = [r for r in points if _in_force(r)], [r for r in plates if _in_force(r)]
     ids = {row["nvdb_id"] for row in points}
-    parent = {child: row["nvdb_id"] for row in points for child in row["plate_ids"]}
+    claims = [(child, row["nvdb_id"]) for row in points for child in row["plate_ids"]]
+    claimed = Counter(child for child, _ in claims)
+    # A plate that two points claim is left to its own word.
+    parent = {child: point for child, point in claims if claimed[child] == 1}
     children: dict[int, list[Row]] = {}
     orphans: dict[tuple[object, ...], list[Row]] = {}
     for row in live:
@@ -108,6 +115,7 @@ def _site(nvdb_type: int, row: Row, plates: Sequence[Row], config: MatchConfig) 
         plates=tuple(
             Plate(p["nvdb_id"], p["version"], p["skiltnummer"] or "", p["ansiktsside"]) for p in ordered
         ),
+        start_date=row["start_date"] or "",
     )
 
 

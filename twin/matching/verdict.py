@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -67,12 +68,17 @@ def judge(
         In the order of ``change_id``.
     """
     changes: list[Change] = []
+    mirrored = _mirrored(poles, sites, config)
     for index, pole in enumerate(poles):
         site_index = int(assignment.site_of_pole[index])
         confidence = float(assignment.confidence_of_pole[index])
         if site_index < 0:
             rival = int(assignment.rival_of_pole[index])
-            changes.append(_new_pole(pole, confidence, sites[rival] if rival >= 0 else None, config))
+            changes.append(
+                _new_pole(
+                    pole, confidence, sites[rival] if rival >= 0 else None, bool(mirrored[index]), config
+                )
+            )
             continue
         seen_fully = views[site_index] >= config.min_views
         changes += _pair(pole, sites[site_index], confidence, bool(seen_fully), config)
@@ -105,19 +111,24 @@ def _pair(
         return [_pole_change("review", reason, pole, site, confidence)]
     distance, sigma = _distance(pole, site)
     findings = _plate_findings(pole, site, confidence, seen_fully)
-    # z is the one-sided certainty that the sign stands outside the tolerance; a sigma of zero never occurs.
     if distance - config.tolerance_m > config.moved_quantile * sigma:
         reason = (
             f"{_name(site)} stands {distance:.2f} m (± {sigma:.2f} m) from NVDB's position, "
             f"beyond the tolerance of {config.tolerance_m:.1f} m."
         )
-        return [_pole_change("moved", reason, pole, site, confidence), *findings]
+        certain = confidence * _phi((distance - config.tolerance_m) / sigma)
+        return [_pole_change("moved", reason, pole, site, certain), *findings]
     if findings:
         return findings
     reason = f"{_name(site)} stands where NVDB has it: {distance:.2f} m off, ± {sigma:.2f} m."
     if not pole.codes:
         reason = reason[:-1] + "; its sign code was not annotated."
     return [_pole_change("unchanged", reason, pole, site, confidence)]
+
+
+def _phi(z: float) -> float:
+    """Standard normal distribution function."""
+    return 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
 
 
 def _distance(pole: ObservedPole, site: Site) -> tuple[float, float]:
@@ -151,14 +162,33 @@ def _pole_change(verdict: str, reason: str, pole: ObservedPole, site: Site, conf
     )
 
 
-def _new_pole(pole: ObservedPole, confidence: float, rival: Site | None, config: MatchConfig) -> Change:
+def _mirrored(poles: Sequence[ObservedPole], sites: Sequence[Site], config: MatchConfig) -> NDArray[np.bool_]:
+    """Whether the mirror has any sign in the neighbourhood of each pole."""
+    from scipy.spatial import cKDTree
+
+    if not poles or not sites:
+        return np.zeros(len(poles), dtype=bool)
+    tree = cKDTree(np.array([(site.east_m, site.north_m) for site in sites]))
+    distance, _ = tree.query(np.array([(pole.east_m, pole.north_m) for pole in poles]))
+    return np.asarray(distance <= config.mirrored_m)
+
+
+def _new_pole(
+    pole: ObservedPole, confidence: float, rival: Site | None, mirrored: bool, config: MatchConfig
+) -> Change:
     codes = " ".join(pole.codes) or "a sign without an annotated code"
-    if confidence < config.review_below and rival is not None:
+    if not mirrored:
+        verdict = "review"
+        reason = (
+            f"{codes} stands here, and the mirror has no sign at all within {config.mirrored_m:.0f} m: is "
+            "this place inside the mirrored area?"
+        )
+    elif confidence < config.review_below and rival is not None:
         verdict = "review"
         reason = f"{codes}: either new, or {_name(rival)} moved or changed: look before deciding."
     else:
         verdict = "new"
-        reason = f"{codes} stands here and NVDB has no such sign within {config.gate_m:.0f} m."
+        reason = f"{codes} stands here, and no sign of NVDB within {config.gate_m:.0f} m is left for it."
     return Change(
         change_id=change_id(verdict, SKILTPUNKT, pole.key),
         verdict=verdict,
@@ -226,7 +256,9 @@ def _plate_findings(pole: ObservedPole, site: Site, confidence: float, seen_full
                 known.remove(plate)
                 matched.append(plate)
                 findings.append(_wrong_type(pole, site, plate, code, confidence))
-    findings += [_new_plate(pole, site, code, confidence) for code in seen]
+    findings += [
+        _new_plate(pole, site, code, seen[:k].count(code), confidence) for k, code in enumerate(seen)
+    ]
     # A plate may face the other way: only one that faces like a plate we did see can be missed.
     facings = {plate.ansiktsside for plate in matched}
     if seen_fully:
@@ -270,10 +302,18 @@ def _wrong_type(pole: ObservedPole, site: Site, plate: Plate, seen: str, confide
     return _plate_change((plate.nvdb_id, seen), "wrong_type", reason, pole, site, plate, seen, confidence)
 
 
-def _new_plate(pole: ObservedPole, site: Site, seen: str, confidence: float) -> Change:
+def _new_plate(pole: ObservedPole, site: Site, seen: str, number: int, confidence: float) -> Change:
+    """One plate more than NVDB has; `number` tells plates of the same code apart."""
     reason = f"{seen} was seen on {_name(site)}, where NVDB has no such plate."
     return _plate_change(
-        (site.nvdb_type, site.nvdb_id, seen), "new", reason, pole, site, None, seen, confidence
+        (site.nvdb_type, site.nvdb_id, seen, *([number] if number else [])),
+        "new",
+        reason,
+        pole,
+        site,
+        None,
+        seen,
+        confidence,
     )
 
 

@@ -16,23 +16,35 @@ from twin.drives.folder import DriveFolder
 from twin.errors import DriveError
 
 
-def test_drive_id_is_the_hash_of_names_and_contents(tmp_path: Path, maker: Any) -> None:
-    """The id can be computed by hand: SHA-256 over sorted names, each with the SHA-256 of its content."""
+def test_content_sha256_is_the_hash_of_names_and_contents(tmp_path: Path, maker: Any) -> None:
+    """It can be computed by hand: SHA-256 over sorted names, each with the SHA-256 of its content."""
     folder = DriveFolder(maker.write(tmp_path, {"b.txt": "two", "a.txt": "one", "unread.txt": "x"}))
     folder.content("b.txt")
     folder.content("a.txt")
     folder.peek("unread.txt")
     whole = b"a.txt\0" + hashlib.sha256(b"one").digest() + b"b.txt\0" + hashlib.sha256(b"two").digest()
-    assert folder.drive_id() == hashlib.sha256(whole).hexdigest()[:12]
+    assert folder.content_sha256() == hashlib.sha256(whole).hexdigest()
 
 
-def test_drive_id_follows_the_content_not_the_place(tmp_path: Path, maker: Any) -> None:
-    """A copy elsewhere has the same id; a changed byte or a renamed file has another."""
+def test_drive_id_is_the_hash_of_the_track_alone(tmp_path: Path, maker: Any) -> None:
+    """The GNSS files decide, whatever their names and whatever else is read."""
+    folder = DriveFolder(maker.write(tmp_path / "a", {"gnss": "one", "notes.xml": "x"}))
+    other = DriveFolder(maker.write(tmp_path / "b", {"gnss.nmea": "one", "notes.xml": "y"}))
+    for drive, name in ((folder, "gnss"), (other, "gnss.nmea")):
+        drive.content(name, track=True)
+        drive.content("notes.xml")
+    digest = hashlib.sha256(b"one").digest()
+    assert folder.drive_id() == other.drive_id() == hashlib.sha256(digest).hexdigest()[:12]
+    assert folder.content_sha256() != other.content_sha256()
+
+
+def test_content_sha256_follows_the_content_not_the_place(tmp_path: Path, maker: Any) -> None:
+    """A copy elsewhere has the same hash; a changed byte or a renamed file has another."""
     ids = []
     for name, files in (("x", {"a": "1"}), ("y", {"a": "1"}), ("z", {"a": "2"}), ("w", {"b": "1"})):
         folder = DriveFolder(maker.write(tmp_path / name, files))
         folder.content(*files)
-        ids.append(folder.drive_id())
+        ids.append(folder.content_sha256())
     assert ids[0] == ids[1]
     assert len(set(ids)) == 3
 
@@ -109,8 +121,8 @@ def test_folder_can_be_moved_while_the_id_stays(tmp_path: Path, maker: Any) -> N
     """Reading before and after a move gives the same id."""
     maker.write(tmp_path / "old", {"a": "1"})
     before = DriveFolder(tmp_path / "old")
-    before.content("a")
+    before.content("a", track=True)
     shutil.move(tmp_path / "old", tmp_path / "new name æøå")
     after = DriveFolder(tmp_path / "new name æøå")
-    after.content("a")
+    after.content("a", track=True)
     assert before.drive_id() == after.drive_id()

@@ -94,13 +94,17 @@ def test_generic_folder_gives_the_same_arrays_as_the_trip(tmp_path: Path, maker:
 
 
 def test_drive_id_is_the_same_wherever_the_folder_is(tmp_path: Path, maker: Any) -> None:
-    """Moved, renamed, with files that are not read: the same id. One byte changed: another."""
+    """Moved, renamed, annotated anew, with files that are not read: the same id. Another track: another."""
     first = read_drive(maker.write(tmp_path / "a", maker.files()))
     shutil.copytree(tmp_path / "a", tmp_path / "deep" / "b")
     maker.write(tmp_path / "deep" / "b", {"notes.txt": "sunny", f"{WIDE}.h264": "video"})
     assert read_drive(tmp_path / "deep" / "b").drive_id == first.drive_id
     changed = maker.annotations().replace("700.5", "700.6")
-    other = read_drive(maker.write(tmp_path / "c", maker.files(**{f"{WIDE}.xml": changed})))
+    again = read_drive(maker.write(tmp_path / "c", maker.files(**{f"{WIDE}.xml": changed})))
+    assert again.drive_id == first.drive_id
+    assert again.content_sha256 != first.content_sha256
+    shorter = {name: text[: text.rindex("$")] for name, text in maker.files().items() if "gnss" in name}
+    other = read_drive(maker.write(tmp_path / "d", maker.files(**shorter)))
     assert other.drive_id != first.drive_id
     assert len(first.drive_id) == 12
 

@@ -17,7 +17,7 @@ CONFIG = MatchConfig()
 
 def pole(east: float, north: float, *codes: str, sigma: float = 0.3, key: str = "d:1") -> ObservedPole:
     """Make an observed pole with a round error ellipse."""
-    return ObservedPole(key, east, north, sigma**2 * np.eye(2), codes, ("d",), 10)
+    return ObservedPole((key,), key, east, north, sigma**2 * np.eye(2), codes, ("d",), frozenset({"d/C"}), 10)
 
 
 def site(nvdb_id: int, east: float, north: float, *codes: str, sigma: float = 0.3, own: bool = True) -> Site:
@@ -79,7 +79,7 @@ def test_assign_finds_the_joint_optimum(seed: int) -> None:
     p_unannotated = rng.uniform(0.002, 1.0, 3)
     result = assign(poles, sites, p_unannotated, CONFIG)
 
-    pole_alone = -np.log(CONFIG.new_per_m2)
+    pole_alone = -np.log(CONFIG.new_per_m2 * CONFIG.p_code)
     site_alone = -np.log(CONFIG.p_gone + (1 - CONFIG.p_gone) * p_unannotated)
 
     def total(choice: tuple[int, ...]) -> float:

@@ -14,7 +14,14 @@ CONFIG = MatchConfig()
 
 
 def estimate(
-    drive_id: str, name: str, east: float, code: str, *, north: float = 0.0, sigma: float = 0.2
+    drive_id: str,
+    name: str,
+    east: float,
+    code: str,
+    *,
+    north: float = 0.0,
+    sigma: float = 0.2,
+    cameras: tuple[str, ...] = ("C1",),
 ) -> dict[str, Any]:
     """Make a row of the estimate table."""
     return {
@@ -26,6 +33,7 @@ def estimate(
         "cov_en_m2": 0.0,
         "cov_nn_m2": sigma**2,
         "skiltnummer": code,
+        "cameras": list(cameras),
         "n_sightings": 5,
     }
 
@@ -46,19 +54,61 @@ def test_observed_poles_keep_neighbours_of_one_drive_apart() -> None:
     assert len(observed_poles(rows, ["a"], CONFIG)) == 2
 
 
-def test_observed_poles_fuse_drives_by_covariance() -> None:
-    """Two drives with equal sigmas meet half-way, and the sigma falls by the square root of two."""
+def test_observed_poles_fuse_drives_without_overconfidence() -> None:
+    """Two drives with equal sigmas meet half-way, and share their errors: the sigma does not fall."""
     rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 0.4, "202")]
     (pole,) = observed_poles(rows, ["a", "b"], CONFIG)
     assert pole.east_m == pytest.approx(0.2)
-    assert pole.sigma_m == pytest.approx(0.2 / np.sqrt(2))
+    assert pole.sigma_m == pytest.approx(0.2)
     assert pole.drive_ids == ("a", "b")
 
 
-def test_observed_poles_do_not_fuse_contradicting_codes() -> None:
-    """A 50 and a 60 at the same place in two drives are two observations, not one."""
+def test_observed_poles_weigh_the_better_drive_more() -> None:
+    """A drive with a third of the sigma has nine tenths of the weight, and more."""
+    rows = [estimate("a", "1", 0.0, "202", sigma=0.3), estimate("b", "9", 0.4, "202", sigma=0.1)]
+    (pole,) = observed_poles(rows, ["a", "b"], CONFIG)
+    assert pole.east_m > 0.36
+    assert 0.1 <= pole.sigma_m < 0.12
+
+
+def test_observed_poles_take_the_later_drives_plate() -> None:
+    """A 50 in an earlier drive and a 60 at the same place in a later one: the sign was changed."""
     rows = [estimate("a", "1", 0.0, "362.50"), estimate("b", "1", 0.1, "362.60")]
+    (pole,) = observed_poles(rows, ["a", "b"], CONFIG)
+    assert pole.codes == ("362.60",)
+
+
+def test_observed_poles_keep_other_codes_a_metre_away_apart() -> None:
+    """Another code 1 m away in another drive is another pole."""
+    rows = [estimate("a", "1", 0.0, "362.50"), estimate("b", "1", 1.0, "202")]
     assert len(observed_poles(rows, ["a", "b"], CONFIG)) == 2
+
+
+def test_observed_poles_join_the_cameras_of_one_drive() -> None:
+    """Without the attribute object each camera has ids of its own: what they share is found by position."""
+    left = [estimate("a", f"C2:{i}", 8.0 * i, "202", cameras=("C2",)) for i in range(5)]
+    right = [estimate("a", f"C3:{i}", 8.0 * i + 0.5, "202", cameras=("C3",)) for i in range(5)]
+    poles = observed_poles(left + right, ["a"], CONFIG)
+    assert [pole.members for pole in poles] == [(f"a:C2:{i}", f"a:C3:{i}") for i in range(5)]
+
+
+def test_observed_poles_never_join_two_objects_of_one_camera() -> None:
+    """Two poles 0.8 m apart in one camera stay two when another camera has seen but one of them."""
+    rows = [
+        estimate("a", "C2:1", 0.0, "202", cameras=("C2",)),
+        estimate("a", "C2:2", 0.8, "202", cameras=("C2",)),
+        estimate("a", "C3:1", 0.7, "202", cameras=("C3",)),
+    ]
+    first, second = observed_poles(rows, ["a"], CONFIG)
+    assert first.members == ("a:C2:1",)
+    assert second.members == ("a:C2:2", "a:C3:1")
+
+
+def test_observed_poles_keep_a_known_key() -> None:
+    """An earlier drive that arrives later does not rename a pole."""
+    rows = [estimate("a", "7", 0.0, "202"), estimate("b", "1", 0.1, "202")]
+    (pole,) = observed_poles(rows, ["a", "b"], CONFIG, {"b:1": "b:1"})
+    assert pole.key == "b:1"
 
 
 def test_observed_poles_keep_their_key_when_a_later_drive_arrives() -> None:

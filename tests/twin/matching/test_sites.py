@@ -15,6 +15,7 @@ def row(nvdb_id: int, **changed: Any) -> dict[str, Any]:
     return {
         "nvdb_id": nvdb_id,
         "version": 1,
+        "start_date": "2020-01-01",
         "end_date": None,
         "east_m": 1000.0,
         "north_m": 2000.0,
@@ -80,3 +81,10 @@ def test_sites_distrust_default_looking_accuracy() -> None:
         assert site.sigma_m == expected
     (line,) = sites_from_mirror([point(1, own_geometry=False)], [], CONFIG)
     assert line.sigma_m == CONFIG.centre_line_sigma_m
+
+
+def test_sites_leave_disputed_plates_to_their_own_word() -> None:
+    """A plate that two points claim belongs to the one that it names itself."""
+    points = [point(1, 11), point(2, 11, east_m=1005.0)]
+    sites = sites_from_mirror(points, [plate(11, "202", point_id=2)], CONFIG)
+    assert [(s.nvdb_id, s.codes) for s in sites] == [(1, ()), (2, ("202",))]

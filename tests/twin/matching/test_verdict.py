@@ -25,7 +25,7 @@ def found(
 
 def pole(east: float, north: float, *codes: str, sigma: float = 0.2, key: str = "d:1") -> ObservedPole:
     """Make an observed pole."""
-    return ObservedPole(key, east, north, sigma**2 * np.eye(2), codes, ("d",), 10)
+    return ObservedPole((key,), key, east, north, sigma**2 * np.eye(2), codes, ("d",), frozenset({"d/C"}), 10)
 
 
 def site(nvdb_id: int, *plates: Plate | str, east: float = 0.0, sigma: float = 0.2, own: bool = True) -> Site:
@@ -80,16 +80,33 @@ def test_judge_reports_a_moved_pole_and_its_wrong_plate_apart() -> None:
     assert verdicts(changes) == [("moved", 95, 1), ("wrong_type", 96, 10)]
 
 
-def test_judge_leaves_moved_and_changed_at_once_to_a_person() -> None:
-    """A 60 that stands 2 m from a well surveyed 50: moved and changed, or one new and one gone? Review."""
-    (change,) = found([pole(2, 0, "362.60")], [site(1, "362.50")])
-    assert change.verdict == "review"
-
-
 def test_judge_new_pole_has_no_nvdb_id() -> None:
     """A sign with nothing near is new, where it was measured."""
-    (change,) = found([pole(0, 0, "202")], [])
-    assert (change.verdict, change.nvdb_id, change.east_m) == ("new", None, 0.0)
+    changes = found([pole(0, 0, "202")], [site(1, "372", east=100.0)], views=0)
+    assert [(c.verdict, c.nvdb_id, c.east_m) for c in changes] == [("new", None, 0.0)]
+
+
+def test_judge_far_from_every_mirrored_sign_goes_to_review() -> None:
+    """Where the mirror has nothing within a kilometre, the place may lie outside the mirrored area."""
+    for sites in ([], [site(1, "202", east=1500.0)]):
+        (change,) = found([pole(0, 0, "202")], sites, views=0)
+        assert change.verdict == "review"
+        assert "mirrored area" in change.reason
+
+
+def test_judge_tells_equal_extra_plates_apart() -> None:
+    """Two plates of one code that NVDB lacks are two findings with two ids."""
+    changes = found([pole(0, 0, "202", "808", "808")], [site(1, "202")])
+    assert [c.verdict for c in changes] == ["new", "new"]
+    assert len({c.change_id for c in changes}) == 2
+
+
+def test_judge_confidence_of_moved_falls_near_the_tolerance() -> None:
+    """5 m off is surer to have moved than 1.4 m off at a tolerance of 1 m."""
+    (far,) = found([pole(5, 0, "202")], [site(1, "202")])
+    (near,) = found([pole(1.4, 0, "202")], [site(1, "202")])
+    assert (near.verdict, far.verdict) == ("moved", "moved")
+    assert near.confidence < far.confidence
 
 
 def test_judge_new_plate_on_a_known_pole() -> None:

@@ -1,0 +1,172 @@
+"""Matching on whole stores: what drives are evidence of, and how findings live over runs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+
+from twin import schema
+from twin.errors import ConfigError
+from twin.ingest import ingest_drive
+from twin.match import match
+from twin.matching.config import MatchConfig
+from twin.store import Store
+
+Twin = Callable[..., Any]
+
+
+@pytest.fixture
+def trip(sample: Path, tmp_path: Path) -> Path:
+    """A copy of the sample's drive."""
+    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
+
+
+@pytest.fixture
+def synced(nvdb_url: str, tmp_path: Path, twin: Twin) -> Path:
+    """A store with the sample's NVDB and no drive."""
+    path = tmp_path / "synced.db"
+    assert twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", path).code == 0
+    return path
+
+
+def later(trip: Path, days: int) -> None:
+    """Move a drive's GNSS and frames `days` later: another recording of the same road."""
+    shift_us = days * 86_400_000_000
+    for path in trip.glob("gnss*"):
+        lines = [line.rsplit(" ", 1) for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{sentence} {int(us) + shift_us}\n" for sentence, us in lines))
+    for path in trip.glob("*.timestamps"):
+        pairs = [line.split() for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{i}\t{int(us) + shift_us}\n" for i, us in pairs))
+
+
+def without_object(trip: Path, name: str) -> None:
+    """Take one annotated object out of every file."""
+    for path in trip.glob("*.xml"):
+        text = path.read_text()
+        tracks = re.findall(r"<track .*?</track>", text, flags=re.DOTALL)
+        for track in tracks:
+            if f">{name}<" in track:
+                text = text.replace(track, "")
+        path.write_text(text)
+
+
+def test_match_takes_absence_only_from_drives_of_its_method(synced: Path, trip: Path) -> None:
+    """A complete drive ingested by `paper` alone is no evidence for a match of `single-frame`."""
+    other = Path(shutil.copytree(trip, trip.with_name("other")))
+    later(other, 1)
+    for path in other.glob("*.xml"):
+        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    (other / "drive.toml").write_text("annotations_complete = false\n")
+    with Store.open(synced) as store:
+        ingest_drive(store, trip, method="paper")
+        ingest_drive(store, other, method="single-frame")
+        assert match(store, method="single-frame").verdicts["missing"] == 0
+
+
+def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) -> None:
+    """Without the attribute object, each camera has ids of its own: the findings are the same."""
+    for path in trip.glob("*.xml"):
+        path.write_text(re.sub(r'\s*<attribute name="object">[^<]*</attribute>', "", path.read_text()))
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        verdicts = match(store).verdicts
+    assert verdicts == {"unchanged": 12, "moved": 1, "wrong_type": 1, "new": 1, "missing": 1, "review": 0}
+
+
+def test_match_calls_nothing_missing_where_annotations_have_no_place(synced: Path, trip: Path) -> None:
+    """Signs annotated as boxes were seen: the drive says so, and none of them is missing."""
+    for path in trip.glob("*.xml"):
+        text = re.sub(
+            r'<points (frame="\d+"[^>]*?) points="([\d.]+),([\d.]+)"',
+            lambda m: (
+                f'<box {m[1]} xtl="{m[2]}" ytl="{m[3]}" xbr="{float(m[2]) + 9}" ybr="{float(m[3]) + 9}"'
+            ),
+            path.read_text(),
+        )
+        path.write_text(text.replace("</points>", "</box>"))
+    with Store.open(synced) as store:
+        report = ingest_drive(store, trip)
+        assert any("cannot show that a sign is missing" in warning for warning in report.warnings)
+        assert sum(match(store).verdicts.values()) == 0
+
+
+def test_match_does_not_miss_what_was_put_up_later(synced: Path, trip: Path) -> None:
+    """A sign that NVDB starts a year after the drive could not be seen."""
+    with Store.open(synced) as store:
+        with store.transaction() as connection:
+            connection.execute(sa.update(schema.skiltpunkt).values(start_date="2027-06-01"))
+        ingest_drive(store, trip)
+        assert match(store).verdicts["missing"] == 0
+
+
+def test_match_lets_a_later_complete_drive_overrule_an_earlier_one(synced: Path, trip: Path) -> None:
+    """A sign seen last year that a complete drive of today passes and does not see is missing."""
+    today = Path(shutil.copytree(trip, trip.with_name("today")))
+    later(today, 300)
+    without_object(today, "P07")
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        before = match(store)
+        ingest_drive(store, today)
+        after = match(store)
+    assert (before.verdicts["moved"], before.verdicts["missing"], before.n_outdated) == (1, 1, 0)
+    assert (after.verdicts["moved"], after.verdicts["missing"], after.n_outdated) == (0, 2, 1)
+
+
+def test_match_of_two_drives_finds_what_one_finds(synced: Path, trip: Path) -> None:
+    """A second drive over the same road doubles no sign, and keeps every change_id."""
+    again = Path(shutil.copytree(trip, trip.with_name("again")))
+    later(again, 30)
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        match(store)
+        first = {row["change_id"]: row for row in store.rows(sa.select(schema.change))}
+        ingest_drive(store, again)
+        match(store)
+        both = {row["change_id"]: row for row in store.rows(sa.select(schema.change))}
+    assert both.keys() == first.keys()
+    seen = [row for row in both.values() if row["verdict"] != "missing"]
+    assert all("," in row["drive_ids"] for row in seen)
+
+
+def test_match_keeps_ids_when_an_earlier_drive_arrives_later(synced: Path, trip: Path) -> None:
+    """Drives are ingested in any order: the finding keeps the id that it first got."""
+    early = Path(shutil.copytree(trip, trip.with_name("early")))
+    later(trip, 30)
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        match(store)
+        first = {row["change_id"] for row in store.rows(sa.select(schema.change))}
+        ingest_drive(store, early)
+        match(store)
+        assert {row["change_id"] for row in store.rows(sa.select(schema.change))} == first
+
+
+def test_export_refuses_findings_of_an_older_state(
+    twin: Twin, synced: Path, trip: Path, tmp_path: Path
+) -> None:
+    """After another ingest the findings are stale: exported only after the next match."""
+    again = Path(shutil.copytree(trip, trip.with_name("again")))
+    later(again, 30)
+    twin("ingest-drive", trip, "--store", synced)
+    twin("match", "--store", synced)
+    assert twin("export", tmp_path / "out", "--store", synced).code == 0
+    twin("ingest-drive", again, "--store", synced)
+    answer = twin("export", tmp_path / "out", "--store", synced)
+    assert answer.code == 5
+    assert "twin match" in answer.err
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_match_refuses_nonsense_settings(twin: Twin, store: Path, value: float) -> None:
+    """A negative or infinite tolerance is a usage error, and the findings stay."""
+    with pytest.raises(ConfigError, match="tolerance_m"):
+        MatchConfig(tolerance_m=value)
+    assert twin("match", "--tolerance", str(value), "--store", store).code == 2

@@ -1,0 +1,118 @@
+"""Mistakes that a drive can hold although every file reads well: places, headings, labels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.geodesy import inverse
+from geoloc.trajectory import GnssFixes, PoseTrack
+from twin.drives.drive import Drive
+from twin.errors import DriveError
+
+FloatArray = NDArray[np.float64]
+
+_NORWAY_LAT_DEG, _NORWAY_LON_DEG = (57.0, 81.5), (3.0, 35.0)
+"""Mainland and Svalbard, with a margin."""
+_MOVING_MPS = 2.0
+_HEADING_WARN_DEG, _HEADING_REFUSE_DEG = 10.0, 30.0
+_NS_PER_S = 1e9
+
+
+def check_track(drive: Drive) -> tuple[str, ...]:
+    """Refuse a track that cannot be right, and warn of one that hardly is.
+
+    Returns
+    -------
+    tuple of str
+        Warnings, one sentence each.
+
+    Raises
+    ------
+    DriveError
+        The track is not in Norway, or the headings of a pose file do not follow it.
+    """
+    tracks: list[tuple[str, GnssFixes | PoseTrack]] = [(fixes.antenna, fixes) for fixes in drive.gnss]
+    if drive.poses is not None:
+        tracks.append(("the pose file", drive.poses))
+    for name, track in tracks:
+        _check_place(drive.name, name, track)
+    return _check_headings(drive) if drive.poses is not None else ()
+
+
+def _check_place(drive: str, name: str, track: GnssFixes | PoseTrack) -> None:
+    lat, lon = float(np.median(track.latitude_deg)), float(np.median(track.longitude_deg))
+    if _in_norway(lat, lon):
+        return
+    swapped = "latitude and longitude are swapped" if _in_norway(lon, lat) else "check the coordinates"
+    raise DriveError(
+        f"The positions of {name} in {drive} (about {lat:.4f}° N, {lon:.4f}° E) are not in Norway: {swapped}."
+    )
+
+
+def _in_norway(lat: float, lon: float) -> bool:
+    return bool(
+        _NORWAY_LAT_DEG[0] <= lat <= _NORWAY_LAT_DEG[1] and _NORWAY_LON_DEG[0] <= lon <= _NORWAY_LON_DEG[1]
+    )
+
+
+def _check_headings(drive: Drive) -> tuple[str, ...]:
+    """Compare headings with the direction of travel; a car that reverses is 180° off, and allowed."""
+    track = drive.poses
+    if track is None or len(track.epoch_ns) < 3:
+        return ()
+    # Over steps of a second or so: neighbouring poses may lie millimetres apart.
+    step = max(1, round(len(track.epoch_ns) / max(np.ptp(track.epoch_ns) / _NS_PER_S, 1.0)))
+    here, there = slice(None, -step), slice(step, None)
+    course, distance = inverse(
+        track.latitude_deg[here],
+        track.longitude_deg[here],
+        track.latitude_deg[there],
+        track.longitude_deg[there],
+    )
+    seconds = (track.epoch_ns[there] - track.epoch_ns[here]) / _NS_PER_S
+    moving = distance > _MOVING_MPS * seconds
+    if not moving.any():
+        return ()
+    heading = track.heading_deg[here][moving]
+    off = np.abs((heading - course[moving] + 180.0) % 360.0 - 180.0)
+    median = float(np.median(np.minimum(off, 180.0 - off)))
+    text = (
+        f"The headings of the pose file in {drive.name} differ from the direction of travel by {median:.0f}° "
+        "(median): heading_deg must be degrees, clockwise from true north"
+    )
+    if median > _HEADING_REFUSE_DEG:
+        raise DriveError(f"{text}.")
+    return (f"{text}.",) if median > _HEADING_WARN_DEG else ()
+
+
+def annotation_warnings(drive: Drive, n_located: int) -> tuple[str, ...]:
+    """Warn of annotations that give less than their annotator thinks.
+
+    Parameters
+    ----------
+    n_located : int
+        Annotations that got a position.
+    """
+    notes = drive.annotations
+    warnings = []
+    objects, counts = np.unique(notes.object, return_counts=True)
+    n_without_code = len(np.unique(notes.object[notes.skiltnummer == ""]))
+    if n_without_code:
+        warnings.append(
+            f"{n_without_code} of {len(objects)} annotated objects have no sign code, so their type cannot "
+            "be compared: give the attribute skiltnummer (362.50), or a label that begins with a code."
+        )
+    once = int((counts == 1).sum())
+    if len(objects) >= 10 and once > 0.5 * len(objects):
+        warnings.append(
+            f"{once} of {len(objects)} annotated objects were seen once only: if these are the "
+            "same poles in several pictures, give them the attribute object, or annotate tracks."
+        )
+    dropped = sum(s.count for s in drive.skipped if s.what == "annotations")
+    n_all = len(notes.frame) + dropped
+    if n_all and n_located < 0.5 * n_all:
+        warnings.append(
+            f"Only {n_located:,} of {n_all:,} annotations could be located: see what was left out, and why."
+        )
+    return tuple(warnings)
