@@ -16,14 +16,19 @@ if TYPE_CHECKING:
     from nvdb.client import NvdbClient
     from nvdb.errors import NvdbError
     from nvdb.geometri import Position
+    from nvdb.les_v4 import LesV4Source
     from nvdb.mirror import MirrorStore, SyncReport, sync
     from nvdb.paging import iter_pages
     from nvdb.replay import ReplayServer
     from nvdb.skilt import Skiltplate, Skiltpunkt
+    from nvdb.sources import Source
+    from nvdb.uberiket import UberiketSource
+    from nvdb.vegnett import Vegnett, facing_azimuth, hent_vegnett
     from nvdb.vegobjekt import Vegobjekt, vegobjekt_from_les_v4
 
 __all__ = [
     "Area",
+    "LesV4Source",
     "MirrorStore",
     "NvdbClient",
     "NvdbError",
@@ -31,8 +36,13 @@ __all__ = [
     "ReplayServer",
     "Skiltplate",
     "Skiltpunkt",
+    "Source",
     "SyncReport",
+    "UberiketSource",
+    "Vegnett",
     "Vegobjekt",
+    "facing_azimuth",
+    "hent_vegnett",
     "iter_pages",
     "sync",
     "vegobjekt_from_les_v4",
@@ -40,6 +50,7 @@ __all__ = [
 
 _HOME = {
     "Area": "area",
+    "LesV4Source": "les_v4",
     "MirrorStore": "mirror",
     "NvdbClient": "client",
     "NvdbError": "errors",
@@ -47,8 +58,13 @@ _HOME = {
     "ReplayServer": "replay",
     "Skiltplate": "skilt",
     "Skiltpunkt": "skilt",
+    "Source": "sources",
     "SyncReport": "mirror",
+    "UberiketSource": "uberiket",
+    "Vegnett": "vegnett",
     "Vegobjekt": "vegobjekt",
+    "facing_azimuth": "vegnett",
+    "hent_vegnett": "vegnett",
     "iter_pages": "paging",
     "sync": "mirror",
     "vegobjekt_from_les_v4": "vegobjekt",

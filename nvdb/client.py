@@ -2,7 +2,8 @@
 
 API Les V4 demands ``X-Client``. The retry has to lie outside the HTTP library, because a truncated body is
 found only when the body is read and parsed (psf/requests #4956, #6512), and ``timeout`` there bounds one
-socket read and not the whole answer.
+socket read and not the whole answer. Redirects are followed here too: the HTTP library would take the headers
+that name the user to whatever host an answer points at.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any
-from urllib.parse import SplitResult, urlsplit
+from urllib.parse import SplitResult, quote, urljoin, urlsplit, urlunsplit
 
 import requests
 import tenacity
@@ -42,6 +43,7 @@ Params = Mapping[str, str | int]
 MAX_BODY_BYTES = 256 * 2**20
 """A full page of 1000 objects is below 20 MB; more than this is not a page."""
 MAX_REDIRECTS = 5
+"""Redirects followed for one request, all of them on the API's own host."""
 RETRY_AFTER_CAP_S = 60.0
 """Longest wait that a ``Retry-After`` can ask for."""
 LOW_BUDGET = 1
@@ -50,6 +52,9 @@ LOW_BUDGET_PAUSE_S = 1.0
 
 _CHUNK_BYTES = 2**16
 _LOOPBACK = {"localhost", "127.0.0.1", "::1"}
+_REDIRECTS = {301, 302, 303, 307, 308}
+_URL_SAFE = "!#$%&'()*+,/:;=?@[]~"
+_DEFAULT_PORTS = {"http": 80, "https": 443}
 
 
 class NvdbClient:
@@ -122,6 +127,8 @@ class NvdbClient:
 
         Sent again, after an exponential wait or what ``Retry-After`` asks (at most 60 s), on 408, 425, 429
         and 5xx, on lost connections, and on bodies that are cut short or not JSON. Other statuses are final.
+        Redirects are followed on the API's own scheme and host, and from http to https on that host; nothing
+        is sent to another one.
 
         Parameters
         ----------
@@ -172,23 +179,44 @@ class NvdbClient:
         return path_or_url
 
     def _get_once(self, url: str, params: Params | None, deadline: float) -> Json:
-        """One attempt: GET, read all, check, parse."""
+        """One attempt: GET, follow redirects on the API's own host, read all, check, parse."""
+        for _ in range(1 + MAX_REDIRECTS):
+            where = answers.place(url)
+            response, body = self._send(url, params, deadline)
+            location = response.raw.headers.get("Location", "")
+            if response.status_code not in _REDIRECTS or not location:
+                break
+            url, params = _redirect_target(url, location), None
+        else:
+            msg = f"{where} redirects in a circle, to {_shown(url)}: check the API URL and the proxy."
+            raise RedirectError(msg)
+        if not 200 <= response.status_code < 300:
+            raise answers.status_error(response.status_code, response.headers, body, where)
+        return answers.json_from_body(body, where, response.headers.get("Content-Type", ""))
+
+    def _send(self, url: str, params: Params | None, deadline: float) -> tuple[requests.Response, bytes]:
+        """Send one request and read what comes, a redirect included."""
         where = answers.place(url)
         if self.rate_limit_remaining is not None and self.rate_limit_remaining <= LOW_BUDGET:
             self.rate_limit_remaining = None
             self._sleep(LOW_BUDGET_PAUSE_S)
         timeout_s = max(min(self._timeout_s, deadline - time.monotonic()), 0.001)
         try:
-            with self._session.get(
-                url, params=params, headers=self._headers, timeout=timeout_s, stream=True
+            request = self._session.prepare_request(
+                requests.Request("GET", url, params=params, headers=self._headers)
+            )
+            request.hooks["response"].append(_hide_location)
+            settings = self._session.merge_environment_settings(request.url, {}, True, None, None)
+            with self._session.send(
+                request, timeout=timeout_s, allow_redirects=False, **settings
             ) as response:
                 self._note_budget(response)
-                body = self._read(response, where, deadline)
+                return response, self._read(response, where, deadline)
+        except (requests.exceptions.InvalidSchema, requests.exceptions.InvalidURL) as error:
+            msg = f"{where} is not an address that can be asked: check the API URL and the proxy."
+            raise RequestError(msg) from error
         except (requests.RequestException, urllib3.exceptions.HTTPError, OSError) as error:
             raise _named(error, where) from error
-        if not 200 <= response.status_code < 300:
-            raise answers.status_error(response.status_code, response.headers, body, where)
-        return answers.json_from_body(body, where, response.headers.get("Content-Type", ""))
 
     def _read(self, response: requests.Response, where: str, deadline: float) -> bytes:
         """Read the body as it comes. ``read1`` returns after one socket read, so a drip cannot hide here."""
@@ -211,6 +239,59 @@ class NvdbClient:
         self.rate_limit_remaining = int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
 
 
+def _hide_location(response: requests.Response, **_: object) -> None:
+    """Keep requests from preparing the next request of a redirect.
+
+    It does so even when told not to follow: it then reads the whole body, beyond our deadline and size limit,
+    and a damaged address ends in a bare ValueError. What the server said stays in ``response.raw.headers``.
+    """
+    response.headers.pop("Location", None)
+
+
+def _redirect_target(url: str, location: str) -> str:
+    """Where a redirect of `url` leads; RedirectError unless that is the same API.
+
+    The result is put together from `url`'s own host and only the path and query of `location`, so that no
+    two ways to read an odd address can lead to another host.
+    """
+    where = answers.place(url)
+    # The HTTP library reads headers as latin-1, though what is sent is UTF-8 or, rightly, percent-encoded.
+    location = quote(location.encode("latin-1", "replace"), safe=_URL_SAFE)
+    old = urlsplit(url)
+    try:
+        new = urlsplit(urljoin(url, location))
+        scheme, netloc = _same_api(old, new)
+    except ValueError as error:
+        msg = f"{where} redirects to {location[:200]}, which is no address: check the API URL and the proxy."
+        raise RedirectError(msg) from error
+    if new.scheme not in _DEFAULT_PORTS:
+        msg = f"{where} redirects to {_shown(new.geturl())}, which is not http(s): check the API URL."
+        raise RedirectError(msg)
+    if not netloc:
+        msg = (
+            f"{where} redirects to {_shown(new.geturl())}, which is not the API's own host, and nothing was "
+            "sent there: check the API URL and the proxy."
+        )
+        raise RedirectError(msg)
+    return urlunsplit((scheme, netloc, new.path, new.query, ""))
+
+
+def _same_api(old: SplitResult, new: SplitResult) -> tuple[str, str]:
+    """Scheme and host to ask after a redirect from `old` to `new`; both empty if that is another API."""
+    ports = tuple(parts.port or _DEFAULT_PORTS.get(parts.scheme) for parts in (old, new))
+    if new.hostname == old.hostname and new.username is None:
+        if new.scheme == old.scheme and ports[0] == ports[1]:
+            return old.scheme, old.netloc
+        if (old.scheme, new.scheme) == ("http", "https") and ports == (80, 443):
+            return "https", old.netloc.removesuffix(":80")
+    return "", ""
+
+
+def _shown(url: str) -> str:
+    """Scheme, host and path: what a message may show of an address that an answer gave."""
+    return f"{urlsplit(url).scheme}://{answers.place(url)}"[:200]
+
+
 def _tell(state: tenacity.RetryCallState) -> None:
     """Say that an attempt failed and that another follows: a wait without a word looks like a hang."""
     if state.outcome is not None and state.next_action is not None:
@@ -228,16 +309,6 @@ _back_off = tenacity.wait_exponential(multiplier=0.5, max=30.0) + tenacity.wait_
 
 
 _NAMES: tuple[tuple[tuple[type[Exception], ...], type[TransportError], str], ...] = (
-    (
-        (requests.TooManyRedirects,),
-        RedirectError,
-        "redirects in a circle: check the API URL and the proxy",
-    ),
-    (
-        (requests.exceptions.InvalidSchema, requests.exceptions.InvalidURL),
-        RedirectError,
-        "leads to an address that is not http(s): check the API URL and the proxy",
-    ),
     (
         (requests.exceptions.ContentDecodingError, urllib3.exceptions.DecodeError),
         TruncatedBodyError,
@@ -296,7 +367,6 @@ def _checked_headers(client_name: str, contact: str | None) -> dict[str, str]:
 
 def _new_session(base: SplitResult) -> requests.Session:
     session = requests.Session()
-    session.max_redirects = MAX_REDIRECTS
     # A replay server on this machine must not be asked for through the company's proxy.
     session.trust_env = base.hostname not in _LOOPBACK
     return session

@@ -6,7 +6,7 @@
     ├── TransportError               the API could not be asked, or did not answer properly
     │   ├── ConnectionFailedError    name lookup, refused, reset, TLS, or silence for too long
     │   ├── DeadlineExceededError    the total time for one request is used up
-    │   ├── RedirectError            redirects that go round in a circle, or leave http(s)
+    │   ├── RedirectError            redirects that go round in a circle, or leave the API's own host
     │   ├── HttpStatusError          a status other than 2xx, with ProblemDetail's title and detail
     │   │   └── RateLimitedError     429, also after waiting as the server asked
     │   └── BodyError                a body that is damaged or larger than any real page
@@ -63,7 +63,7 @@ class DeadlineExceededError(TransportError):
 
 
 class RedirectError(TransportError):
-    """Redirects that go round in a circle, or to something other than http(s)."""
+    """Redirects that go round in a circle, or to something other than the API's own host."""
 
 
 class HttpStatusError(TransportError):

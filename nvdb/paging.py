@@ -8,7 +8,7 @@ another host.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,8 +37,19 @@ class Page:
     next_cursor: str | None
 
 
+def id_and_version(item: RawObject) -> object:
+    """Tell a vegobjekt's version from every other: its id and ``metadata.versjon``."""
+    metadata = item.get("metadata")
+    return item.get("id"), metadata.get("versjon") if isinstance(metadata, dict) else None
+
+
 def iter_pages(
-    client: NvdbClient, path: str, params: Params | None = None, start: str | None = None
+    client: NvdbClient,
+    path: str,
+    params: Params | None = None,
+    start: str | None = None,
+    *,
+    key: Callable[[RawObject], object] = id_and_version,
 ) -> Iterator[Page]:
     """Yield the pages of a query until its end; nothing for a query without hits.
 
@@ -51,6 +62,9 @@ def iter_pages(
         Query parameters other than ``start``.
     start : str, optional
         Cursor to go on from, as saved from an earlier page's ``next_cursor``.
+    key : callable
+        Object → what no other object of the query has: a page is known again by the keys on it. By default
+        a vegobjekt's id and version; needed for whatever has no ``id``.
 
     Raises
     ------
@@ -70,7 +84,7 @@ def iter_pages(
         page = _page(client.get_json(path, query), path, cursor)
         if not page.objects:
             return
-        content = hash(tuple(f"{item.get('id')}:{_version(item)}" for item in page.objects))
+        content = hash(tuple(str(key(item)) for item in page.objects))
         if content in contents or (page.next_cursor is not None and page.next_cursor in cursors):
             msg = (
                 f"The page of {path} after cursor {cursor or 'none'} leads back to where it came from "
@@ -102,8 +116,3 @@ def _page(body: object, path: str, cursor: str | None) -> Page:
         msg = f"A page of {path} has a metadata.neste.start that is not text: check that it is API Les V4."
         raise SchemaError(msg)
     return Page(tuple(objects), cursor, next_cursor)
-
-
-def _version(item: RawObject) -> object:
-    metadata = item.get("metadata")
-    return metadata.get("versjon") if isinstance(metadata, dict) else None

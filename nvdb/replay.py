@@ -1,45 +1,47 @@
-"""A local server that answers as API Les V4 does: for the demo, for tests, and for trying things out.
+"""A local server that answers as API Les V4, Uberiket V1 and the datakatalog do.
+
+For the demo, for tests, for benchmarks, and for trying things out.
 
 >>> with ReplayServer("recorded_pages") as server:              # doctest: +SKIP
 ...     client = NvdbClient(server.url)
 
-or ``python -m nvdb.replay recorded_pages --port 8096``.
+or ``python -m nvdb.replay recorded_pages --port 8096``; and a whole country of generated signs by
+``python -m nvdb.replay --generate 573299,1153655``.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
-import re
 import socket
 import socketserver
 import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
+from nvdb.datakatalog import Datakatalog
 from nvdb.errors import NvdbError, ReplaySourceError
-from nvdb.replay_faults import LOOP_PATH, Fault, FaultPlan, Faults, RequestInfo, send_fault
-from nvdb.replay_source import Generated, QueryError, ReplaySource, neste
+from nvdb.replay_faults import LOOP_PATH, OF_CONTENT, Fault, FaultPlan, Faults, RequestInfo, send_fault
+from nvdb.replay_generate import GeneratedWorld
+from nvdb.replay_routes import Answer, Routes, json_answer, problem
+from nvdb.replay_source import Generated, ReplaySource
+from nvdb.replay_world import ReplayWorld
 
-__all__ = ["Fault", "ReplayServer", "RequestInfo", "main"]
+__all__ = ["Fault", "ReplayServer", "ReplayWorld", "RequestInfo", "main"]
 
 log = logging.getLogger(__name__)
 
 NO_CLIENT: Final = "X-Client må være satt når du kaller API Les V4."
 RATE_LIMIT: Final = 200
-
-_VEGOBJEKTER = re.compile(
-    r"/vegobjekter(?:/api/v4/vegobjekter)?/(?P<type>\d{1,9})(?:/(?P<rest>\d{1,18}|statistikk))?/?"
-)
+TOUCH_PATH: Final = "/replay/touch"
+"""POST here tells a generated world that some of its objects have changed: for benchmarks."""
 
 
 class ReplayServer:
@@ -47,13 +49,16 @@ class ReplayServer:
 
     Parameters
     ----------
-    source : Path, str or mapping
-        A folder of recorded pages (``*.json``, ``*.ndjson``, also ``.gz``), or type → objects in V4's form.
+    source : Path, str, mapping or ReplaySource
+        A folder of recorded pages (``*.json``, ``*.ndjson``, also ``.gz``), type → objects in V4's form, or
+        a :class:`~nvdb.replay_world.ReplayWorld` that changes while it is served.
     host : str
     port : int
         0 takes a free one.
     faults : iterable or callable, optional
         See :class:`nvdb.replay_faults.FaultPlan`.
+    katalog : Datakatalog, optional
+        What the datakatalog's addresses say; the shipped snapshot if omitted.
 
     Raises
     ------
@@ -63,13 +68,16 @@ class ReplayServer:
 
     def __init__(
         self,
-        source: Path | str | Generated,
+        source: Path | str | Generated | ReplaySource,
         *,
         host: str = "127.0.0.1",
         port: int = 0,
         faults: Faults | None = None,
+        katalog: Datakatalog | None = None,
     ) -> None:
-        self._source = ReplaySource(source)
+        self._source = source if isinstance(source, ReplaySource) else ReplaySource(source)
+        self.routes = Routes(self._source, katalog)
+        """What is served; its ``katalog`` may be replaced while the server runs."""
         self._host = host
         self._port = port
         self._plan = FaultPlan(faults)
@@ -93,7 +101,7 @@ class ReplayServer:
 
     def __enter__(self) -> ReplayServer:
         try:
-            self._server = _Server((self._host, self._port), self._source, self._plan, self.requests)
+            self._server = _Server((self._host, self._port), self.routes, self._plan, self.requests)
         except (OSError, OverflowError) as error:
             msg = f"Port {self._port} on {self._host} cannot be used ({error}): take another one, or 0."
             raise ReplaySourceError(msg) from error
@@ -110,14 +118,6 @@ class ReplayServer:
         self._server = self._thread = None
 
 
-@dataclass(frozen=True, slots=True)
-class _Answer:
-    status: int
-    body: bytes
-    content_type: str = "application/json"
-    headers: Mapping[str, str] = field(default_factory=dict)
-
-
 class _Server(socketserver.ThreadingTCPServer):
     """TCPServer and not HTTPServer, which asks the name service for its own name before it starts."""
 
@@ -127,9 +127,9 @@ class _Server(socketserver.ThreadingTCPServer):
     request_queue_size = 32
 
     def __init__(
-        self, address: tuple[str, int], source: ReplaySource, plan: FaultPlan, requests: list[RequestInfo]
+        self, address: tuple[str, int], routes: Routes, plan: FaultPlan, requests: list[RequestInfo]
     ) -> None:
-        self.source = source
+        self.routes = routes
         self.plan = plan
         self.requests = requests
         self.stopping = threading.Event()
@@ -189,17 +189,38 @@ class _Handler(BaseHTTPRequestHandler):
         query = dict(parse_qsl(parts.query, keep_blank_values=True))
         info = self.server.note(parts.path, query, dict(self.headers.items()))
         fault = self.server.plan.next(info)
-        answer = self._answer(info, repeat=fault is not None and fault.kind == "repeat_cursor")
-        if fault is None or fault.kind == "repeat_cursor":
+        of_content = fault is not None and fault.kind in OF_CONTENT
+        world = self.server.routes.source
+        if isinstance(world, ReplayWorld) and world.on_request is not None:
+            world.on_request(info)
+        answer = self._answer(info, fault.kind if fault is not None and of_content else None)
+        if fault is None or of_content:
             self._send(answer)
         else:
             send_fault(self, fault, answer.body, self.server.stopping)
+
+    def do_POST(self) -> None:
+        """Change a generated world from outside: ``/replay/touch?type=96&antall=1000``."""
+        parts = urlsplit(self.path)
+        query = dict(parse_qsl(parts.query))
+        self.rfile.read(int(self.headers.get("Content-Length") or 0))
+        world = self.server.routes.source
+        if parts.path != TOUCH_PATH or not isinstance(world, GeneratedWorld):
+            self._send(problem(404, "Not Found", "Only a generated world can be touched", parts.path))
+            return
+        try:
+            ids = world.ids(int(query["type"]), int(query["antall"]), int(query.get("fra", "0")))
+        except (KeyError, ValueError):
+            self._send(problem(400, "Bad Request", "Give type=95|96 and antall", parts.path))
+            return
+        world.touch(ids)
+        self._send(json_answer(200, {"antall": len(ids)}))
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (signature of the base)
         """Log instead of writing to stderr."""
         log.debug("%s " + format, self.address_string(), *args)
 
-    def _send(self, answer: _Answer) -> None:
+    def _send(self, answer: Answer) -> None:
         self.send_response(answer.status)
         self.send_header("Content-Type", answer.content_type)
         self.send_header("Content-Length", str(len(answer.body)))
@@ -209,73 +230,27 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(answer.body)
 
-    def _answer(self, info: RequestInfo, *, repeat: bool) -> _Answer:
-        """The good answer to a request."""
+    def _answer(self, info: RequestInfo, fault: str | None) -> Answer:
+        """The good answer to a request, or one with a fault of its content."""
         if info.path == LOOP_PATH:
-            return _Answer(302, b"", headers={"Location": LOOP_PATH})
+            return Answer(302, b"", headers={"Location": LOOP_PATH})
         if not (self.headers.get("X-Client") or "").strip():
-            return _Answer(400, NO_CLIENT.encode(), "text/plain;charset=UTF-8")
+            return Answer(400, NO_CLIENT.encode(), "text/plain;charset=UTF-8")
         if info.path in {"", "/", "/status"}:
-            return _json(200, {"status": "OK", "vegobjekter": self.server.source.counts()})
-        match = _VEGOBJEKTER.fullmatch(info.path)
-        if match is None:
-            return _problem(404, "Not Found", f"No static resource {info.path.lstrip('/')}.", info.path)
-        try:
-            return self._vegobjekter(info, int(match["type"]), match["rest"], repeat=repeat)
-        except QueryError as error:
-            return _problem(400, "Bad Request", str(error), info.path)
-
-    def _vegobjekter(self, info: RequestInfo, type_id: int, rest: str | None, *, repeat: bool) -> _Answer:
-        source = self.server.source
-        if type_id not in source.types:
-            return _problem(404, "Not Found", f"Vegobjekttype {type_id} finnes ikke", info.path)
-        page_url = f"http://{self.headers.get('Host', 'localhost')}/vegobjekter/{type_id}"
-        if rest is None:
-            page = source.page(type_id, info.query, page_url)
-            if repeat:
-                page["metadata"]["neste"] = neste(page_url, info.query, info.query.get("start", "0:0"))
-            return _json(200, page)
-        if rest == "statistikk":
-            return _json(200, {"antall": len(source.select(type_id, info.query)), "lengde": 0.0})
-        record = source.one(type_id, int(rest))
-        if record is None:
-            return _problem(404, "Not Found", f"Fant ikke vegobjekt {rest} av type {type_id}", info.path)
-        # V4 shows a single object whole unless told otherwise.
-        return _json(200, source.form(record, {"inkluder": "alle", **info.query}, page_url))
-
-
-def _json(status: int, document: object, content_type: str = "application/json") -> _Answer:
-    return _Answer(status, json.dumps(document, ensure_ascii=False).encode(), content_type)
-
-
-def _problem(status: int, title: str, detail: str, instance: str) -> _Answer:
-    """ProblemDetail, RFC 9457."""
-    document = {
-        "type": "about:blank",
-        "title": title,
-        "status": status,
-        "detail": detail,
-        "instance": instance,
-    }
-    return _json(status, document, "application/problem+json")
+            return json_answer(200, {"status": "OK", "vegobjekter": self.server.routes.source.counts()})
+        base = f"http://{self.headers.get('Host', 'localhost')}"
+        return self.server.routes.answer(info.path, info.query, base, fault)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve a folder until Ctrl-C: ``python -m nvdb.replay FOLDER [--port PORT]``."""
-    parser = argparse.ArgumentParser(
-        prog="python -m nvdb.replay",
-        description="Serve recorded API Les V4 pages as the API itself would.",
-        epilog="Example: python -m nvdb.replay recorded_pages --port 8096",
-    )
-    parser.add_argument("folder", type=Path, help="folder of recorded pages (*.json, *.json.gz, *.ndjson)")
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
-    parser.add_argument("--port", type=int, default=8096, help="0 takes a free one (default: %(default)s)")
-    options = parser.parse_args(arguments)
+    """Serve until Ctrl-C: ``python -m nvdb.replay FOLDER`` or ``--generate POINTS,PLATES``."""
+    options = _parser().parse_args(arguments)
     try:
+        source = _source(options)
         # Ctrl-C may come at any moment once the address is out, so it is not the wait alone that expects it.
         with (
             suppress(KeyboardInterrupt),
-            ReplayServer(options.folder, host=options.host, port=options.port) as server,
+            ReplayServer(source, host=options.host, port=options.port) as server,
         ):
             counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
             sys.stdout.write(f"{server.url} serves {counts}; Ctrl-C ends it.\n")
@@ -285,6 +260,43 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stderr.write(f"{error}\n")
         return 4
     return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m nvdb.replay",
+        description="Serve recorded or generated signs as API Les V4 and Uberiket V1 would.",
+        epilog="Examples: python -m nvdb.replay recorded_pages --port 8096; "
+        "python -m nvdb.replay --generate 573299,1153655",
+    )
+    given = parser.add_mutually_exclusive_group(required=True)
+    given.add_argument(
+        "folder", type=Path, nargs="?", help="folder of recorded pages (*.json, *.json.gz, *.ndjson)"
+    )
+    given.add_argument(
+        "--generate",
+        type=_two_counts,
+        metavar="POINTS,PLATES",
+        help="serve this many generated signs instead",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the generated signs (default: %(default)s)")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
+    parser.add_argument("--port", type=int, default=8096, help="0 takes a free one (default: %(default)s)")
+    return parser
+
+
+def _source(options: argparse.Namespace) -> Path | ReplaySource:
+    if options.generate is None:
+        return Path(options.folder)
+    n_points, n_plates = options.generate
+    return GeneratedWorld(n_points, n_plates, options.seed)
+
+
+def _two_counts(text: str) -> tuple[int, int]:
+    points, plates = (int(part) for part in text.split(","))
+    if points < 0 or plates < 0 or (plates and not points):
+        raise ValueError(text)
+    return points, plates
 
 
 if __name__ == "__main__":

@@ -19,10 +19,14 @@ FaultKind = Literal[
     "drip",
     "redirect_loop",
     "repeat_cursor",
+    "repeat_page",
     "garbage",
     "damaged_gzip",
     "disconnect",
 ]
+
+OF_CONTENT: Final = frozenset({"repeat_cursor", "repeat_page"})
+"""Faults of what a page says, and not of how it comes over the wire."""
 
 LOOP_PATH: Final = "/replay/redirect-loop"
 HTML: Final = b"<!DOCTYPE html><html><body><h1>Service temporarily unavailable</h1></body></html>"
@@ -42,6 +46,7 @@ class Fault:
         ``drip``: the right answer, one byte and then `pause_s` of silence at a time.
         ``redirect_loop``: a redirect to an address that redirects to itself.
         ``repeat_cursor``: a good page whose cursor leads back to itself.
+        ``repeat_page``: the first page's objects again, under the cursor of the page that was asked for.
         ``garbage``: status 200 with random-looking bytes, declared as JSON.
         ``damaged_gzip``: the right answer, compressed, with bytes changed on the way.
         ``disconnect``: end of connection without any answer.
@@ -95,7 +100,7 @@ def send_fault(handler: BaseHTTPRequestHandler, fault: Fault, body: bytes, stopp
     ----------
     handler : BaseHTTPRequestHandler
     fault : Fault
-        Any kind but ``repeat_cursor``, which is not a matter of the wire.
+        Any kind but those of `OF_CONTENT`, which are not a matter of the wire.
     body : bytes
         The good answer, which some faults damage.
     stopping : threading.Event

@@ -13,6 +13,7 @@ import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import parse_qs, urlencode, urlsplit
@@ -29,6 +30,8 @@ MAX_PAGE: Final = 1000
 """Most objects that V4 puts on one page."""
 
 _SUFFIXES: Final = (".json", ".ndjson", ".jsonl", ".json.gz", ".ndjson.gz", ".jsonl.gz")
+VEGNETT_PREFIX: Final = "vegnett"
+"""Files of a recorded folder whose names begin so hold segments of the road network."""
 _TYPE_IN_PAGE_HREF = re.compile(r"/vegobjekter/(\d+)")
 _CURSOR = re.compile(r"(\d{1,18}):(\d{1,9})")
 
@@ -81,10 +84,17 @@ class ReplaySource:
         self._records: dict[int, list[Record]] = {}
         for record in _newest(records):
             self._records.setdefault(record.type_id, []).append(record)
-        if not self._records and not known:
+        self.vegnett: Sequence[RawObject] | None = (
+            None if isinstance(source, Mapping) else _vegnett(Path(source))
+        )
+        """Segments of the road network, of files ``vegnett*``; None where nothing is known of it."""
+        if not self._records and not known and self.vegnett is None:
             msg = f"{source} holds no vegobjekter: give a folder of API Les V4 pages (*.json, *.json.gz)."
             raise ReplaySourceError(msg)
         self.types = frozenset(self._records) | known | {datakatalog.SKILTPUNKT, datakatalog.SKILTPLATE}
+        self.events: list[Any] = []
+        """What the change feeds tell (:class:`nvdb.replay_events.Hendelse`); a world fills it."""
+        self.page_limit: int | None = None
 
     def counts(self) -> dict[int, int]:
         """How many objects there are of each type."""
@@ -94,13 +104,13 @@ class ReplaySource:
         """Objects that pass the filters ``ider``, ``kommune`` and ``kartutsnitt``, ordered by id."""
         records = self._records.get(type_id, [])
         if "ider" in query:
-            ids = set(_integers(query["ider"], "ider"))
+            ids = set(read_integers(query["ider"], "ider"))
             records = [record for record in records if record.id in ids]
         if "kommune" in query:
-            kommuner = set(_integers(query["kommune"], "kommune"))
+            kommuner = set(read_integers(query["kommune"], "kommune"))
             records = [record for record in records if record.kommuner & kommuner]
         if "kartutsnitt" in query:
-            box = _box(query["kartutsnitt"])
+            box = read_box(query["kartutsnitt"])
             records = [record for record in records if _inside(record.position, box)]
         return list(records)
 
@@ -110,17 +120,52 @@ class ReplaySource:
         The end is an empty page that repeats the cursor; a query without hits has no ``neste``.
         """
         hits = self.select(type_id, query)
-        size = _page_size(query)
+        size = read_page_size(query)
         start = query.get("start")
-        rest = hits if start is None else [r for r in hits if (r.id, r.versjon) > _cursor(start)]
-        page = rest[:size]
+        hits.sort(key=lambda record: self.order(record.id, record.versjon))
+        if start is None:
+            rest = hits
+        else:
+            after = self.order(*_cursor(start))
+            rest = [record for record in hits if self.order(record.id, record.versjon) > after]
+        page = rest[: min(size, self.page_limit or size)]
         metadata: dict[str, Any] = {"returnert": len(page), "sidestørrelse": size}
         if query.get("inkluderAntall", "").lower() == "true":
             metadata["antall"] = len(hits)
         cursor = page[-1].cursor if page else start
         if cursor is not None:
             metadata["neste"] = neste(page_url, query, cursor)
-        return {"objekter": [self.form(record, query, page_url) for record in page], "metadata": metadata}
+        objects = [self.show(dict(self.form(record, query, page_url)), "les-v4") for record in page]
+        return {"objekter": objects, "metadata": metadata}
+
+    def page_body(self, type_id: int, query: Mapping[str, str], page_url: str) -> bytes:
+        """One page of V4, as JSON."""
+        return json.dumps(self.page(type_id, query, page_url), ensure_ascii=False).encode()
+
+    def count(self, type_id: int, query: Mapping[str, str]) -> int:
+        """How many objects pass the filters."""
+        return len(self.select(type_id, query))
+
+    def uberiket_body(self, type_id: int, query: Mapping[str, str], url: str) -> bytes | None:
+        """One page of Uberiket as JSON, where the source has a quick way to make it; else None."""
+        del type_id, query, url  # generated worlds have one
+        return None
+
+    def versions(self, type_id: int, query: Mapping[str, str]) -> list[Record]:  # noqa: ARG002 (worlds use it)
+        """All versions of the objects of a type, ordered by id and version, before any filter."""
+        return list(self._records.get(type_id, []))
+
+    def order(self, record_id: int, versjon: int) -> tuple[float, int, int]:
+        """Sort key of the order of pages: the id, as V4 does."""
+        return 0.0, record_id, versjon
+
+    def show(self, made: dict[str, Any], api: str) -> dict[str, Any]:  # noqa: ARG002 (worlds use it)
+        """Last look at an object before it is shown by an API (``les-v4`` or ``uberiket``)."""
+        return made
+
+    def now(self) -> datetime:
+        """Give the time by which the change feed measures its reach."""
+        return datetime.now(UTC)
 
     def one(self, type_id: int, object_id: int) -> Record | None:
         """The object of a type and id, or None."""
@@ -144,7 +189,8 @@ def neste(page_url: str, query: Mapping[str, str], cursor: str) -> dict[str, str
     return {"start": cursor, "href": f"{page_url}?{urlencode(others | last, safe=':,')}"}
 
 
-def _page_size(query: Mapping[str, str]) -> int:
+def read_page_size(query: Mapping[str, str]) -> int:
+    """``antall``: V4 sends at most 1000, whatever is asked."""
     text = query.get("antall", str(MAX_PAGE))
     if not (text.isascii() and text.isdigit()) or int(text) < 1:
         msg = f"antall: '{text}' er ikke et positivt heltall"
@@ -160,7 +206,8 @@ def _cursor(text: str) -> tuple[int, int]:
     return int(match.group(1)), int(match.group(2))
 
 
-def _integers(text: str, name: str) -> list[int]:
+def read_integers(text: str, name: str) -> list[int]:
+    """Read a list of whole numbers with commas between; QueryError if it is none."""
     try:
         return [int(part) for part in text.split(",")]
     except ValueError:
@@ -168,7 +215,8 @@ def _integers(text: str, name: str) -> list[int]:
         raise QueryError(msg) from None
 
 
-def _box(text: str) -> list[float]:
+def read_box(text: str) -> list[float]:
+    """Read ``kartutsnitt``; QueryError if it is not four numbers."""
     try:
         box = [float(part) for part in text.split(",")]
     except ValueError:
@@ -194,6 +242,11 @@ def _newest(records: Iterable[Record]) -> list[Record]:
         best = max(other, record, key=lambda r: r.versjon)
         newest[key] = replace(best, kommuner=other.kommuner | record.kommuner)
     return [newest[key] for key in sorted(newest)]
+
+
+def record_from_raw(raw: RawObject, type_id: int) -> Record:
+    """Make a record of one object in V4's form; ReplaySourceError if it has no id."""
+    return _record(raw, type_id, recorded=False, kommuner=frozenset())
 
 
 def _record(raw: RawObject, type_id: int | None, recorded: bool, kommuner: frozenset[int]) -> Record:
@@ -231,8 +284,19 @@ def _from_folder(folder: Path) -> Iterator[Record]:
         msg = f"{folder} is not a folder: give a folder of API Les V4 pages (*.json, *.json.gz)."
         raise ReplaySourceError(msg)
     for path in sorted(folder.iterdir()):
-        if path.name.endswith(_SUFFIXES) and path.is_file():
+        if _is_data(path) and not path.name.startswith(VEGNETT_PREFIX):
             yield from _from_file(path)
+
+
+def _vegnett(folder: Path) -> list[RawObject] | None:
+    """Segments of all files ``vegnett*`` of a folder; None if there are no such files."""
+    paths = [path for path in sorted(folder.glob(f"{VEGNETT_PREFIX}*")) if _is_data(path)]
+    found = [raw for path in paths for document in _documents(path) for raw in _page_facts(document)[0]]
+    return found if paths else None
+
+
+def _is_data(path: Path) -> bool:
+    return path.name.endswith(_SUFFIXES) and path.is_file()
 
 
 def _from_file(path: Path) -> Iterator[Record]:

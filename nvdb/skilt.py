@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from nvdb import datakatalog
 from nvdb.errors import SchemaError
 from nvdb.geometri import Position
-from nvdb.vegobjekt import Egenskap, RawObject, Stedfesting, Vegobjekt, vegobjekt_from_les_v4
+from nvdb.vegobjekt import (
+    Egenskap,
+    RawObject,
+    Stedfesting,
+    Vegobjekt,
+    vegobjekt_from_les_v4,
+)
+from nvdb.vegobjekt_usual import UsualParts, usual_parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +79,7 @@ class Skiltplate(Skilt):
     Attributes
     ----------
     point_id : int or None
-        Its Skiltpunkt; None if the answer names none (see :func:`plate_point_ids`).
+        Its Skiltpunkt; None if the answer names none; the points' `plate_ids` say the same.
     skiltnummer : str or None
         Sign code, ``362.50``; None if the first word of 5530 is no code.
     skiltnummer_text : str or None
@@ -142,24 +149,57 @@ def skilt_from_les_v4(raw: RawObject, type_id: int) -> Skiltpunkt | Skiltplate:
     SchemaError
         The object breaks the documented form, or is of another type.
     """
+    usual = usual_parts(raw, type_id)
+    skilt = None if usual is None else _usual_skilt(usual, type_id)
+    if skilt is not None:
+        return skilt
     vegobjekt = vegobjekt_from_les_v4(raw, type_id=type_id)
     if type_id == datakatalog.SKILTPUNKT:
         return skiltpunkt_from_vegobjekt(vegobjekt)
     return skiltplate_from_vegobjekt(vegobjekt)
 
 
-def plate_point_ids(points: Iterable[Skiltpunkt]) -> dict[int, int]:
-    """Plate id → Skiltpunkt id, from the points' children: for plates that do not name their parent.
+def _usual_skilt(parts: UsualParts, type_id: int) -> Skiltpunkt | Skiltplate | None:
+    """View an object in its usual form; None where there is something to tell about it."""
+    if type_id == datakatalog.SKILTPUNKT:
+        plates = parts.related("barn", datakatalog.SKILTPLATE)
+        return Skiltpunkt(**parts.shared, plate_ids=plates)
+    nummer = parts.egenskaper.get(datakatalog.SKILTNUMMER, _NONE)
+    side = parts.egenskaper.get(datakatalog.ANSIKTSSIDE, _NONE)
+    nummer_text, side_text = nummer.get("verdi"), side.get("verdi")
+    text = parts.egenskaper.get(datakatalog.TEKST, _NONE).get("verdi")
+    code = parts.egenskaper.get(datakatalog.PLASSERINGSKODE, _NONE).get("verdi")
+    points = set(parts.related("foreldre", datakatalog.SKILTPUNKT))
+    usual = (
+        type(nummer_text) is str
+        and (side_text is None or type(side_text) is str)
+        and (text is None or type(text) is str)
+        and (code is None or type(code) is int)
+        and len(points) <= 1
+    )
+    skiltnummer = _known_code(nummer_text) if usual else None
+    if skiltnummer is None:
+        return None
+    return Skiltplate(
+        **parts.shared,
+        point_id=next(iter(points), None),
+        skiltnummer=skiltnummer,
+        skiltnummer_text=nummer_text,
+        enum_id=nummer.get("enum_id"),
+        ansiktsside=side_text,
+        ansiktsside_enum_id=side.get("enum_id"),
+        text=text,
+        plasseringskode=code,
+    )
 
-    A plate that two points claim is left out: which of them is right is unknown.
-    """
-    owners: dict[int, int] = {}
-    disputed: set[int] = set()
-    for point in points:
-        for plate in point.plate_ids:
-            if owners.setdefault(plate, point.nvdb_id) != point.nvdb_id:
-                disputed.add(plate)
-    return {plate: point for plate, point in owners.items() if plate not in disputed}
+
+_NONE: dict[str, Any] = {}
+
+
+@lru_cache(maxsize=4096)
+def _known_code(text: str) -> str | None:
+    """Sign code of a value of 5530; a country has some 640 of these."""
+    return datakatalog.sign_code(text)
 
 
 def _check_type(vegobjekt: Vegobjekt, type_id: int) -> None:

@@ -113,6 +113,32 @@ def test_paging_refuses_to_go_in_a_circle(api: Any, pages: Any) -> None:
         list(iter_pages(client, PATH))
 
 
+def _bare(ids: list[int], start: str) -> dict[str, Any]:
+    """A page of objects that have neither id nor version, but a `ref`."""
+    return _page([], start) | {"objekter": [{"ref": number} for number in ids]}
+
+
+def test_paging_tells_objects_without_id_apart_by_their_key(api: Any) -> None:
+    """Full pages of objects without an id are all read with a key, and one that comes again is found."""
+    pages = (_bare([1, 2], "a"), _bare([3, 4], "b"), _bare([], "b"))
+    client, _ = api.serve({96: []}, _answers(*pages))
+    read = iter_pages(client, PATH, key=lambda item: item["ref"])
+    assert [item["ref"] for page in read for item in page.objects] == [1, 2, 3, 4]
+
+    client, _ = api.serve({96: []}, _answers(_bare([1, 2], "a"), _bare([1, 2], "b")))
+    with pytest.raises(PagingError, match="leads back"):
+        list(iter_pages(client, PATH, key=lambda item: item["ref"]))
+
+
+def test_paging_takes_a_new_version_for_another_object(api: Any) -> None:
+    """The same id with another version is not a page that came again."""
+    first, second = _page([1], "1:1"), _page([1], "1:2")
+    first["objekter"][0]["metadata"] = {"versjon": 1}
+    second["objekter"][0]["metadata"] = {"versjon": 2}
+    client, _ = api.serve({96: []}, _answers(first, second, _page([], "1:2")))
+    assert _ids(iter_pages(client, PATH)) == [1, 1]
+
+
 @pytest.mark.parametrize("first", [0, 1], ids=["first page", "second page"])
 def test_paging_finds_a_repeated_cursor_of_the_server(api: Any, plate: Any, first: int) -> None:
     """The server's fault of repeating a cursor is found on the first page and on later ones."""

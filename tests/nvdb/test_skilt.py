@@ -10,7 +10,7 @@ import pytest
 from nvdb.datakatalog import Ansiktsside
 from nvdb.errors import SchemaError
 from nvdb.geometri import Position
-from nvdb.skilt import Skiltplate, Skiltpunkt, plate_point_ids, skilt_from_les_v4, skiltplate_from_vegobjekt
+from nvdb.skilt import Skiltplate, Skiltpunkt, skilt_from_les_v4, skiltplate_from_vegobjekt
 from nvdb.vegobjekt import vegobjekt_from_les_v4
 
 
@@ -93,22 +93,14 @@ def test_skiltplate_with_two_points_above_it_has_none(plate: Any) -> None:
     assert "2 Skiltpunkt above it" in found.problems[0]
 
 
-def test_plate_point_ids_inverts_the_points_children() -> None:
-    """Each plate leads to its point; a plate that two points claim is left out."""
-    points = [
-        Skiltpunkt(nvdb_id=1, plate_ids=(10, 11)),
-        Skiltpunkt(nvdb_id=2, plate_ids=(12, 11)),
-        Skiltpunkt(nvdb_id=3),
-    ]
-    assert plate_point_ids(points) == {10: 1, 12: 2}
-
-
-def test_plate_point_ids_agrees_with_the_plates_own_parents(plate: Any, point: Any) -> None:
-    """Down from the points and up from the plates is the same relation."""
+def test_skilt_points_and_plates_name_each_other(plate: Any, point: Any) -> None:
+    """Down from the points' children and up from the plates' parents is the same relation."""
     points = [skilt_from_les_v4(point(number), 95) for number in (200, 202)]
+    owner = {
+        child: item.nvdb_id for item in points if isinstance(item, Skiltpunkt) for child in item.plate_ids
+    }
     plates = [_plate(plate(number)) for number in (700, 702)]
-    down = plate_point_ids(p for p in points if isinstance(p, Skiltpunkt))
-    assert all(down[item.nvdb_id] == item.point_id for item in plates)
+    assert [item.point_id for item in plates] == [owner[item.nvdb_id] for item in plates] == [200, 202]
 
 
 def test_skilt_of_another_type_is_refused(plate: Any, point: Any) -> None:
