@@ -1,265 +1,405 @@
-"""Pull Skiltpunkt and Skiltplate of an area into a store.
+"""Keep a mirror of Skiltpunkt and Skiltplate true: a backfill once, then the changes only.
 
-The store belongs to somebody else: it implements :class:`MirrorStore`. Either a whole sync is kept, or the
-mirror stays as it was. ``cursor`` and the cursors that travel with each page are the seam for syncs that
-can be resumed.
+The store belongs to somebody else: it implements :class:`~nvdb.mirror_states.MirrorStore`. What readers see
+is always a whole mirror. A backfill is kept aside, page by page with its cursor, so that it can be killed and
+resumed at any instant; the changes since its beginning are worked in there too, and then it becomes visible
+in one step. A round of changes becomes visible in one step too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+import logging
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import Any, Final, Protocol
+from typing import Final
 
 from nvdb import datakatalog
 from nvdb.area import Area
-from nvdb.client import NvdbClient
-from nvdb.errors import BodyError, HttpStatusError, RequestError, SchemaError
-from nvdb.paging import Page, iter_pages
-from nvdb.skilt import Skiltplate, Skiltpunkt, skilt_from_les_v4
+from nvdb.errors import NvdbError
+from nvdb.mirror_states import Applied, Backfill, Following, Ids, MirrorStore
+from nvdb.sources import FeedTooOldError, FetchResult, Source, SourcePage, Unknown, batches
+
+__all__ = [
+    "Applied",
+    "Backfill",
+    "Following",
+    "MassDeletionError",
+    "MirrorStore",
+    "ShortBackfillError",
+    "SyncProgress",
+    "SyncReport",
+    "sync",
+]
+
+log = logging.getLogger(__name__)
 
 SKILT_TYPES: Final = (datakatalog.SKILTPUNKT, datakatalog.SKILTPLATE)
+_NAME: Final = {datakatalog.SKILTPUNKT: "Skiltpunkt", datakatalog.SKILTPLATE: "Skiltplate"}
 MAX_LISTED: Final = 100
-"""Problems listed in full for each type; the rest is counted."""
+"""Problems listed in full; the rest is counted."""
+MAX_DELETED_SHARE: Final = 0.05
+"""A sync that would take more than this share of the mirror away is refused unless confirmed."""
+FEW_DELETED: Final = 20
+"""So many deletions are not suspicious, unless they are half of the mirror."""
+MIN_RECEIVED_SHARE: Final = 0.95
+"""A backfill that brings less than this share of what the API counts is not a mirror of it."""
 
-_PARAMS: Final = {"inkluder": "alle", "srid": "5973"}
+
+class MassDeletionError(NvdbError):
+    """A sync that would delete more of the mirror than a set share; the mirror is unchanged."""
 
 
-class MirrorStore(Protocol):
-    """What a sync writes to.
-
-    Calls come in this order: ``begin``; for each type ``cursor`` and then ``save_page`` for every page;
-    and one of ``finish`` and ``abort``. Nothing may be visible to readers before ``finish`` returns, and
-    after ``abort`` the mirror must be what it was before ``begin``.
-    """
-
-    def begin(self, area: Area, source: str) -> None:
-        """Start a sync of `area` from the API at `source`."""
-
-    def cursor(self, type_id: int) -> str | None:
-        """Cursor to go on from for a type; None to start at its beginning."""
-
-    def save_page(self, type_id: int, objects: Sequence[Skiltpunkt | Skiltplate], cursor: str | None) -> None:
-        """Keep one page; `cursor` leads to the next. Of an object that comes twice the last counts."""
-
-    def finish(self, report: SyncReport) -> None:
-        """Make the sync visible."""
-
-    def abort(self) -> None:
-        """Forget everything since ``begin``."""
+class ShortBackfillError(NvdbError):
+    """A backfill that brought far fewer objects than the API counts; the mirror is unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class SyncProgress:
-    """How far a type has come; `expected` is None where the API does not say."""
+    """How far a sync has come: what it does, how many objects, and of how many (None: not known)."""
 
-    type_id: int
-    received: int
+    what: str
+    done: int
     expected: int | None
-
-
-@dataclass(frozen=True, slots=True)
-class TypeReport:
-    """What came of one type.
-
-    Attributes
-    ----------
-    type_id : int
-    expected : int or None
-        The API's own count (``statistikk``); None if it gave none.
-    received : int
-        Objects in the pages.
-    saved : int
-        Objects handed to the store: all that could be read.
-    without_own_geometry : int
-        Of the saved: only placed on the road's centre line.
-    without_position : int
-        Of the saved: no usable point at all.
-    retired : int
-        Of the saved plates: with a ``U…`` code.
-    n_problems : int
-        Objects that could not be read, and values that could not be used.
-    problems : tuple of str
-        The first 100 of them, one sentence each.
-    """
-
-    type_id: int
-    expected: int | None
-    received: int
-    saved: int
-    without_own_geometry: int
-    without_position: int
-    retired: int
-    n_problems: int
-    problems: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class SyncReport:
     """What a sync did.
 
-    `started_at` is taken before the first question: changes since then may be missing from the pages.
+    Attributes
+    ----------
+    area, source, url : str
+    mode : str
+        ``backfill``, ``resumed`` or ``changes``.
+    started_at, finished_at : datetime
+        UTC.
+    received : int
+        Objects fetched.
+    n_events : int
+        Events of the change feed.
+    expected : dict
+        Type → the API's own count; None where it gave none or was not asked (``changes``).
+    applied : Applied
+    n_problems : int
+        Objects and values that could not be used.
+    problems : tuple of str
+        The first 100 of them, one sentence each.
+    unknown : dict
+        (property id, enum id or None) → how often: not in the datakatalog at hand.
     """
 
-    area: Area
+    area: str
     source: str
+    url: str
+    mode: str
     started_at: datetime
     finished_at: datetime
-    types: tuple[TypeReport, ...]
+    received: int
+    n_events: int
+    expected: dict[int, int | None]
+    applied: Applied
+    n_problems: int
+    problems: tuple[str, ...]
+    unknown: dict[Unknown, int]
+
+
+Progress = Callable[[SyncProgress], None]
 
 
 @dataclass(slots=True)
-class _Count:
-    """Running numbers of one type."""
+class _Notes:
+    """Running numbers of a sync."""
 
-    type_id: int
-    expected: int | None
+    progress: Progress | None
+    today: str
     received: int = 0
-    saved: int = 0
-    without_own_geometry: int = 0
-    without_position: int = 0
-    retired: int = 0
+    n_events: int = 0
     n_problems: int = 0
     problems: list[str] = field(default_factory=list)
+    unknown: Counter[Unknown] = field(default_factory=Counter)
+    expected: dict[int, int | None] = field(default_factory=dict)
+
+    def tell(self, what: str, done: int, expected: int | None) -> None:
+        if self.progress is not None:
+            self.progress(SyncProgress(what, done, expected))
+
+    def restart(self) -> None:
+        """Forget what was read of pages that will be read again."""
+        self.received = self.n_events = self.n_problems = 0
+        self.problems.clear()
+        self.unknown.clear()
 
     def note(self, problem: str) -> None:
         self.n_problems += 1
         if len(self.problems) < MAX_LISTED:
             self.problems.append(problem)
 
-    def add(self, skilt: Skiltpunkt | Skiltplate) -> None:
-        self.saved += 1
-        self.without_own_geometry += not skilt.own_geometry
-        self.without_position += skilt.position is None
-        self.retired += isinstance(skilt, Skiltplate) and skilt.retired
-        for problem in skilt.problems:
-            self.note(f"Vegobjekt {skilt.nvdb_id} (type {self.type_id}): {problem}.")
-
-    def report(self) -> TypeReport:
-        return TypeReport(
-            self.type_id,
-            self.expected,
-            self.received,
-            self.saved,
-            self.without_own_geometry,
-            self.without_position,
-            self.retired,
-            self.n_problems,
-            tuple(self.problems),
-        )
+    def read(self, got: SourcePage | FetchResult) -> None:
+        for problem in got.problems:
+            self.note(problem)
+        self.unknown.update(got.unknown)
+        for skilt in got.objects:
+            for problem in skilt.problems:
+                self.note(f"Vegobjekt {skilt.nvdb_id}: {problem}.")
 
 
 def sync(
-    client: NvdbClient,
+    source: Source,
     store: MirrorStore,
     area: Area,
-    types: Iterable[int] = SKILT_TYPES,
-    page_size: int = 1000,
-    progress: Callable[[SyncProgress], None] | None = None,
+    *,
+    fresh: bool = False,
+    confirm_deletions: bool = False,
+    max_deleted_share: float = MAX_DELETED_SHARE,
+    progress: Progress | None = None,
+    clock: Callable[[], datetime] = lambda: datetime.now(UTC),
 ) -> SyncReport:
-    """Pull every object of `types` in `area` into the store.
+    """Bring the mirror up to date: by a backfill if there is none, else by its changes.
 
     Parameters
     ----------
-    client : NvdbClient
+    source : Source
+        Les V4 or Uberiket.
     store : MirrorStore
-        Gets ``begin``, pages, and ``finish``; on any exception (also Ctrl-C) ``abort``, and the exception
-        goes on.
     area : Area
-    types : iterable of int
-        95 and 96.
-    page_size : int
-        1 to 1000, V4's limit; pages may still come shorter.
+        Of another area than the mirror's a new mirror is made, however much of the old one goes.
+    fresh : bool
+        Backfill although the mirror could follow its changes. An interrupted backfill is resumed.
+    confirm_deletions : bool
+        Whether more than `max_deleted_share` of the mirror may go.
     progress : callable, optional
-        Called once before and once after each page of each type.
+    clock : callable
+        Now, with a time zone: tells which objects have ended.
 
     Returns
     -------
     SyncReport
-        An object that breaks the documented form is left out, counted and named there.
 
     Raises
     ------
-    TransportError
-        The API could not be asked; see :mod:`nvdb.errors`.
-    SchemaError
-        A page that is not V4's, or of which no object can be read: the API has changed.
+    MassDeletionError
+        Too much would go; the visible mirror is unchanged.
+    ShortBackfillError
+        Far fewer objects came than the API counts; the visible mirror is unchanged.
+    NvdbError
+        The API; the visible mirror is unchanged, and what an interrupted backfill has is kept.
+
+    Notes
+    -----
+    The feed's position is noted before the first page, and the changes since then are worked in after the
+    last: a change during the backfill is seen twice rather than never. A feed that no longer reaches back to
+    the mirror's position (Les V4 keeps 30 days) leads to a fresh backfill, beside the old mirror.
     """
-    kinds = tuple(dict.fromkeys(types))
-    if not kinds or not set(kinds) <= set(SKILT_TYPES):
-        msg = f"Only the types {SKILT_TYPES} can be synced, not {kinds}."
-        raise RequestError(msg)
-    if not 1 <= page_size <= 1000:
-        msg = f"A page of {page_size} objects cannot be asked for: take 1 to 1000."
-        raise RequestError(msg)
-    started_at = datetime.now(UTC)
-    store.begin(area, client.api_url)
-    try:
-        reports = tuple(_sync_type(client, store, area, kind, page_size, progress) for kind in kinds)
-        report = SyncReport(area, client.api_url, started_at, datetime.now(UTC), reports)
-        store.finish(report)
-    except BaseException:
-        store.abort()
-        raise
-    return report
-
-
-def _sync_type(
-    client: NvdbClient,
-    store: MirrorStore,
-    area: Area,
-    type_id: int,
-    page_size: int,
-    progress: Callable[[SyncProgress], None] | None,
-) -> TypeReport:
-    """Pull one type, page by page."""
-    path = f"/vegobjekter/{type_id}"
-    start = store.cursor(type_id)
-    count = _Count(type_id, _expected(client, path, area))
-
-    def tell() -> None:
-        if progress is not None:
-            progress(SyncProgress(type_id, count.received, count.expected))
-
-    tell()
-    params: dict[str, str | int] = {**_PARAMS, **area.params(), "antall": page_size}
-    for page in iter_pages(client, path, params, start):
-        store.save_page(type_id, _readable(page, count), page.next_cursor)
-        tell()
-    if start is None and count.expected is not None and count.received != count.expected:
-        count.note(
-            f"The API counts {count.expected} objects of type {type_id} and sent {count.received}: "
-            "sync again if they should agree."
-        )
-    return count.report()
-
-
-def _readable(page: Page, count: _Count) -> list[Skiltpunkt | Skiltplate]:
-    """Objects of a page that can be read; the others are noted. None at all: the API has changed."""
-    found: list[Skiltpunkt | Skiltplate] = []
-    error: SchemaError | None = None
-    for raw in page.objects:
-        count.received += 1
+    source.check(area)
+    started_at = clock()
+    notes = _Notes(progress, started_at.astimezone(UTC).date().isoformat())
+    known = store.following()
+    another = known is not None and known.area != area.text()
+    guard = _Guard(store, 1.0 if confirm_deletions or another else max_deleted_share)
+    mode, applied = "changes", None
+    ours = known is not None and (known.source, known.area) == (source.name, area.text())
+    if known is not None and ours and not fresh and store.backfill() is None:
         try:
-            skilt = skilt_from_les_v4(raw, count.type_id)
-        except SchemaError as refused:
-            error = refused
-            count.note(str(refused))
-        else:
-            count.add(skilt)
-            found.append(skilt)
-    if not found and error is not None:
-        msg = f"No object of a page of type {count.type_id} can be read ({error}): update this program."
-        raise SchemaError(msg) from error
-    return found
+            applied = _follow(source, store, area, known, guard, notes)
+        except FeedTooOldError as error:
+            log.info("%s Fetching everything anew; the old mirror stays until that is done.", error)
+    if applied is None:
+        mode, applied = _fill(source, store, area, guard, notes)
+    return SyncReport(
+        area=area.text(),
+        source=source.name,
+        url=source.url,
+        mode=mode,
+        started_at=started_at,
+        finished_at=clock(),
+        received=notes.received,
+        n_events=notes.n_events,
+        expected=notes.expected,
+        applied=applied,
+        n_problems=notes.n_problems,
+        problems=tuple(notes.problems),
+        unknown=dict(notes.unknown),
+    )
 
 
-def _expected(client: NvdbClient, path: str, area: Area) -> int | None:
-    """The API's own count, for progress; None where it has none to give: a sync does not depend on it."""
+def _fill(
+    source: Source, store: MirrorStore, area: Area, guard: _Guard, notes: _Notes
+) -> tuple[str, Applied]:
+    """Fetch everything beside the visible mirror, bring it up to date there, and publish it."""
+    begun, following = store.backfill(), None
+    if begun is not None and _can_resume(source, area, begun):
+        mode, following = "resumed", _fetch_all(source, store, area, begun, notes)
+        if any(lacking > 0 for lacking in _lacking(store, following, notes).values()):
+            log.info("The resumed backfill lacks objects, as if their order had changed: fetching all anew.")
+            following = None
+    if following is None:
+        mode, begun = "backfill", Backfill(source.name, area.text(), source.head())
+        store.begin_backfill(begun)
+        notes.restart()
+        following = _fetch_all(source, store, area, begun, notes)
     try:
-        answer: Any = client.get_json(f"{path}/statistikk", area.params())
-    except (HttpStatusError, BodyError):
-        return None
-    number = answer.get("antall") if isinstance(answer, dict) else None
-    return number if isinstance(number, int) and not isinstance(number, bool) and number >= 0 else None
+        _check_whole(source, store, area, following, notes)
+        store.keep_visible(_known_unread(store, following))
+        guard.check_published()
+    except (MassDeletionError, ShortBackfillError):
+        # Its cursors are at the end: taken up again it would be refused again, whatever the API says by then.
+        store.begin_changes()
+        raise
+    return mode, store.publish(following)
+
+
+def _can_resume(source: Source, area: Area, begun: Backfill) -> bool:
+    """Whether an interrupted backfill is of this source and area, and its changes since can still be had."""
+    if (begun.source, begun.area) != (source.name, area.text()):
+        return False
+    try:
+        next(iter(source.changes(SKILT_TYPES, begun.position)), None)
+    except FeedTooOldError:
+        return False
+    return True
+
+
+def _fetch_all(source: Source, store: MirrorStore, area: Area, begun: Backfill, notes: _Notes) -> Following:
+    """Keep all pages aside, then what changed since the backfill began; return where that leads."""
+    for type_id in SKILT_TYPES:
+        _fetch_pages(source, store, area, type_id, begun.cursors.get(type_id), notes)
+    kept = store.backfill() or begun
+    since = Following(kept.source, kept.area, kept.position, kept.unread)
+    following, gone = _collect_changes(source, store, area, since, notes)
+    store.drop_aside(gone)
+    return following
+
+
+def _fetch_pages(
+    source: Source, store: MirrorStore, area: Area, type_id: int, start: str | None, notes: _Notes
+) -> None:
+    name = _NAME[type_id]
+    notes.expected[type_id] = expected = source.count(type_id, area)
+    done = store.count_aside(type_id) if start is not None else 0
+    notes.tell(name, done, expected)
+    for page in source.pages(type_id, area, start):
+        store.save_page(page)
+        notes.read(page)
+        notes.received += page.received
+        done += len(page.objects)
+        notes.tell(name, done, expected)
+
+
+def _lacking(store: MirrorStore, following: Following, notes: _Notes) -> dict[int, int]:
+    """How many objects of each type the API counts that did not come; below 0 if more came."""
+    return {
+        type_id: expected - store.count_aside(type_id) - len(following.unread.get(type_id, ()))
+        for type_id, expected in notes.expected.items()
+        if expected is not None
+    }
+
+
+def _check_whole(source: Source, store: MirrorStore, area: Area, following: Following, notes: _Notes) -> None:
+    """Refuse a backfill that lacks much of what the API counts, and note one that differs a little."""
+    for type_id, differs in _lacking(store, following, notes).items():
+        if differs:  # perhaps only by what changed meanwhile
+            notes.expected[type_id] = source.count(type_id, area)
+    for type_id, lacking in _lacking(store, following, notes).items():
+        expected, name, kept = notes.expected[type_id] or 0, _NAME[type_id], store.count_aside(type_id)
+        if kept < MIN_RECEIVED_SHARE * expected:
+            msg = (
+                f"{source.url} counts {expected:,} {name} and sent {kept:,} that can be read: the mirror "
+                "stays as it was; run the sync again, and report it to NVDB if that does not help."
+            )
+            raise ShortBackfillError(msg)
+        if lacking:
+            notes.note(
+                f"The API counts {expected:,} {name} and sent {expected - lacking:,}: if they should agree, "
+                "fetch everything anew."
+            )
+
+
+def _known_unread(store: MirrorStore, following: Following) -> Ids:
+    """Unreadable objects whose last readable state is in a visible mirror of the same kind: it stays."""
+    known = store.following()
+    same = known is not None and (known.source, known.area) == (following.source, following.area)
+    return following.unread if same else {}
+
+
+def _follow(
+    source: Source, store: MirrorStore, area: Area, since: Following, guard: _Guard, notes: _Notes
+) -> Applied:
+    """Apply all changes since a position in one step."""
+    store.begin_changes()
+    ended = {type_id: store.ended(type_id, notes.today) for type_id in SKILT_TYPES}
+    again = {type_id: ids | since.unread.get(type_id, frozenset()) for type_id, ids in ended.items()}
+    following, gone = _collect_changes(source, store, area, replace(since, unread=again), notes)
+    guard.check_deleted(gone)
+    return store.apply(following, gone)
+
+
+def _collect_changes(
+    source: Source, store: MirrorStore, area: Area, since: Following, notes: _Notes
+) -> tuple[Following, dict[int, frozenset[int]]]:
+    """Collect the ids of every event, fetch these objects as they are now, and keep them aside.
+
+    Returns
+    -------
+    following, gone
+        The position after the last event, and the ids that are no more.
+    """
+    wanted = {type_id: set(since.unread.get(type_id, ())) for type_id in SKILT_TYPES}
+    position = since.position
+    for page in source.changes(SKILT_TYPES, since.position):
+        for type_id, ids in page.changed.items():
+            wanted[type_id] |= ids
+        position = page.next_position
+        notes.n_events += page.n_events
+        notes.tell("events", notes.n_events, None)
+    gone: dict[int, frozenset[int]] = {}
+    unread: dict[int, frozenset[int]] = {}
+    for type_id in SKILT_TYPES:
+        found = _fetch_changed(source, store, area, type_id, wanted[type_id], notes)
+        gone[type_id], unread[type_id] = found
+    return replace(since, position=position, unread=unread), gone
+
+
+def _fetch_changed(
+    source: Source, store: MirrorStore, area: Area, type_id: int, ids: set[int], notes: _Notes
+) -> tuple[frozenset[int], frozenset[int]]:
+    """Fetch changed objects, keep them aside, and return the ids that are gone and those unreadable."""
+    missing: set[int] = set()
+    unreadable: set[int] = set()
+    for batch in batches(ids):
+        result = source.fetch(type_id, batch, area)
+        store.save_changes(result)
+        notes.read(result)
+        notes.received += len(result.objects)
+        missing |= result.missing
+        unreadable |= result.unreadable
+        notes.tell(f"changed {_NAME[type_id]}", notes.received, None)
+    return frozenset(missing), frozenset(unreadable)
+
+
+@dataclass(frozen=True, slots=True)
+class _Guard:
+    """Refuses what would empty the mirror: an API without objects looks like a country without signs."""
+
+    store: MirrorStore
+    share: float
+
+    def check_deleted(self, gone: Ids) -> None:
+        for type_id, ids in gone.items():
+            # Of the ids that are gone most were never mirrored: the feed knows no area.
+            self._check(type_id, self.store.count(type_id), self.store.count(type_id, ids))
+
+    def check_published(self) -> None:
+        for type_id in SKILT_TYPES:
+            before = self.store.count(type_id)
+            self._check(type_id, before, before - self.store.count_aside(type_id))
+
+    def _check(self, type_id: int, before: int, deleted: int) -> None:
+        if deleted > max(min(FEW_DELETED, before / 2), self.share * before):
+            name = _NAME[type_id]
+            msg = (
+                f"This sync would delete {deleted:,} of {before:,} {name} from the mirror, more than "
+                f"{self.share:.0%}: check the source, or confirm the deletions."
+            )
+            raise MassDeletionError(msg)

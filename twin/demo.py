@@ -10,8 +10,9 @@ from typing import Any
 
 from twin.errors import TwinError
 from twin.evaluate import Evaluation, evaluate, plot, read_truth
-from twin.export import export_all, render_png
+from twin.export import export_findings, render_png
 from twin.export.from_store import layers_from_store
+from twin.folders import make_folder
 from twin.ingest import IngestReport, ingest_drive
 from twin.match import METHODS, MatchReport, match
 from twin.store import Store
@@ -52,16 +53,16 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
     Parameters
     ----------
     out : Path or str
-        Folder for the store ``twin.db`` and the exported layers. A ``twin.db`` of an earlier demo in it is
-        used again: running twice changes nothing.
+        Folder for the store ``demo.db`` and the exported layers. That of an earlier demo is used again:
+        running twice changes nothing.
     """
     from nvdb.area import Area
     from nvdb.replay import ReplayServer
 
     say = progress or (lambda _text: None)
-    out, sample = Path(out), sample_folder()
-    out.mkdir(parents=True, exist_ok=True)
-    with Store.open(out / "twin.db") as store:
+    out, sample = make_folder(out), sample_folder()
+    # A name of its own: the demo's invented signs must never get into a store that somebody works with.
+    with Store.open(out / "demo.db") as store:
         with ReplayServer(sample / "nvdb") as server:
             say("syncing NVDB's signs from the replay server")
             synced = sync_nvdb(store, Area(kommuner=(5001,)), api_url=server.url)
@@ -74,9 +75,8 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
         say("matching")
         found = match(store, progress=progress)
         say("exporting")
-        layers = layers_from_store(store, found.method)
-        files = export_all(layers, out, progress=progress)
-        render_png(layers, out / "changes.png")
+        files = export_findings(store, out, progress=progress)
+        render_png(layers_from_store(store, found.method), out / "changes.png")
         evaluation = evaluate(store, read_truth(sample / "truth.csv"))
         figures = plot(evaluation, out)
     return DemoReport(

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
 import sqlalchemy as sa
 
-VERSION = 1
+VERSION = 2
 """Raised with every change of the tables: a store of another version is refused, never guessed at."""
 
 metadata = sa.MetaData()
@@ -17,7 +21,7 @@ meta = sa.Table(
 )
 
 
-def _nvdb_columns() -> list[sa.Column[object]]:
+def _nvdb_columns() -> list[sa.Column[Any]]:
     """Make the columns that both object types carry."""
     return [
         sa.Column("nvdb_id", sa.BigInteger, primary_key=True, autoincrement=False),
@@ -40,25 +44,90 @@ def _nvdb_columns() -> list[sa.Column[object]]:
     ]
 
 
-skiltpunkt = sa.Table(
-    "skiltpunkt",
-    metadata,
-    *_nvdb_columns(),
-    sa.Column("plate_ids", sa.JSON, nullable=False),
-)
+def _skiltpunkt_columns() -> list[sa.Column[Any]]:
+    return [*_nvdb_columns(), sa.Column("plate_ids", sa.JSON, nullable=False)]
 
-skiltplate = sa.Table(
-    "skiltplate",
-    metadata,
-    *_nvdb_columns(),
-    sa.Column("point_id", sa.BigInteger, index=True),
-    sa.Column("skiltnummer", sa.String),
-    sa.Column("skiltnummer_text", sa.String),
-    sa.Column("skiltnummer_enum_id", sa.Integer),
-    sa.Column("ansiktsside", sa.String),
-    sa.Column("text", sa.String),
-    sa.Column("plasseringskode", sa.Integer),
-)
+
+def _skiltplate_columns() -> list[sa.Column[Any]]:
+    return [
+        *_nvdb_columns(),
+        sa.Column("point_id", sa.BigInteger),
+        sa.Column("skiltnummer", sa.String),
+        sa.Column("skiltnummer_text", sa.String),
+        sa.Column("skiltnummer_enum_id", sa.Integer),
+        sa.Column("ansiktsside", sa.String),
+        sa.Column("text", sa.String),
+        sa.Column("plasseringskode", sa.Integer),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorTables:
+    """The tables of one object type.
+
+    Attributes
+    ----------
+    visible : Table
+        The mirror that everybody reads: always whole.
+    aside : Table
+        A backfill, or a round of changes, that is not whole yet. Same columns.
+    history : Table
+        States that were replaced or deleted, with ``seen_until``: when we learnt of it.
+    """
+
+    visible: sa.Table
+    aside: sa.Table
+    history: sa.Table
+
+
+def _mirror_tables(name: str, columns: Callable[[], list[sa.Column[Any]]]) -> MirrorTables:
+    visible = sa.Table(name, metadata, *columns())
+    aside = sa.Table(f"{name}_aside", metadata, *columns())
+    history = sa.Table(
+        f"{name}_history", metadata, *columns(), sa.Column("seen_until", sa.String, primary_key=True)
+    )
+    return MirrorTables(visible, aside, history)
+
+
+MIRROR = {
+    95: _mirror_tables("skiltpunkt", _skiltpunkt_columns),
+    96: _mirror_tables("skiltplate", _skiltplate_columns),
+}
+"""Vegobjekttype → its tables."""
+
+skiltpunkt = MIRROR[95].visible
+skiltplate = MIRROR[96].visible
+
+
+def _veglenke_columns() -> list[sa.Column[Any]]:
+    # NVDB says that sekvens, number and segment are unique; the rest of the key costs nothing and makes sure
+    # that a link without a segment number never takes the place of another.
+    return [
+        sa.Column("veglenkesekvensid", sa.BigInteger, primary_key=True, autoincrement=False),
+        sa.Column("veglenkenummer", sa.Integer, primary_key=True, autoincrement=False),
+        sa.Column("segmentnummer", sa.Integer, primary_key=True, autoincrement=False),
+        sa.Column("startposisjon", sa.Float, primary_key=True),
+        sa.Column("startdato", sa.String, primary_key=True),
+        sa.Column("sluttposisjon", sa.Float, nullable=False),
+        sa.Column("sluttdato", sa.String),
+        sa.Column("konnektering", sa.Boolean, nullable=False),
+        sa.Column("detaljert", sa.Boolean, nullable=False),
+        sa.Column("type_veg", sa.String, nullable=False),
+        sa.Column("detaljniva", sa.String, nullable=False),
+        sa.Column("vegkategori", sa.String, nullable=False),
+        sa.Column("trafikantgruppe", sa.String, nullable=False),
+        sa.Column("kortform", sa.String, nullable=False),
+        sa.Column("retning", sa.Integer, nullable=False),  # 1 with the metering, -1 against it, 0 unknown
+        sa.Column("fra_meter", sa.Float),
+        sa.Column("til_meter", sa.Float),
+        sa.Column("geometri", sa.LargeBinary, nullable=False),  # WKB LineString Z, EPSG:25833 and NN2000
+    ]
+
+
+veglenke = sa.Table("veglenke", metadata, *_veglenke_columns())
+"""The road network of an area, segmented: the columns of :class:`nvdb.vegnett.Vegnett`."""
+veglenke_aside = sa.Table("veglenke_aside", metadata, *_veglenke_columns())
+"""A road network whose last page has not come yet."""
 
 drive = sa.Table(
     "drive",
@@ -76,10 +145,21 @@ drive = sa.Table(
     sa.Column("line", sa.LargeBinary, nullable=False),  # WKB LineString, EPSG:25833
     sa.Column("rig", sa.LargeBinary, nullable=False),  # zlib of the rig document
     sa.Column("poses", sa.LargeBinary, nullable=False),  # npz: where the car was, for "was it in view?"
+    sa.Column("content_sha256", sa.String, nullable=False),  # of every file that was read
+    sa.Column("fix_quality", sa.JSON, nullable=False),  # GGA quality → fixes
     sa.Column("cameras", sa.JSON, nullable=False),  # annotated cameras
     sa.Column("warnings", sa.JSON, nullable=False),
     sa.Column("skipped", sa.JSON, nullable=False),
     sa.Column("software", sa.String, nullable=False),
+)
+
+drive_method = sa.Table(
+    "drive_method",
+    metadata,
+    sa.Column("drive_id", sa.String, primary_key=True),
+    sa.Column("method", sa.String, primary_key=True),
+    # Annotated objects without a position that may stand near: no sign can be called missing beside them.
+    sa.Column("n_unplaced", sa.Integer, nullable=False),
 )
 
 sighting = sa.Table(
@@ -96,6 +176,9 @@ sighting = sa.Table(
     sa.Column("v_px", sa.Float, nullable=False),
     sa.Column("east_m", sa.Float),
     sa.Column("north_m", sa.Float),
+    sa.Column("cov_ee_m2", sa.Float),  # grid east and grid north
+    sa.Column("cov_en_m2", sa.Float),
+    sa.Column("cov_nn_m2", sa.Float),
     sa.Column("range_m", sa.Float),
     sa.Column("speed_mps", sa.Float),
     sa.Column("rejected", sa.String, nullable=False),
@@ -119,6 +202,7 @@ estimate = sa.Table(
     sa.Column("n_sightings", sa.Integer, nullable=False),
     sa.Column("n_frames", sa.Integer, nullable=False),
     sa.Column("n_cameras", sa.Integer, nullable=False),
+    sa.Column("cameras", sa.JSON, nullable=False),
     sa.Column("first_ns", sa.BigInteger, nullable=False),
     sa.Column("last_ns", sa.BigInteger, nullable=False),
     sa.Column("range_min_m", sa.Float, nullable=False),
@@ -143,5 +227,20 @@ change = sa.Table(
     sa.Column("n_sightings", sa.Integer, nullable=False),
     sa.Column("east_m", sa.Float, nullable=False),
     sa.Column("north_m", sa.Float, nullable=False),
+)
+
+decision = sa.Table(
+    "decision",
+    metadata,
+    sa.Column("change_id", sa.String, primary_key=True),
     sa.Column("decision", sa.String, nullable=False),
 )
+"""What people decided, kept also while a finding is absent."""
+
+pole_key = sa.Table(
+    "pole_key",
+    metadata,
+    sa.Column("member", sa.String, primary_key=True),  # drive:object
+    sa.Column("pole", sa.String, nullable=False),
+)
+"""Which pole an estimate belongs to: the key that a pole first got stays with all its members."""

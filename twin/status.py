@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from typing import Any
 
 import sqlalchemy as sa
@@ -16,7 +17,8 @@ def status(store: Store) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``mirror`` (area, source, synced_at, counts) or None, ``drives``, ``estimates`` by method,
+        ``mirror`` (area, source, position in the change feed, synced_at, age_hours) or None, ``unfinished``
+        (a backfill that was interrupted) or None, ``drives``, ``estimates`` by method,
         ``verdicts`` and ``last_match`` (or None).
     """
     change = schema.change.c
@@ -41,7 +43,8 @@ def status(store: Store) -> dict[str, Any]:
     )
     return {
         "store": str(store.path),
-        "mirror": store.fact("mirror"),
+        "mirror": _mirror(store),
+        "unfinished": store.fact("mirror_backfill"),
         "skiltpunkt": store.count(schema.skiltpunkt),
         "skiltplate": store.count(schema.skiltplate),
         "drives": drives,
@@ -49,3 +52,11 @@ def status(store: Store) -> dict[str, Any]:
         "verdicts": {row["verdict"]: row["n"] for row in verdicts},
         "last_match": store.fact("last_match"),
     }
+
+
+def _mirror(store: Store) -> dict[str, Any] | None:
+    fact = store.fact("mirror")
+    if fact is None:
+        return None
+    age = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(fact["synced_at"])
+    return {**fact, "age_hours": round(age.total_seconds() / 3600, 1)}

@@ -1,55 +1,88 @@
-"""NVDB's signs of an area → the store's mirror, wholly or not at all."""
+"""NVDB's signs of an area → the store's mirror: a backfill once, then the changes only."""
 
 from __future__ import annotations
 
-import json
-import zlib
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
+from urllib.parse import urlencode
 
 import sqlalchemy as sa
-from sqlalchemy.dialects.sqlite import insert
 
 from nvdb.area import Area
 from nvdb.client import NvdbClient
-from nvdb.errors import AreaError
-from nvdb.mirror import SyncProgress, SyncReport, sync
-from nvdb.skilt import Skilt, Skiltplate, Skiltpunkt
+from nvdb.datakatalog import Datakatalog, diff, hent_datakatalog, katalog_from_document, snapshot
+from nvdb.errors import AreaError, BodyError, HttpStatusError, SchemaError
+from nvdb.les_v4 import LesV4Source
+from nvdb.mirror import MAX_DELETED_SHARE, SKILT_TYPES, SyncProgress, SyncReport, sync
+from nvdb.sources import Source
+from nvdb.uberiket import UberiketSource
 from twin import schema
 from twin.errors import RefusedError
-from twin.store import Store, store_errors, utc_now
+from twin.lock import exclusive
+from twin.mirror_store import StoreMirror
+from twin.store import Store
 
-_TABLE = {95: schema.skiltpunkt, 96: schema.skiltplate}
-_NAME = {95: "Skiltpunkt", 96: "Skiltplate"}
+log = logging.getLogger("nvdb.sync")
+
+_KATALOG = "datakatalog"
+SOURCES = ("les-v4", "uberiket")
+"""The APIs that a mirror can follow."""
 
 
 @dataclass(frozen=True, slots=True)
 class SyncResult:
-    """What a sync brought.
+    """What a sync did, and what the mirror holds now.
 
     Attributes
     ----------
-    area, source : str
-        In words; the API's address.
+    area, source, url, mode : str
+        In words; ``les-v4`` or ``uberiket``; the API's address; ``backfill``, ``resumed`` or ``changes``.
     skiltpunkt, skiltplate : int
         Objects in the mirror now.
+    expected : dict
+        Type → the API's own count, None where it gave none or was not asked.
+    created, changed, deleted : int
+        Objects, of both types.
+    n_events : int
+        Events of the change feed since the last sync.
     without_own_geometry : int
-        Of both: only placed on the road's centre line.
+        Only placed on the road's centre line.
+    by_accuracy, by_capture_method : dict
+        Stated accuracy in cm, and datafangstmetode → objects with own geometry.
     n_problems : int
         Objects and values that could not be used.
     problems : tuple of str
         The first of them, one sentence each.
+    unknown : dict
+        "property" or "property=enum" → how often; ids that the datakatalog at hand does not know.
+    datakatalog : str
+        Version of the datakatalog that was used.
+    datakatalog_news : tuple of str
+        What changed in it since the last sync, one clause each.
     """
 
     area: str
     source: str
+    url: str
+    mode: str
     synced_at: str
     skiltpunkt: int
     skiltplate: int
+    expected: dict[int, int | None]
+    created: int
+    changed: int
+    deleted: int
+    n_events: int
     without_own_geometry: int
+    by_accuracy: dict[str, int]
+    by_capture_method: dict[str, int]
     n_problems: int
     problems: tuple[str, ...]
+    unknown: dict[str, int]
+    datakatalog: str
+    datakatalog_news: tuple[str, ...]
 
 
 def area_from_options(kommune: str | None, bbox: str | None, everything: bool) -> Area:
@@ -75,44 +108,113 @@ def sync_nvdb(
     area: Area,
     *,
     api_url: str,
+    source: str = "les-v4",
     contact: str | None = None,
     replace: bool = False,
+    fresh: bool = False,
+    confirm_deletions: bool = False,
     progress: Callable[[str, int, int | None], None] | None = None,
 ) -> SyncResult:
-    """Mirror Skiltpunkt and Skiltplate of an area. Until the last page is in, the old mirror stays.
+    """Bring the store's mirror up to date. Readers see the old mirror until the new one is whole.
 
     Parameters
     ----------
     store : Store
     area : Area
     api_url : str
-        Base address of API Les V4.
+        Base address of NVDB's APIs.
+    source : {"les-v4", "uberiket"}
+        Which of them the mirror follows.
     contact : str, optional
         Sent as ``X-Kontaktperson``.
     replace : bool
         Whether a mirror of another area may be replaced.
+    fresh : bool
+        Fetch everything although the changes would do.
+    confirm_deletions : bool
+        Whether more than 5 % of the mirror may be deleted.
     progress : callable, optional
         Called with what is being fetched, how many have come and how many are expected (or None).
 
     Raises
     ------
     NvdbError
-        The API did not answer as it should; the store is unchanged.
+        The API did not answer as it should; the mirror is unchanged, a backfill can be resumed.
     RefusedError
-        The store mirrors another area.
+        The store mirrors another area, or another sync is at work.
     StoreError
         The store could not be written.
     """
-    _check_area(store, area, replace)
+    lock = store.path.with_name(store.path.name + ".sync-lock")
+    with exclusive(lock, f"sync of {store.path.name}"):
+        _check_area(store, area, replace)
+        with NvdbClient(api_url=api_url, contact=contact) as client:
+            return _sync(client, source, store, area, fresh, confirm_deletions, progress)
 
+
+def dry_run(
+    area: Area, *, api_url: str, source: str = "les-v4", contact: str | None = None
+) -> dict[str, Any]:
+    """Say what a backfill would ask first and how much would come, without touching a store.
+
+    Returns
+    -------
+    dict
+        ``source``, ``area``, ``first_url`` and ``expected`` (type → count or None).
+    """
+    with NvdbClient(api_url=api_url, contact=contact) as client:
+        made = _source(source, client, snapshot())
+        made.check(area)
+        expected = {type_id: made.count(type_id, area) for type_id in SKILT_TYPES}
+        path, params = made.first_request(SKILT_TYPES[0], area)
+        url = f"{client.api_url}{path}?{urlencode(params, safe=',')}"
+        return {"source": made.name, "area": area.text(), "first_url": url, "expected": expected}
+
+
+def _sync(
+    client: NvdbClient,
+    source: str,
+    store: Store,
+    area: Area,
+    fresh: bool,
+    confirm_deletions: bool,
+    progress: Callable[[str, int, int | None], None] | None,
+) -> SyncResult:
     def tell(now: SyncProgress) -> None:
         if progress is not None:
-            progress(_NAME[now.type_id], now.received, now.expected)
+            progress(now.what, now.done, now.expected)
 
-    mirror = StoreMirror(store)
-    with NvdbClient(api_url=api_url, contact=contact) as client:
-        report = sync(client, mirror, area, progress=tell)
-    return _result(report, mirror.synced_at)
+    katalog, news = _katalog(client, store)
+    report = sync(
+        _source(source, client, katalog),
+        StoreMirror(store),
+        area,
+        fresh=fresh,
+        confirm_deletions=confirm_deletions,
+        max_deleted_share=MAX_DELETED_SHARE,
+        progress=tell,
+    )
+    if news:
+        with store.transaction() as connection:
+            store.put_fact(connection, _KATALOG, katalog.to_document())
+    return _result(store, report, katalog, news)
+
+
+def _source(name: str, client: NvdbClient, katalog: Datakatalog) -> Source:
+    made = UberiketSource if name == "uberiket" else LesV4Source
+    return made(client, katalog=katalog)
+
+
+def _katalog(client: NvdbClient, store: Store) -> tuple[Datakatalog, list[str]]:
+    """Fetch the datakatalog and say what changed; the known one, where the API has none to give."""
+    fact = store.fact(_KATALOG)
+    known = katalog_from_document(fact) if fact else snapshot()
+    try:
+        fetched = hent_datakatalog(client)
+    except (HttpStatusError, BodyError, SchemaError) as error:
+        log.info("The datakatalog could not be fetched (%s); version %s is used.", error, known.version)
+        return known, []
+    return fetched, diff(known, fetched)
 
 
 def _check_area(store: Store, area: Area, replace: bool) -> None:
@@ -124,116 +226,46 @@ def _check_area(store: Store, area: Area, replace: bool) -> None:
         )
 
 
-def _result(report: SyncReport, synced_at: str) -> SyncResult:
-    saved = {kind.type_id: kind.saved for kind in report.types}
+def _result(store: Store, report: SyncReport, katalog: Datakatalog, news: list[str]) -> SyncResult:
+    fact = store.fact("mirror") or {}
+    applied = report.applied
     return SyncResult(
-        area=report.area.text(),
+        area=report.area,
         source=report.source,
-        synced_at=synced_at,
-        skiltpunkt=saved.get(95, 0),
-        skiltplate=saved.get(96, 0),
-        without_own_geometry=sum(kind.without_own_geometry for kind in report.types),
-        n_problems=sum(kind.n_problems for kind in report.types),
-        problems=tuple(problem for kind in report.types for problem in kind.problems),
+        url=report.url,
+        mode=report.mode,
+        synced_at=str(fact.get("synced_at", "")),
+        skiltpunkt=applied.total[95],
+        skiltplate=applied.total[96],
+        expected=report.expected,
+        created=sum(applied.created.values()),
+        changed=sum(applied.changed.values()),
+        deleted=sum(applied.deleted.values()),
+        n_events=report.n_events,
+        without_own_geometry=_grouped(store, "own_geometry").get("False", 0),
+        by_accuracy=_grouped(store, "accuracy_cm", own=True),
+        by_capture_method=_grouped(store, "capture_method", own=True),
+        n_problems=report.n_problems,
+        problems=report.problems,
+        unknown={_unknown(key): n for key, n in sorted(report.unknown.items(), key=str)},
+        datakatalog=katalog.version,
+        datakatalog_news=tuple(news),
     )
 
 
-class StoreMirror:
-    """The store as :class:`nvdb.mirror.MirrorStore`: one transaction from ``begin`` to ``finish``."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-        self._connection: sa.Connection | None = None
-        self._transaction: sa.RootTransaction | None = None
-        self.synced_at = ""
-
-    def begin(self, area: Area, source: str) -> None:  # noqa: ARG002  # what is kept of them comes in `finish`
-        """Start the transaction and empty the mirror inside it: readers see the old one until `finish`."""
-        self.synced_at = utc_now()
-        with store_errors(self._store.path):
-            self._connection = self._store.connect()
-            self._transaction = self._connection.begin()
-            for table in _TABLE.values():
-                self._connection.execute(sa.delete(table))
-
-    def cursor(self, type_id: int) -> None:  # noqa: ARG002
-        """Every sync starts at the beginning: none is resumed half-way."""
-        return
-
-    def save_page(self, type_id: int, objects: Sequence[Skiltpunkt | Skiltplate], cursor: str | None) -> None:  # noqa: ARG002
-        """Add one page; an object that comes again replaces itself."""
-        if not objects:
-            return
-        rows = [self._row(skilt) for skilt in objects]
-        statement = insert(_TABLE[type_id])
-        changed = {column.name: statement.excluded[column.name] for column in _TABLE[type_id].columns}
-        with store_errors(self._store.path):
-            self._open().execute(
-                statement.on_conflict_do_update(index_elements=["nvdb_id"], set_=changed), rows
-            )
-
-    def finish(self, report: SyncReport) -> None:
-        """Keep the whole sync."""
-        result = _result(report, self.synced_at)
-        fact = {**asdict(result), "problems": list(result.problems)}
-        with store_errors(self._store.path):
-            self._store.put_fact(self._open(), "mirror", fact)
-            if self._transaction is not None:
-                self._transaction.commit()
-        self._close()
-
-    def abort(self) -> None:
-        """Keep the old mirror."""
-        if self._transaction is not None and self._transaction.is_active:
-            self._transaction.rollback()
-        self._close()
-
-    def _open(self) -> sa.Connection:
-        if self._connection is None:
-            msg = "save_page and finish come after begin"
-            raise RuntimeError(msg)
-        return self._connection
-
-    def _close(self) -> None:
-        if self._connection is not None:
-            self._connection.close()
-        self._connection = self._transaction = None
-
-    def _row(self, skilt: Skiltpunkt | Skiltplate) -> dict[str, Any]:
-        own = _plate_columns(skilt) if isinstance(skilt, Skiltplate) else {"plate_ids": list(skilt.plate_ids)}
-        return {**_shared_columns(skilt), **own, "synced_at": self.synced_at}
+def _unknown(key: tuple[int, int | None]) -> str:
+    return str(key[0]) if key[1] is None else f"{key[0]}={key[1]}"
 
 
-def _shared_columns(skilt: Skilt) -> dict[str, Any]:
-    position = skilt.position
-    raw = json.dumps(skilt.raw, ensure_ascii=False, separators=(",", ":")).encode()
-    return {
-        "nvdb_id": skilt.nvdb_id,
-        "version": skilt.version,
-        "start_date": skilt.start_date,
-        "end_date": skilt.end_date,
-        "last_modified": skilt.last_modified,
-        "east_m": position.east_m if position else None,
-        "north_m": position.north_m if position else None,
-        "height_m": position.height_m if position else None,
-        "own_geometry": skilt.own_geometry,
-        "accuracy_cm": skilt.accuracy_cm,
-        "capture_method": skilt.capture_method,
-        "road_reference": skilt.road_reference,
-        "kommuner": list(skilt.kommuner),
-        "stedfesting": [asdict(place) for place in skilt.stedfesting],
-        "problems": list(skilt.problems),
-        "raw": zlib.compress(raw),
-    }
-
-
-def _plate_columns(plate: Skiltplate) -> dict[str, Any]:
-    return {
-        "point_id": plate.point_id,
-        "skiltnummer": plate.skiltnummer,
-        "skiltnummer_text": plate.skiltnummer_text,
-        "skiltnummer_enum_id": plate.enum_id,
-        "ansiktsside": plate.ansiktsside,
-        "text": plate.text,
-        "plasseringskode": plate.plasseringskode,
-    }
+def _grouped(store: Store, name: str, *, own: bool = False) -> dict[str, int]:
+    """Count the objects of both types by a column's value, most frequent first."""
+    counts: dict[str, int] = {}
+    for tables in schema.MIRROR.values():
+        column = tables.visible.c[name]
+        statement = sa.select(column, sa.func.count().label("n")).group_by(column)
+        if own:
+            statement = statement.where(tables.visible.c.own_geometry)
+        for row in store.rows(statement):
+            key = "not stated" if row[name] is None else str(row[name])
+            counts[key] = counts.get(key, 0) + row["n"]
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))

@@ -38,7 +38,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         app(args=arguments, prog_name="twin", standalone_mode=True)
     except SystemExit as stop:
-        return stop.code if isinstance(stop.code, int) else EXIT_OK
+        code = stop.code if isinstance(stop.code, int) else EXIT_OK
+        if code == EXIT_INTERRUPTED:
+            error_line("Interrupted; nothing half-done was kept.")
+        return code
     except KeyboardInterrupt:
         error_line("Interrupted; nothing half-done was kept.")
         return EXIT_INTERRUPTED
@@ -58,11 +61,12 @@ def exit_code(error: BaseException) -> int:
     """Return the exit code that belongs to an exception; 1 for what twin does not expect."""
     from geoloc.errors import GeolocError
     from nvdb.errors import NvdbError, RequestError, TransportError
-    from twin.errors import RefusedError, TwinError
+    from nvdb.mirror import MassDeletionError
+    from twin.errors import ConfigError, RefusedError, TwinError
 
-    if isinstance(error, RefusedError):
+    if isinstance(error, RefusedError | MassDeletionError):
         return EXIT_REFUSED
-    if isinstance(error, RequestError):
+    if isinstance(error, RequestError | ConfigError):
         return EXIT_USAGE
     if isinstance(error, TransportError):
         return EXIT_NETWORK

@@ -35,6 +35,13 @@ class Method(StrEnum):
     PAPER = "paper"
 
 
+class SourceName(StrEnum):
+    """APIs that a mirror can follow, as in :data:`twin.sync.SOURCES`."""
+
+    LES_V4 = "les-v4"
+    UBERIKET = "uberiket"
+
+
 DEFAULT_STORE = Path("twin.db")
 DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
 
@@ -65,7 +72,12 @@ def sync_nvdb(
         str | None, typer.Option(help="minE,minN,maxE,maxN in UTM33 (EPSG:25833), metres.")
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="The whole country.")] = False,
-    api_url: Annotated[str, typer.Option(envvar="TWIN_API_URL", help="API Les V4.")] = DEFAULT_API,
+    source: Annotated[
+        SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box only).")
+    ] = SourceName.LES_V4,
+    api_url: Annotated[
+        str, typer.Option(envvar="TWIN_API_URL", help="Address of NVDB's APIs.")
+    ] = DEFAULT_API,
     contact: Annotated[
         str | None,
         typer.Option(
@@ -75,13 +87,30 @@ def sync_nvdb(
     replace: Annotated[
         bool, typer.Option("--replace", help="Replace a mirror of another area in this store.")
     ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Fetch everything, not only the changes.")] = False,
+    confirm_deletions: Annotated[
+        bool, typer.Option("--confirm-deletions", help="Allow more than 5 % of the mirror to be deleted.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what would be asked, and how many objects there are.")
+    ] = False,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
-    """Mirror NVDB's signs: Skiltpunkt (95) and Skiltplate (96) of an area, into the store."""
+    """Mirror NVDB's signs: Skiltpunkt (95) and Skiltplate (96) of an area, into the store.
+
+    The first run fetches everything, later ones only what changed. One that was interrupted goes on where it
+    stopped.
+    """
     from twin.cli import commands
 
-    commands.sync_nvdb(kommune, bbox, everything, api_url, contact, replace, store, json_output)
+    area = (kommune, bbox, everything)
+    if dry_run:
+        commands.sync_dry_run(area, source.value, api_url, contact, json_output)
+        return
+    commands.sync_nvdb(
+        area, source.value, api_url, contact, replace, fresh, confirm_deletions, store, json_output
+    )
 
 
 @app.command("ingest-drive", epilog="Example: twin ingest-drive data/trip_trondheim")

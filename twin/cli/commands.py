@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +23,34 @@ from twin.cli.output import (
 if TYPE_CHECKING:
     from twin.evaluate import MethodResult
     from twin.ingest import IngestReport
+    from twin.store import Store
+    from twin.sync import SyncResult
+
+
+@contextmanager
+def _made_store(path: Path) -> Iterator[Store]:
+    """Open a store, making it; one that was only made for a command that failed is taken away again."""
+    from twin.store import Store
+
+    existed = path.exists()
+    try:
+        with Store.open(path) as opened:
+            yield opened
+    except BaseException:
+        if not existed:
+            for name in (path.name, f"{path.name}-wal", f"{path.name}-shm"):
+                path.with_name(name).unlink(missing_ok=True)
+        raise
 
 
 def sync_nvdb(
-    kommune: str | None,
-    bbox: str | None,
-    everything: bool,
+    area_options: tuple[str | None, str | None, bool],
+    source: str,
     api_url: str,
     contact: str | None,
     replace: bool,
+    fresh: bool,
+    confirm_deletions: bool,
     store: Path,
     json_output: bool,
 ) -> None:
@@ -37,35 +59,77 @@ def sync_nvdb(
     from twin.sync import area_from_options
     from twin.sync import sync_nvdb as run
 
-    area = area_from_options(kommune, bbox, everything)
-    quiet = json_output
+    area, quiet = area_from_options(*area_options), json_output
+    # A store is kept also if the sync fails: a backfill goes on where it stopped.
     with Store.open(store) as opened, log_notes("nvdb", quiet=quiet), bar(quiet=quiet) as progress:
-        result = run(opened, area, api_url=api_url, contact=contact, replace=replace, progress=progress)
+        result = run(
+            opened,
+            area,
+            api_url=api_url,
+            source=source,
+            contact=contact,
+            replace=replace,
+            fresh=fresh,
+            confirm_deletions=confirm_deletions,
+            progress=progress,
+        )
     if json_output:
         print_json(result)
         return
-    print_pairs(
-        f"NVDB: {result.area}",
-        {
-            "Skiltpunkt": result.skiltpunkt,
-            "Skiltplate": result.skiltplate,
-            "without own geometry": result.without_own_geometry,
-            "problems": result.n_problems,
-            "source": result.source,
-        },
-    )
+    print_pairs(f"NVDB: {result.area}", _sync_pairs(result))
+    for news in result.datakatalog_news[:10]:
+        note(f"datakatalog: {news}")
     for problem in result.problems[:10]:
         warn(problem)
     if result.n_problems > 10:
-        note(f"… and {result.n_problems - 10} more; --json lists the first 100 of each type.")
+        note(f"… and {result.n_problems - 10} more; --json lists the first 100.")
+
+
+def _sync_pairs(result: SyncResult) -> dict[str, object]:
+    def counted(numbers: Mapping[str, int]) -> str | None:
+        shown = [f"{value}: {n:,}" for value, n in list(numbers.items())[:6]]
+        return ", ".join(shown + ["…"] * (len(numbers) > 6)) or None
+
+    expected = [n for n in result.expected.values() if n is not None]
+    return {
+        "Skiltpunkt": result.skiltpunkt,
+        "Skiltplate": result.skiltplate,
+        "counted by the API (statistikk)": sum(expected) if expected else None,
+        "new / changed / deleted": f"{result.created:,} / {result.changed:,} / {result.deleted:,}",
+        "events since the last sync": result.n_events if result.mode == "changes" else None,
+        "without own geometry": result.without_own_geometry,
+        "stated accuracy, cm": counted(result.by_accuracy),
+        "capture method": counted(result.by_capture_method),
+        "unknown to the datakatalog": counted(result.unknown),
+        "problems": result.n_problems,
+        "how": f"{result.mode}, {result.source}, {result.url}, datakatalog {result.datakatalog}",
+    }
+
+
+def sync_dry_run(
+    area_options: tuple[str | None, str | None, bool],
+    source: str,
+    api_url: str,
+    contact: str | None,
+    json_output: bool,
+) -> None:
+    """``twin sync-nvdb --dry-run``."""
+    from twin.sync import area_from_options, dry_run
+
+    with log_notes("nvdb", quiet=json_output):
+        found = dry_run(area_from_options(*area_options), api_url=api_url, source=source, contact=contact)
+    if json_output:
+        print_json(found)
+        return
+    counts = {f"objects of type {type_id}": n for type_id, n in found["expected"].items()}
+    print_pairs(f"Would mirror {found['area']}", {"first question": found["first_url"], **counts})
 
 
 def ingest_drive(drive: Path, method: str, store: Path, json_output: bool) -> None:
     """``twin ingest-drive``."""
     from twin.ingest import ingest_drive as run
-    from twin.store import Store
 
-    with Store.open(store) as opened, steps(quiet=json_output) as progress:
+    with _made_store(store) as opened, steps(quiet=json_output) as progress:
         report = run(opened, drive, method=method, progress=progress)
     for warning in report.warnings:
         warn(warning)
@@ -84,6 +148,7 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
         "method": report.method,
         "length": f"{report.length_m:.0f} m",
         "GNSS host stamps late by (median)": delay,
+        "GNSS fixes": ", ".join(f"{n:,} {quality}" for quality, n in report.fix_quality.items()) or None,
         "annotations": report.n_annotations,
         "sightings located": f"{report.n_located:,} of {report.n_sightings:,}",
         "objects located": f"{report.n_estimates:,} of {report.n_objects:,}",
@@ -92,6 +157,9 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
 
 def match(method: str | None, tolerance: float, store: Path, json_output: bool) -> None:
     """``twin match``."""
+    import sqlalchemy as sa
+
+    from twin import schema
     from twin.match import match as run
     from twin.matching.config import MatchConfig
     from twin.store import Store
@@ -99,30 +167,33 @@ def match(method: str | None, tolerance: float, store: Path, json_output: bool) 
     config = MatchConfig(tolerance_m=tolerance)
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         report = run(opened, method=method, config=config, progress=progress)
+        changes = opened.rows(sa.select(schema.change).order_by(schema.change.c.change_id))
     if json_output:
-        print_json(report)
+        print_json({**asdict(report), "changes": changes})
         return
-    rows = [(verdict, count) for verdict, count in report.verdicts.items()]
+    findings = [c for c in changes if c["verdict"] != "unchanged"]
     print_table(
-        f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
-        f"{report.n_in_view} of them in view of a completely annotated drive",
-        ["verdict", "findings"],
-        rows,
+        "Findings",
+        ["change", "verdict", "reason"],
+        [(c["change_id"], c["verdict"], c["reason"]) for c in findings],
+        right_from=3,
     )
+    print_table("Verdicts", ["verdict", "findings"], list(report.verdicts.items()))
+    note(
+        f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
+        f"{report.n_in_view} of them in view of a completely annotated drive."
+    )
+    if report.n_outdated:
+        note(f"{report.n_outdated} poles of earlier drives were left out: a later drive no longer saw them.")
 
 
 def export(folder: Path, store: Path, json_output: bool) -> None:
     """``twin export``."""
-    from twin.errors import StoreError
-    from twin.export import export_all
-    from twin.export.from_store import layers_from_store
+    from twin.export import export_findings
     from twin.store import Store
 
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
-        last = opened.fact("last_match")
-        if last is None:
-            raise StoreError(f"The store {store} has no findings yet: run `twin match` first.")
-        files = export_all(layers_from_store(opened, last["method"]), folder, progress=progress)
+        files = export_findings(opened, folder, progress=progress)
     if json_output:
         print_json({"files": [str(path) for path in files]})
         return
@@ -157,11 +228,17 @@ def print_errors(methods: tuple[MethodResult, ...]) -> None:
     ]
     header = ["method", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
     print_table("Horizontal error of the estimates", header, rows)
-    by_range = [
-        (m.method, _bin(b), int(b["n"]), *(b[name] for name in names)) for m in methods for b in m.by_range
-    ]
-    header = ["method", "range [m]", "n", *(f"{name} [m]" for name in names)]
-    print_table("Horizontal error of single sightings, by range to the object", header, by_range)
+    header = ["method", "range [m]", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
+    for title, kind in (
+        ("The same by range to the object (nearest sighting)", "objects_by_range"),
+        ("Horizontal error of single sightings, by range to the object", "sightings_by_range"),
+    ):
+        by_range = [
+            (m.method, _bin(b), b["n"], *(b[name] for name in names), f"{b['coverage95']:.0%}")
+            for m in methods
+            for b in getattr(m, kind)
+        ]
+        print_table(title, header, by_range)
     for m in methods:
         if m.not_estimated:
             warn(f"{m.method}: no estimate of {', '.join(m.not_estimated)}.")
@@ -190,7 +267,9 @@ def status(store: Path, json_output: bool) -> None:
         f"Store {found['store']}",
         {
             "NVDB area": mirror.get("area"),
-            "synced": mirror.get("synced_at"),
+            "synced": f"{mirror['synced_at']}, {mirror['age_hours']} h ago" if mirror else None,
+            "follows": f"{mirror['source']} from {mirror['position']}" if mirror else None,
+            "unfinished backfill": (found["unfinished"] or {}).get("area"),
             "Skiltpunkt": found["skiltpunkt"],
             "Skiltplate": found["skiltplate"],
             "drives": len(found["drives"]),

@@ -81,6 +81,11 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
     if not times:
         counts = "; ".join(f"{s.count} × {s.reason}" for s in skipped) or "it has no rows"
         raise DriveError(f"{where} holds no usable pose ({counts}): export the poses of this drive.")
+    if len(times) > 2 and np.count_nonzero(keep) < 0.5 * len(times):
+        raise DriveError(
+            f"{where} is not in order of time: {np.count_nonzero(~keep)} of {len(times)} poses are not later"
+            " than the one before; sort it by time_ns."
+        )
     values = dict(zip((*REQUIRED, *DEFAULT_SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
     if pitch_nose_up:
         values["pitch_deg"] = -values["pitch_deg"]
@@ -117,6 +122,10 @@ def _table(
 def _columns(header: Sequence[str], where: str) -> dict[str, int]:
     """Position of each known column."""
     missing = [name for name in ("time_ns", *REQUIRED) if name not in header]
+    if missing and len(header) == 1 and ";" in header[0]:
+        raise DriveError(
+            f"{where} is separated by semicolons: export it with commas, and points as decimals."
+        )
     if missing:
         raise DriveError(
             f"{where} lacks the columns {', '.join(missing)}: its first line is {','.join(header)!r:.200}."

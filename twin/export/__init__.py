@@ -3,6 +3,7 @@
 >>> from twin.export import ExportLayers, empty_layers, export_all, render_png
 """
 
+from twin.export.findings import export_findings
 from twin.export.folder import FILES, export_all
 from twin.export.geopackage import edited_decisions
 from twin.export.layers import COLUMNS, ExportLayers, empty_layers
@@ -18,5 +19,6 @@ __all__ = [
     "edited_decisions",
     "empty_layers",
     "export_all",
+    "export_findings",
     "render_png",
 ]

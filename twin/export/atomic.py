@@ -1,9 +1,12 @@
-"""Files that are either as they were or completely new, whatever happens in between.
+"""Files each of which is either as it was or completely new, whatever happens in between.
 
 Everything is written inside a private folder ``.twin-export`` in the target folder (so on the same file
-system), closed, flushed to the disk, and only then renamed over the old files. A lock in that folder is held
-by the operating system and dies with its process: what a killed export left is recognised and removed by the
-next one, and two exports at once never mix.
+system), closed, flushed to the disk, and only then renamed over the old files, one after the other. No system
+renames several files at once: a kill or a power cut between two renames leaves the first files new and the
+others old.
+
+A lock in that folder is held by the operating system and dies with its process: what a killed export left is
+recognised and removed by the next one, and two exports at once never mix.
 """
 
 from __future__ import annotations
@@ -11,28 +14,34 @@ from __future__ import annotations
 import os
 import shutil
 import sqlite3
+import sys
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from twin.errors import ExportRefusedError
+from twin.lock import try_lock
 
 STAGING = ".twin-export"
 _LOCK = "lock"
+# How often an export may find the folder removed under it by others that end, before it gives up.
+_ATTEMPTS = 20
 # What SQLite would replay into a file of this name at its next opening.
 _SIDECARS = ("-wal", "-journal")
 
 
 @contextmanager
 def replacing(folder: Path, names: Sequence[str]) -> Iterator[Path]:
-    """Replace files of a folder, all or none.
+    """Replace files of a folder: none of them before all are complete on the disk.
 
     Parameters
     ----------
     folder : Path
         Made if it does not exist.
     names : sequence of str
-        The files that the body of the ``with`` writes.
+        The files that the body of the ``with`` writes. They are renamed in this order: what is derived from
+        another file goes last, so that it is never newer than its source.
 
     Yields
     ------
@@ -43,16 +52,17 @@ def replacing(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     Raises
     ------
     ExportRefusedError
-        Another export is writing there, or an old file is open in another program.
+        Another export is writing there, or an old file is open in another program: the old files are as they
+        were. Or a rename failed and those before it could not be taken back: the message says which files
+        are new.
     OSError
-        The folder cannot be made or written.
+        The folder cannot be made or written; the old files are as they were.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
         raise ExportRefusedError(f"{folder} is a file: give a folder to export to") from error
     staging = folder / STAGING
-    staging.mkdir(exist_ok=True)
     lock = _lock(staging)
     try:
         _remove_leftovers(staging)
@@ -65,9 +75,7 @@ def replacing(folder: Path, names: Sequence[str]) -> Iterator[Path]:
         _publish(staging, folder, names)
         _flush_folder(folder)
     finally:
-        # The lock first: an open file cannot be removed on Windows.
-        lock.close()
-        shutil.rmtree(staging, ignore_errors=True)
+        _release(staging, lock)
 
 
 def refuse_if_open(path: Path) -> None:
@@ -130,25 +138,50 @@ def _is_locked(path: Path) -> bool:
             return False
 
 
-def _lock(staging: Path) -> sqlite3.Connection:
-    """Hold the staging folder until the connection is closed or the process dies."""
-    # SQLite's lock is the one lock of the standard library that works alike on Linux, macOS and Windows.
-    connection = sqlite3.connect(staging / _LOCK, timeout=0.0, isolation_level=None)
-    try:
-        connection.execute("BEGIN EXCLUSIVE")
-    except sqlite3.OperationalError as error:
-        connection.close()
-        if error.sqlite_errorcode != sqlite3.SQLITE_BUSY:
-            raise
-        raise ExportRefusedError(
-            f"another export is writing to {staging.parent}: wait until it ends"
-        ) from error
-    return connection
+def _lock(staging: Path) -> BinaryIO:
+    """Make the staging folder and hold it until :func:`_release` or until the process dies."""
+    for _ in range(_ATTEMPTS):
+        # Not exist_ok=True, which fails where the folder is removed right after it was found to exist.
+        with suppress(FileExistsError):
+            staging.mkdir()
+        lock = _try_lock(staging / _LOCK)
+        if lock is not None:
+            return lock
+    raise ExportRefusedError(f"other exports keep writing to {staging.parent}: wait until they end")
+
+
+def _try_lock(path: Path) -> BinaryIO | None:
+    """Make and lock a file; None where an export that ended has removed it meanwhile."""
+    with ExitStack() as stack, suppress(FileNotFoundError):
+        file = stack.enter_context(path.open("ab"))
+        if not try_lock(file):
+            raise ExportRefusedError(f"another export is writing to {path.parent.parent}: wait until it ends")
+        # Whoever holds the lock may remove its file. A lock on a removed file keeps nobody out.
+        if os.path.samestat(os.fstat(file.fileno()), path.stat()):
+            stack.pop_all()
+            return file
+    return None
+
+
+def _release(staging: Path, lock: BinaryIO) -> None:
+    """Leave the folder empty, give it free and, if nobody else has begun there, remove it."""
+    with suppress(OSError):
+        _remove_leftovers(staging)
+    # POSIX: removed while held, so that it is never a newcomer's lock that is removed. Windows cannot remove
+    # an open file: there the lock ends first, and one that a newcomer has opened stays.
+    if sys.platform == "win32":
+        lock.close()
+    with suppress(OSError):
+        (staging / _LOCK).unlink()
+        staging.rmdir()
+    lock.close()
 
 
 def _remove_leftovers(staging: Path) -> None:
     for path in staging.iterdir():
-        if path.name != _LOCK:
+        if path.is_dir():
+            shutil.rmtree(path)
+        elif path.name != _LOCK:
             path.unlink()
 
 
@@ -158,18 +191,28 @@ def _flush(path: Path) -> None:
 
 
 def _flush_folder(folder: Path) -> None:
-    """Make renames durable; Windows has no such call and needs none."""
+    """Make renames durable, where the system can: Windows and some network file systems cannot."""
     if os.name == "nt":
         return
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    # The files are in place already: a failure here must not be told as one to replace them.
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 def _publish(staging: Path, folder: Path, names: Sequence[str]) -> None:
-    """Rename the new files over the old ones; where one fails, take back those already done."""
+    """Rename the new files over the old ones; where one fails, take back those that have a way back.
+
+    Raises
+    ------
+    OSError
+        A rename failed; every file is as it was.
+    ExportRefusedError
+        A rename failed and some files stay new.
+    """
     done: list[str] = []
     try:
         for name in names:
@@ -178,10 +221,22 @@ def _publish(staging: Path, folder: Path, names: Sequence[str]) -> None:
                 os.link(folder / name, staging / f"old-{name}")
             (staging / name).replace(folder / name)
             done.append(name)
+    except OSError as error:
+        new = [name for name in done if not _take_back(staging / f"old-{name}", folder / name)]
+        if not new:
+            raise
+        others = [name for name in names if name not in new]
+        raise ExportRefusedError(
+            f"cannot replace {folder / names[len(done)]}: {error.strerror or error}; in {folder} "
+            f"{' and '.join(new)} {'is' if len(new) == 1 else 'are'} already new, "
+            f"{' and '.join(others)} as before: close the programs that use them, then export again"
+        ) from error
+
+
+def _take_back(backup: Path, path: Path) -> bool:
+    """Put the old file back; False where that is impossible: the new one, which is whole, then stays."""
+    try:
+        backup.replace(path)
     except OSError:
-        for name in done:
-            if (staging / f"old-{name}").exists():
-                (staging / f"old-{name}").replace(folder / name)
-            else:
-                (folder / name).unlink()
-        raise
+        return False
+    return True

@@ -1,10 +1,11 @@
-"""One export: all its files, all or none."""
+"""One export: its files, each of them old or new as a whole, none new before all are written."""
 
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from twin.errors import ExportRefusedError
@@ -20,23 +21,35 @@ if TYPE_CHECKING:
 UTM33 = "twin_utm33.gpkg"
 WGS84 = "twin_wgs84.gpkg"
 GEOJSON = "changes.geojson"
+# In the order in which they take the place of older ones. GeoJSON is derived from the same layers and nobody
+# decides in it: it goes last, so that a kill between two renames never leaves it newer than a GeoPackage.
 FILES = (UTM33, WGS84, GEOJSON)
+GEOPACKAGES = (UTM33, WGS84)
+"""The files in which people decide."""
 
 
 def export_all(
-    layers: ExportLayers, folder: Path, *, progress: Callable[[str], None] | None = None
+    layers: ExportLayers,
+    folder: Path | str,
+    *,
+    known_decisions: Mapping[str, str] = MappingProxyType({}),
+    progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write the layers for QGIS and for the web.
 
     ``twin_utm33.gpkg`` (EPSG:25833) and ``twin_wgs84.gpkg`` (EPSG:4326) hold the four layers, each with its
     default QGIS style; ``changes.geojson`` (RFC 7946) holds the changes. The same layers give the same bytes.
-    The files take the place of older ones only when all of them are complete on the disk.
+    The files take the place of older ones only when all of them are complete on the disk, one after the other
+    in the order above: each is old or new as a whole, and a kill between two renames leaves the first ones
+    new and the others old. Exporting again makes them all new.
 
     Parameters
     ----------
     layers : ExportLayers
-    folder : Path
+    folder : Path or str
         Made if it does not exist.
+    known_decisions : mapping, optional
+        change_id → decision that is kept elsewhere, also of changes that `layers` no longer have.
     progress : callable, optional
         Told what is being written.
 
@@ -49,9 +62,11 @@ def export_all(
     ------
     ExportRefusedError
         The layers are not as they must be; the folder cannot be written or the disk is full; a file is open
-        in QGIS; or an older file holds decisions that a person has made in QGIS and that `layers` do not
-        have. The older files are then as they were.
+        in QGIS; or an older file holds decisions that a person has made in QGIS and that neither `layers`
+        nor `known_decisions` have. The older files are then as they were, except where a rename failed and
+        an earlier one could not be taken back (no hard links): the message then names the new files.
     """
+    folder = Path(folder)
     from pyogrio.errors import DataLayerError, DataSourceError
 
     checked = normalised(layers)
@@ -59,7 +74,7 @@ def export_all(
     try:
         with replacing(folder, FILES) as staging:
             _write(checked, staging, tell)
-            _refuse_to_lose_decisions(folder, checked.changes)
+            _refuse_to_lose_decisions(folder, checked.changes, known_decisions)
             tell(f"replacing the files in {folder}")
     except (OSError, sqlite3.Error, DataSourceError, DataLayerError) as error:
         raise ExportRefusedError(
@@ -87,10 +102,10 @@ def _write(layers: ExportLayers, staging: Path, tell: Callable[[str], None]) -> 
     write_geojson(geographic.changes, "changes", staging / GEOJSON)
 
 
-def _refuse_to_lose_decisions(folder: Path, changes: gpd.GeoDataFrame) -> None:
-    """Raise where a person decided in QGIS and the new file would not say so."""
-    new = dict(zip(changes["change_id"], changes["decision"], strict=True))
-    for name in (UTM33, WGS84):
+def _refuse_to_lose_decisions(folder: Path, changes: gpd.GeoDataFrame, known: Mapping[str, str]) -> None:
+    """Raise where a person decided in QGIS and it would be known nowhere after the export."""
+    new = {**known, **dict(zip(changes["change_id"], changes["decision"], strict=True))}
+    for name in GEOPACKAGES:
         if not (folder / name).exists():
             continue
         lost = {
@@ -102,5 +117,5 @@ def _refuse_to_lose_decisions(folder: Path, changes: gpd.GeoDataFrame) -> None:
             change, decision = min(lost.items())
             raise ExportRefusedError(
                 f"{folder / name} holds {len(lost)} decision(s) made in QGIS that this export would lose "
-                f"(change {change}: {decision}): move the file away or export to another folder"
+                f"(change {change}: {decision}): run `twin export` again or move the file away"
             )

@@ -12,8 +12,9 @@ from geoloc.combine import cep95_m, ellipse
 from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
 from twin import schema
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
+from twin.export.verdicts import OPEN
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT
-from twin.store import Store
+from twin.store import Snapshot, Store
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -22,7 +23,9 @@ Row = Mapping[str, Any]
 
 
 def layers_from_store(store: Store, method: str) -> ExportLayers:
-    """Read changes, the estimates of one method, the mirror and the drives.
+    """Read changes with their decisions, the estimates of one method, the mirror and the drives.
+
+    All of it is of one moment, whatever other processes write to the store meanwhile.
 
     Parameters
     ----------
@@ -35,12 +38,13 @@ def layers_from_store(store: Store, method: str) -> ExportLayers:
     ExportLayers
         In EPSG:25833.
     """
-    return ExportLayers(
-        changes=_frame("changes", store.rows(sa.select(schema.change))),
-        estimates=_estimates(store, method),
-        nvdb_signs=_signs(store),
-        drives=_drives(store, method),
-    )
+    with store.snapshot() as view:
+        return ExportLayers(
+            changes=_changes(view),
+            estimates=_estimates(view, method),
+            nvdb_signs=_signs(view),
+            drives=_drives(view, method),
+        )
 
 
 def _frame(name: str, rows: Sequence[Row], geometry: Any = None) -> gpd.GeoDataFrame:
@@ -56,8 +60,16 @@ def _frame(name: str, rows: Sequence[Row], geometry: Any = None) -> gpd.GeoDataF
     return gpd.GeoDataFrame(data, geometry=geometry, crs=EPSG_UTM33)
 
 
-def _estimates(store: Store, method: str) -> gpd.GeoDataFrame:
-    rows = store.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method))
+def _changes(view: Snapshot) -> gpd.GeoDataFrame:
+    decision = sa.func.coalesce(schema.decision.c.decision, OPEN).label("decision")
+    decided = schema.change.outerjoin(
+        schema.decision, schema.decision.c.change_id == schema.change.c.change_id
+    )
+    return _frame("changes", view.rows(sa.select(schema.change, decision).select_from(decided)))
+
+
+def _estimates(view: Snapshot, method: str) -> gpd.GeoDataFrame:
+    rows = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method))
     covariance = np.array(
         [[[r["cov_ee_m2"], r["cov_en_m2"]], [r["cov_en_m2"], r["cov_nn_m2"]]] for r in rows]
     ).reshape(-1, 2, 2)
@@ -82,9 +94,9 @@ def _estimates(store: Store, method: str) -> gpd.GeoDataFrame:
     return _frame("estimates", full)
 
 
-def _signs(store: Store) -> gpd.GeoDataFrame:
-    points = store.rows(sa.select(*_without_raw(schema.skiltpunkt)))
-    plates = store.rows(sa.select(*_without_raw(schema.skiltplate)))
+def _signs(view: Snapshot) -> gpd.GeoDataFrame:
+    points = view.rows(sa.select(*_without_raw(schema.skiltpunkt)))
+    plates = view.rows(sa.select(*_without_raw(schema.skiltplate)))
     empty = {"point_id": None, "skiltnummer": "", "text": "", "ansiktsside": ""}
     rows = [{**empty, **row, "nvdb_type": SKILTPUNKT} for row in points]
     rows += [{**row, "nvdb_type": SKILTPLATE} for row in plates]
@@ -92,11 +104,11 @@ def _signs(store: Store) -> gpd.GeoDataFrame:
     return _frame("nvdb_signs", [{**row, **{t: row[t] or "" for t in texts}} for row in rows])
 
 
-def _drives(store: Store, method: str) -> gpd.GeoDataFrame:
+def _drives(view: Snapshot, method: str) -> gpd.GeoDataFrame:
     import shapely
 
     located = sa.func.count().filter(schema.sighting.c.rejected == "").label("n_sightings")
-    counts = store.rows(
+    counts = view.rows(
         sa.select(schema.sighting.c.drive_id, located)
         .where(schema.sighting.c.method == method)
         .group_by(schema.sighting.c.drive_id)
@@ -109,7 +121,7 @@ def _drives(store: Store, method: str) -> gpd.GeoDataFrame:
             "ended": _utc(row["ended_ns"]),
             "n_sightings": n_sightings.get(row["drive_id"], 0),
         }
-        for row in store.rows(sa.select(schema.drive))
+        for row in view.rows(sa.select(schema.drive))
     ]
     return _frame("drives", rows, shapely.from_wkb([row["line"] for row in rows]))
 

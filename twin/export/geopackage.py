@@ -86,12 +86,12 @@ def write_geopackage(layers: ExportLayers, path: Path, *, epsg: int, time: str) 
     _finish(path, styles, time, {name: len(getattr(layers, name)) for name in COLUMNS})
 
 
-def edited_decisions(path: Path) -> dict[str, str]:
+def edited_decisions(path: Path | str) -> dict[str, str]:
     """Decisions in an exported GeoPackage that a person has changed since it was written.
 
     Parameters
     ----------
-    path : Path
+    path : Path or str
         ``twin_utm33.gpkg`` or ``twin_wgs84.gpkg``.
 
     Returns
@@ -106,6 +106,7 @@ def edited_decisions(path: Path) -> dict[str, str]:
     """
     from defusedxml.ElementTree import fromstring
 
+    path = Path(path)
     # Not by GDAL, which opens what is not a GeoPackage with a warning.
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:

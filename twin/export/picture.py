@@ -56,7 +56,7 @@ class _Window:
     half_height_m: float
 
 
-def render_png(layers: ExportLayers, path: Path, *, title: str = "", dpi: int = 150) -> Path:
+def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: int = 150) -> Path:
     """Draw a map of all changes, with close-ups of up to four of them.
 
     Filled marks are changes in the colours of the QGIS style, hollow ones are NVDB's signs, ellipses hold
@@ -84,6 +84,7 @@ def render_png(layers: ExportLayers, path: Path, *, title: str = "", dpi: int = 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    path = Path(path)
     checked = normalised(layers)
     figure = Figure(figsize=SIZE_IN, dpi=dpi, facecolor="white")
     FigureCanvasAgg(figure)

@@ -54,7 +54,10 @@ VERDICTS: tuple[Verdict, ...] = (
 
 VERDICT: dict[str, Verdict] = {verdict.name: verdict for verdict in VERDICTS}
 
-DECISIONS: dict[str, str] = {"open": "Open", "accept": "Accept", "dismiss": "Dismiss", "defer": "Defer"}
+OPEN = "open"
+"""The decision that nobody has made yet."""
+
+DECISIONS: dict[str, str] = {OPEN: "Open", "accept": "Accept", "dismiss": "Dismiss", "defer": "Defer"}
 """Value of the column ``decision`` → its label. Every change starts as ``open``."""
 
 OTHER_COLOUR = "#000000"

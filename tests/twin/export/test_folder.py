@@ -1,4 +1,4 @@
-"""An export as a whole: the same bytes for the same data, all files or none, nothing lost."""
+"""An export as a whole: the same bytes for the same data, each file old or new, nothing lost."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
 
 from twin.errors import ExportRefusedError
 from twin.export import FILES, ExportLayers, export_all
-from twin.export.atomic import STAGING, replace_file
-from twin.export.folder import UTM33
+from twin.export.atomic import STAGING, replace_file, replacing
+from twin.export.folder import GEOJSON, UTM33, WGS84
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 
@@ -150,7 +150,7 @@ def test_export_has_no_clock_in_it(layers: ExportLayers, tmp_path: Path) -> None
     assert times == {"2026-06-11T09:30:00.000Z"}
 
 
-MOMENTS = [("layer", 2), ("progress", 2), ("progress", 4), ("rename", 1)]
+MOMENTS = [("layer", 2), ("progress", 2), ("progress", 4), ("rename", 1), ("rename", 2)]
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no SIGKILL")
@@ -158,12 +158,13 @@ MOMENTS = [("layer", 2), ("progress", 2), ("progress", 4), ("rename", 1)]
 def test_killed_export_leaves_old_or_new_files(
     newer: ExportLayers, old: dict[str, bytes], new: dict[str, bytes], folder: Path, where: str, n: int
 ) -> None:
-    """Whenever it is killed, each file is wholly old or wholly new, and the next export cleans up."""
+    """Whenever it is killed, each file is wholly old or wholly new, in order; the next export cleans up."""
     assert _run(KILLED, newer, folder, where, str(n)).returncode == -signal.SIGKILL
     left = _bytes(folder)
     assert set(left) == set(FILES)
     assert all(left[name] in (old[name], new[name]) for name in FILES)
-    assert sum(left[name] == new[name] for name in FILES) == (n if where == "rename" else 0)
+    renamed = n if where == "rename" else 0
+    assert [name for name in FILES if left[name] == new[name]] == [UTM33, WGS84, GEOJSON][:renamed]
     assert (folder / STAGING).exists()
     assert _bytes(export_all(newer, folder)[0].parent) == new
     assert not (folder / STAGING).exists()
@@ -265,12 +266,14 @@ def test_export_over_a_left_over_index_of_a_log_goes_through(
 def test_two_exports_at_once_do_not_mix(layers: ExportLayers, tmp_path: Path) -> None:
     """While one export holds the folder, another is refused; what a dead one left is no hindrance."""
     (tmp_path / STAGING).mkdir()
-    (tmp_path / STAGING / "twin_utm33.gpkg").write_bytes(b"half")
-    with closing(sqlite3.connect(tmp_path / STAGING / "lock", isolation_level=None)) as other:
-        other.execute("BEGIN EXCLUSIVE")
+    (tmp_path / STAGING / "left").write_bytes(b"half")
+    with suppress(InterruptedError), replacing(tmp_path, FILES) as staging:
+        assert not (staging / "left").exists()
+        (staging / UTM33).write_bytes(b"half")
         with pytest.raises(ExportRefusedError, match="another export is writing"):
             export_all(layers, tmp_path)
-        assert (tmp_path / STAGING / "twin_utm33.gpkg").read_bytes() == b"half"
+        assert (staging / UTM33).read_bytes() == b"half"
+        raise InterruptedError
     export_all(layers, tmp_path)
     assert {entry.name for entry in tmp_path.iterdir()} == set(FILES)
 
@@ -293,6 +296,15 @@ def test_export_does_not_lose_decisions_made_in_qgis(layers: ExportLayers, folde
     assert _bytes(folder) == before
     decided = layers.changes.assign(decision=["open", "accept", *layers.changes["decision"][2:]])
     export_all(dataclasses.replace(layers, changes=decided), folder)
+
+
+def test_export_lets_go_of_decisions_that_are_kept_elsewhere(newer: ExportLayers, folder: Path) -> None:
+    """A decision on a change that the layers no longer have stops the export, unless it is known as kept."""
+    _decide(folder / UTM33, "c-00", "accept")
+    for known in ({}, {"c-00": "dismiss"}, {"c-01": "accept"}):
+        with pytest.raises(ExportRefusedError, match="c-00: accept"):
+            export_all(newer, folder, known_decisions=known)
+    assert export_all(newer, folder, known_decisions={"c-00": "accept"})[0].exists()
 
 
 def test_export_lets_the_store_change_its_own_decisions(layers: ExportLayers, folder: Path) -> None:

@@ -1,0 +1,268 @@
+"""From the store to the folder and back: decisions made in QGIS come home with the next export."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pyogrio
+import pytest
+import shapely
+import sqlalchemy as sa
+
+from twin import schema
+from twin.errors import ExportRefusedError, RefusedError, StoreError
+from twin.export import FILES, edited_decisions, export_findings, from_store
+from twin.export.findings import decisions_made_in
+from twin.export.folder import GEOJSON, UTM33, WGS84
+from twin.export.from_store import layers_from_store
+from twin.store import Store
+
+EAST, NORTH = 270_000.0, 7_041_000.0
+METHOD = "single-frame"
+EMPTY = {sa.JSON: [], sa.LargeBinary: b"", sa.String: "", sa.Float: 0.0, sa.Boolean: False, sa.Integer: 0}
+
+
+def _row(table: sa.Table, **values: Any) -> dict[str, Any]:
+    """Make a row with something in every column that must not be null."""
+    row = {}
+    for column in table.columns:
+        kind = next(kind for kind in EMPTY if isinstance(column.type, kind))
+        row[column.name] = None if column.nullable else EMPTY[kind]
+    return {**row, **values}
+
+
+def _change(change_id: str, verdict: str = "new") -> dict[str, Any]:
+    return _row(schema.change, change_id=change_id, verdict=verdict, nvdb_type=95, east_m=EAST, north_m=NORTH)
+
+
+def _drive(drive_id: str) -> dict[str, Any]:
+    line = shapely.LineString([(EAST, NORTH), (EAST + 50.0, NORTH)])
+    return _row(schema.drive, drive_id=drive_id, name=drive_id, line=shapely.to_wkb(line))
+
+
+def _estimate(method: str) -> dict[str, Any]:
+    values = {"estimate_id": f"e-{method}", "drive_id": "d", "object": "1", "method": method}
+    at = {"east_m": EAST, "north_m": NORTH, "cov_ee_m2": 0.04, "cov_nn_m2": 0.01}
+    return _row(schema.estimate, **values, **at)
+
+
+def _insert(store: Store, table: sa.Table, *rows: dict[str, Any]) -> None:
+    with store.transaction() as connection:
+        connection.execute(sa.insert(table), list(rows))
+        store.touch(connection)
+
+
+def _matched(store: Store, changes: Sequence[str], method: str = METHOD) -> None:
+    """Leave what a match leaves: these changes and no others, of the store as it is."""
+    run = {"method": method, "revision": store.revision()}
+    with store.transaction() as connection:
+        connection.execute(sa.delete(schema.change))
+        if changes:
+            connection.execute(sa.insert(schema.change), [_change(name) for name in changes])
+        store.put_fact(connection, "last_match", run)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    """Return a small store with a drive, estimates by two methods, a sign and two changes."""
+    with Store.open(tmp_path / "small.db") as opened:
+        _insert(opened, schema.drive, _drive("d"))
+        _insert(opened, schema.estimate, _estimate(METHOD), _estimate("paper"))
+        _insert(opened, schema.skiltpunkt, _row(schema.skiltpunkt, nvdb_id=1, east_m=EAST, north_m=NORTH))
+        _matched(opened, ["c-1", "c-2"])
+        yield opened
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """Return the folder to export to, which does not exist yet."""
+    return tmp_path / "out"
+
+
+def _decide(path: Path, change: str, decision: str | None) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        # GeoPackage's triggers call these; QGIS and GDAL bring them along.
+        for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):
+            database.create_function(name, 1, lambda _: 0)
+        database.execute("UPDATE changes SET decision = ? WHERE change_id = ?", (decision, change))
+        database.commit()
+
+
+def _decisions(folder: Path) -> dict[str, str]:
+    """Read what the three files say, which must be the same."""
+    said = []
+    for name in (UTM33, WGS84):
+        frame = pyogrio.read_dataframe(folder / name, layer="changes", read_geometry=False)
+        said.append(dict(zip(frame["change_id"], frame["decision"], strict=True)))
+    features = json.loads((folder / GEOJSON).read_text(encoding="utf-8"))["features"]
+    said.append({feature["id"]: feature["properties"]["decision"] for feature in features})
+    assert said[0] == said[1] == said[2]
+    return said[0]
+
+
+def _kept(store: Store) -> dict[str, str]:
+    return {row["change_id"]: row["decision"] for row in store.rows(sa.select(schema.decision))}
+
+
+def test_export_findings_writes_the_layers_of_the_last_match(store: Store, out: Path) -> None:
+    """All files appear; the estimates are those of the method that was matched; nobody has decided."""
+    assert [path.name for path in export_findings(store, out)] == list(FILES)
+    for layer, rows in {"changes": 2, "estimates": 1, "nvdb_signs": 1, "drives": 1}.items():
+        assert pyogrio.read_info(out / UTM33, layer=layer)["features"] == rows
+    estimates = pyogrio.read_dataframe(out / UTM33, layer="estimates")
+    assert list(estimates["method"]) == [METHOD]
+    assert _decisions(out) == {"c-1": "open", "c-2": "open"}
+
+
+def test_export_findings_before_a_match_is_an_error(tmp_path: Path, out: Path) -> None:
+    """A store that was never matched has nothing to export; nothing is written."""
+    with (
+        Store.open(tmp_path / "new.db") as store,
+        pytest.raises(StoreError, match=r"new\.db has no findings yet: run `twin match` first\.$"),
+    ):
+        export_findings(store, out)
+    assert not out.exists()
+
+
+def test_export_findings_older_than_the_store_is_refused(store: Store, out: Path) -> None:
+    """After a sync or an ingest the old findings are not exported; after a new match they are."""
+    _insert(store, schema.drive, _drive("another"))
+    with pytest.raises(RefusedError, match=r"small\.db has changed since .*: run `twin match` again"):
+        export_findings(store, out)
+    assert not out.exists()
+    _matched(store, ["c-1"])
+    assert export_findings(store, out)[0].exists()
+
+
+@pytest.mark.parametrize("file", [UTM33, WGS84])
+def test_decisions_made_in_qgis_come_home_with_the_next_export(store: Store, out: Path, file: str) -> None:
+    """A decision in either GeoPackage is kept in the store and stands in all files, no longer an edit."""
+    export_findings(store, out)
+    _decide(out / file, "c-1", "accept")
+    told: list[str] = []
+    export_findings(store, out, progress=told.append)
+    assert told[0] == "keeping 1 decision(s) made in QGIS"
+    assert _kept(store) == {"c-1": "accept"}
+    assert _decisions(out) == {"c-1": "accept", "c-2": "open"}
+    assert edited_decisions(out / UTM33) == edited_decisions(out / WGS84) == {}
+
+
+def test_decisions_can_be_taken_back_in_qgis(store: Store, out: Path) -> None:
+    """A decision set to open again, or cleared, is open in the store and in the files."""
+    store.save_decisions({"c-1": "accept", "c-2": "defer"})
+    export_findings(store, out)
+    _decide(out / UTM33, "c-1", "open")
+    _decide(out / UTM33, "c-2", None)
+    export_findings(store, out)
+    assert _decisions(out) == {"c-1": "open", "c-2": "open"}
+
+
+def test_decisions_outlive_findings_that_come_and_go(store: Store, out: Path) -> None:
+    """A decision on a change that the next match does not find is kept, and is back when the change is."""
+    export_findings(store, out)
+    _decide(out / UTM33, "c-1", "dismiss")
+    _matched(store, ["c-2"])
+    export_findings(store, out)
+    assert _decisions(out) == {"c-2": "open"}
+    _matched(store, ["c-1", "c-2"])
+    export_findings(store, out)
+    assert _decisions(out) == {"c-1": "dismiss", "c-2": "open"}
+
+
+def test_decisions_agree_or_are_refused(store: Store, out: Path) -> None:
+    """The files may say the same, or one of them nothing; where they disagree nothing is kept or written."""
+    export_findings(store, out)
+    _decide(out / UTM33, "c-1", "accept")
+    _decide(out / WGS84, "c-1", "accept")
+    _decide(out / WGS84, "c-2", "defer")
+    assert decisions_made_in(out) == {"c-1": "accept", "c-2": "defer"}
+    _decide(out / WGS84, "c-1", "dismiss")
+    before = {name: (out / name).read_bytes() for name in FILES}
+    with pytest.raises(
+        ExportRefusedError, match=r"disagree about 1 .*change c-1: accept and dismiss\): decide"
+    ):
+        export_findings(store, out)
+    assert _kept(store) == {}
+    assert {name: (out / name).read_bytes() for name in FILES} == before
+
+
+@pytest.mark.parametrize("typed", ["yes", "", "Accept"])
+def test_decisions_that_are_none_are_refused(store: Store, out: Path, typed: str) -> None:
+    """What was typed in the attribute table and is no decision stays out of the store; the cure is told."""
+    export_findings(store, out)
+    _decide(out / UTM33, "c-2", typed)
+    with pytest.raises(ExportRefusedError, match=f'"{typed}" for change c-2: choose one of open, accept'):
+        export_findings(store, out)
+    assert _kept(store) == {}
+
+
+def test_decisions_in_a_file_that_is_open_in_qgis_are_waited_for(store: Store, out: Path) -> None:
+    """Edits still in QGIS's log are neither taken by halves nor lost: the layer has to be closed first."""
+    export_findings(store, out)
+    with closing(sqlite3.connect(out / UTM33)) as qgis:
+        qgis.execute("PRAGMA journal_mode=WAL")
+        qgis.execute("SELECT * FROM changes").fetchall()
+        _decide(out / UTM33, "c-1", "accept")
+        with pytest.raises(ExportRefusedError, match="close the layer in QGIS"):
+            export_findings(store, out)
+        assert _kept(store) == {}
+    export_findings(store, out)
+    assert _decisions(out)["c-1"] == "accept"
+
+
+def test_decision_made_while_the_export_runs_is_not_lost(store: Store, out: Path) -> None:
+    """An edit saved after the decisions were read stops this export; the next one brings it home."""
+    export_findings(store, out)
+
+    def late(message: str) -> None:
+        if GEOJSON in message:
+            _decide(out / UTM33, "c-1", "accept")
+
+    with pytest.raises(ExportRefusedError, match=r"c-1: accept\): run `twin export` again"):
+        export_findings(store, out, progress=late)
+    export_findings(store, out)
+    assert _decisions(out)["c-1"] == "accept"
+
+
+def test_layers_from_store_are_of_one_moment(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What another process commits between the reading of two layers is in neither."""
+    real = from_store.cep95_m
+
+    def meanwhile(covariance: Any) -> Any:
+        with Store.open(store.path) as other:
+            _insert(other, schema.drive, _drive("late"))
+        return real(covariance)
+
+    # Called once, after the changes and the estimates were read and before the drives are.
+    monkeypatch.setattr(from_store, "cep95_m", meanwhile)
+    assert list(layers_from_store(store, METHOD).drives["drive_id"]) == ["d"]
+    monkeypatch.undo()
+    assert len(layers_from_store(store, METHOD).drives) == 2
+
+
+@pytest.mark.parametrize(
+    ("again", "wanted"), [("ingest", "changed since the last match"), ("match", "was matched again")]
+)
+def test_export_findings_of_a_store_that_moves_on_is_refused(
+    store: Store, out: Path, monkeypatch: pytest.MonkeyPatch, again: str, wanted: str
+) -> None:
+    """An ingest or a match while the layers are read: no file mixes a match with what it did not see."""
+    real = from_store.cep95_m
+
+    def meanwhile(covariance: Any) -> Any:
+        with Store.open(store.path) as other:
+            if again == "ingest":
+                _insert(other, schema.drive, _drive("late"))
+            else:
+                _matched(other, ["c-3"], method="paper")
+        return real(covariance)
+
+    monkeypatch.setattr(from_store, "cep95_m", meanwhile)
+    with pytest.raises(RefusedError, match=wanted):
+        export_findings(store, out)
+    assert not out.exists()

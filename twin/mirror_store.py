@@ -1,0 +1,325 @@
+"""The store as :class:`nvdb.mirror_states.MirrorStore`: what readers see is always a whole mirror."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+import sqlalchemy as sa
+
+from nvdb.mirror_states import Applied, Backfill, Following, Ids
+from nvdb.skilt import Skiltplate, Skiltpunkt
+from nvdb.sources import FetchResult, SourcePage
+from twin import schema
+from twin.store import Store, utc_now
+
+_FACT = "mirror"
+_BACKFILL = "mirror_backfill"
+_ENDS = "mirror_ends"
+"""Type → the first end date in the visible mirror: to look for it at every sync would read all of it."""
+_ID_CHUNK = 500
+"""Ids in one statement: SQLite of some systems takes no more than 999 parameters."""
+_COMPRESSION = 1
+"""Level of zlib: the raw objects are repetitive text, and higher levels cost time for little space."""
+
+
+class StoreMirror:
+    """The mirror inside a store.
+
+    Three tables a type: the visible one, one *aside* for a backfill or a round of changes that is not whole
+    yet, and a history of states that were replaced. ``synced_at`` of an object is when its present state was
+    first fetched: an object that did not change keeps it.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def following(self) -> Following | None:
+        """The visible mirror."""
+        fact = self._store.fact(_FACT)
+        if fact is None:
+            return None
+        return Following(fact["source"], fact["area"], fact["position"], _ids(fact["unread"]))
+
+    def backfill(self) -> Backfill | None:
+        """A backfill that was interrupted."""
+        fact = self._store.fact(_BACKFILL)
+        if fact is None:
+            return None
+        cursors = {int(type_id): cursor for type_id, cursor in fact["cursors"].items()}
+        return Backfill(fact["source"], fact["area"], fact["position"], cursors, _ids(fact["unread"]))
+
+    def count(self, type_id: int, ids: Iterable[int] | None = None) -> int:
+        """Objects in the visible mirror."""
+        table = schema.MIRROR[type_id].visible
+        if ids is None:
+            return self._store.count(table)
+        chosen = (sa.select(sa.func.count().label("n")).where(table.c.nvdb_id.in_(c)) for c in _chunks(ids))
+        return sum(self._store.rows(statement)[0]["n"] for statement in chosen)
+
+    def count_aside(self, type_id: int) -> int:
+        """Objects kept aside."""
+        return self._store.count(schema.MIRROR[type_id].aside)
+
+    def ended(self, type_id: int, day: str) -> frozenset[int]:
+        """Ids in the visible mirror whose end date has come."""
+        first = (self._store.fact(_ENDS) or {}).get(str(type_id))
+        if first is None or day < first:
+            return frozenset()
+        table = schema.MIRROR[type_id].visible
+        rows = self._store.rows(sa.select(table.c.nvdb_id).where(table.c.end_date <= day))
+        return frozenset(row["nvdb_id"] for row in rows)
+
+    def begin_backfill(self, backfill: Backfill) -> None:
+        """Empty what is aside and note the position."""
+        with self._store.transaction() as connection:
+            self._empty_aside(connection)
+            self._store.put_fact(connection, _BACKFILL, _document(backfill))
+
+    def save_page(self, page: SourcePage) -> None:
+        """Keep a page and its cursor aside, in one transaction."""
+        begun = self.backfill()
+        if begun is None:
+            msg = "save_page comes after begin_backfill"
+            raise RuntimeError(msg)
+        cursors = {**begun.cursors, page.type_id: page.next_cursor}
+        read = {skilt.nvdb_id for skilt in page.objects}
+        unread = (begun.unread.get(page.type_id, frozenset()) | page.unreadable) - read
+        now = replace(begun, cursors=cursors, unread={**begun.unread, page.type_id: unread})
+        with self._store.transaction() as connection:
+            _insert(connection, page.type_id, page.objects)
+            self._store.put_fact(connection, _BACKFILL, _document(now))
+
+    def drop_aside(self, gone: Ids) -> None:
+        """Take objects out of what is kept aside."""
+        with self._store.transaction() as connection:
+            for type_id, ids in gone.items():
+                aside = schema.MIRROR[type_id].aside
+                for chunk in _chunks(ids):
+                    connection.execute(sa.delete(aside).where(aside.c.nvdb_id.in_(chunk)))
+
+    def keep_visible(self, ids: Ids) -> None:
+        """Copy visible states aside, of objects that are not aside."""
+        with self._store.transaction() as connection:
+            for type_id, wanted in ids.items():
+                tables = schema.MIRROR[type_id]
+                for chunk in _chunks(wanted):
+                    states = sa.select(*tables.visible.columns).where(tables.visible.c.nvdb_id.in_(chunk))
+                    insert = sa.insert(tables.aside).prefix_with("OR IGNORE")
+                    connection.execute(insert.from_select(tables.visible.columns.keys(), states))
+
+    def publish(self, following: Following) -> Applied:
+        """Swap the visible tables for those aside."""
+        now = utc_now()
+        created, changed, deleted, total = {}, {}, {}, {}
+        with self._store.transaction() as connection:
+            for type_id, tables in schema.MIRROR.items():
+                created[type_id], changed[type_id], deleted[type_id] = _compare(connection, tables)
+                _keep_history(connection, tables, now)
+                _keep_fetch_time(connection, tables)
+                _swap(connection, tables)
+                total[type_id] = _count(connection, tables.visible)
+            self._store.drop_fact(connection, _BACKFILL)
+            applied = Applied(created, changed, deleted, total)
+            self._publish_fact(connection, following, applied, now)
+            ends = {str(type_id): _first_end(connection, t.visible) for type_id, t in schema.MIRROR.items()}
+            self._store.put_fact(connection, _ENDS, ends)
+        return applied
+
+    def begin_changes(self) -> None:
+        """Empty what is aside and forget an interrupted backfill."""
+        with self._store.transaction() as connection:
+            self._empty_aside(connection)
+            self._store.drop_fact(connection, _BACKFILL)
+
+    def save_changes(self, result: FetchResult) -> None:
+        """Keep changed objects aside."""
+        by_type: dict[int, list[Skiltpunkt | Skiltplate]] = {95: [], 96: []}
+        for skilt in result.objects:
+            by_type[96 if isinstance(skilt, Skiltplate) else 95].append(skilt)
+        with self._store.transaction() as connection:
+            for type_id, objects in by_type.items():
+                _insert(connection, type_id, objects)
+
+    def apply(self, following: Following, deleted: Ids) -> Applied:
+        """Bring changes in and take deleted objects out, in one transaction."""
+        now = utc_now()
+        created, changed, removed, total = {}, {}, {}, {}
+        with self._store.transaction() as connection:
+            coming = {type_id: _first_end(connection, t.aside) for type_id, t in schema.MIRROR.items()}
+            for type_id, tables in schema.MIRROR.items():
+                created[type_id], changed[type_id], _ = _compare(connection, tables)
+                removed[type_id] = _delete(connection, tables, deleted.get(type_id, frozenset()), now)
+                _keep_changed_history(connection, tables, now)
+                _keep_fetch_time(connection, tables)
+                _upsert_aside(connection, tables)
+                total[type_id] = _count(connection, tables.visible)
+            self._note_ends(connection, coming, now[:10])
+            applied = Applied(created, changed, removed, total)
+            self._publish_fact(connection, following, applied, now)
+        return applied
+
+    def _note_ends(self, connection: sa.Connection, coming: dict[int, str | None], today: str) -> None:
+        """Keep the first end dates up to date with what came; those in the past are looked for anew."""
+        ends = self._store.fact(_ENDS) or {}
+        for type_id, tables in schema.MIRROR.items():
+            known = (ends.get(str(type_id)), coming[type_id])
+            first = min((day for day in known if day is not None), default=None)
+            late = first is not None and first <= today
+            ends[str(type_id)] = _first_end(connection, tables.visible) if late else first
+        self._store.put_fact(connection, _ENDS, ends)
+
+    def _publish_fact(
+        self, connection: sa.Connection, following: Following, applied: Applied, now: str
+    ) -> None:
+        self._store.put_fact(connection, _FACT, {**_document(following), "synced_at": now})
+        if any((*applied.created.values(), *applied.changed.values(), *applied.deleted.values())):
+            self._store.touch(connection)
+
+    def _empty_aside(self, connection: sa.Connection) -> None:
+        for tables in schema.MIRROR.values():
+            connection.execute(sa.delete(tables.aside))
+
+
+def _document(state: Backfill | Following) -> dict[str, Any]:
+    """JSON form of a state."""
+    unread = {str(type_id): sorted(ids) for type_id, ids in state.unread.items() if ids}
+    return {**asdict(state), "unread": unread}
+
+
+def _ids(document: dict[str, list[int]]) -> dict[int, frozenset[int]]:
+    return {int(type_id): frozenset(ids) for type_id, ids in document.items()}
+
+
+def _first_end(connection: sa.Connection, table: sa.Table) -> str | None:
+    first = connection.execute(sa.select(sa.func.min(table.c.end_date))).scalar()
+    return None if first is None else str(first)
+
+
+def _chunks(ids: Iterable[int]) -> Iterator[list[int]]:
+    wanted = sorted(ids)
+    for start in range(0, len(wanted), _ID_CHUNK):
+        yield wanted[start : start + _ID_CHUNK]
+
+
+def _count(connection: sa.Connection, table: sa.Table) -> int:
+    return int(connection.execute(sa.select(sa.func.count()).select_from(table)).scalar_one())
+
+
+def _names(table: sa.Table) -> str:
+    return ", ".join(column.name for column in table.columns)
+
+
+def _insert(connection: sa.Connection, type_id: int, objects: Sequence[Skiltpunkt | Skiltplate]) -> None:
+    if not objects:
+        return
+    table, now = schema.MIRROR[type_id].aside, utc_now()
+    marks = ", ".join("?" * len(table.columns))
+    # Past SQLAlchemy's parameter handling: a country has 1.7 million rows.
+    connection.exec_driver_sql(
+        f"INSERT OR REPLACE INTO {table.name} ({_names(table)}) VALUES ({marks})",  # noqa: S608  # our own names
+        [_row(skilt, now) for skilt in objects],
+    )
+
+
+def _row(skilt: Skiltpunkt | Skiltplate, now: str) -> tuple[Any, ...]:
+    """One row in the order of the table's columns."""
+    position = skilt.position
+    raw = json.dumps(skilt.raw, ensure_ascii=False, separators=(",", ":")).encode()
+    shared = (
+        skilt.nvdb_id,
+        skilt.version,
+        skilt.start_date,
+        skilt.end_date,
+        skilt.last_modified,
+        position.east_m if position else None,
+        position.north_m if position else None,
+        position.height_m if position else None,
+        skilt.own_geometry,
+        skilt.accuracy_cm,
+        skilt.capture_method,
+        skilt.road_reference,
+        json.dumps(skilt.kommuner),
+        json.dumps([asdict(place) for place in skilt.stedfesting], ensure_ascii=False),
+        json.dumps(skilt.problems, ensure_ascii=False),
+        zlib.compress(raw, _COMPRESSION),
+        now,
+    )
+    if isinstance(skilt, Skiltpunkt):
+        return (*shared, json.dumps(skilt.plate_ids))
+    return (
+        *shared,
+        skilt.point_id,
+        skilt.skiltnummer,
+        skilt.skiltnummer_text,
+        skilt.enum_id,
+        skilt.ansiktsside,
+        skilt.text,
+        skilt.plasseringskode,
+    )
+
+
+def _compare(connection: sa.Connection, tables: schema.MirrorTables) -> tuple[int, int, int]:
+    """Count what is new aside, what differs, and what is visible but not aside."""
+    a, v = tables.aside, tables.visible
+    in_both = a.join(v, a.c.nvdb_id == v.c.nvdb_id)
+    both = sa.select(sa.func.count()).select_from(in_both)
+    n_both = int(connection.execute(both).scalar_one())
+    n_changed = int(connection.execute(both.where(a.c.raw != v.c.raw)).scalar_one())
+    return _count(connection, a) - n_both, n_changed, _count(connection, v) - n_both
+
+
+def _keep_history(connection: sa.Connection, tables: schema.MirrorTables, now: str) -> None:
+    """Put visible states that are about to go (changed or not aside) into the history."""
+    a, v = tables.aside, tables.visible
+    other = sa.or_(a.c.nvdb_id.is_(None), a.c.raw != v.c.raw)
+    going = sa.select(*v.columns, sa.literal(now)).select_from(v.outerjoin(a, a.c.nvdb_id == v.c.nvdb_id))
+    _into_history(connection, tables, going.where(other))
+
+
+def _keep_changed_history(connection: sa.Connection, tables: schema.MirrorTables, now: str) -> None:
+    a, v = tables.aside, tables.visible
+    going = sa.select(*v.columns, sa.literal(now)).select_from(v.join(a, a.c.nvdb_id == v.c.nvdb_id))
+    _into_history(connection, tables, going.where(a.c.raw != v.c.raw))
+
+
+def _into_history(connection: sa.Connection, tables: schema.MirrorTables, states: sa.Select[Any]) -> None:
+    names = [*tables.visible.columns.keys(), "seen_until"]
+    # Of two states that end in the same second the first is kept: the other was visible for less than that.
+    connection.execute(sa.insert(tables.history).prefix_with("OR IGNORE").from_select(names, states))
+
+
+def _keep_fetch_time(connection: sa.Connection, tables: schema.MirrorTables) -> None:
+    """An object that did not change was fetched when it was first fetched."""
+    a, v = tables.aside, tables.visible
+    same = sa.select(v.c.synced_at).where(v.c.nvdb_id == a.c.nvdb_id, v.c.raw == a.c.raw).scalar_subquery()
+    connection.execute(sa.update(a).values(synced_at=sa.func.coalesce(same, a.c.synced_at)))
+
+
+def _swap(connection: sa.Connection, tables: schema.MirrorTables) -> None:
+    """Rename instead of copying: a country's mirror is over a gigabyte."""
+    aside, visible = tables.aside.name, tables.visible.name
+    connection.exec_driver_sql(f"DROP TABLE {visible}")
+    connection.exec_driver_sql(f"ALTER TABLE {aside} RENAME TO {visible}")
+    connection.execute(sa.schema.CreateTable(tables.aside))
+
+
+def _delete(connection: sa.Connection, tables: schema.MirrorTables, ids: frozenset[int], now: str) -> int:
+    """Take objects out, into the history; return how many there were."""
+    v, n = tables.visible, 0
+    for chunk in _chunks(ids):
+        chosen = v.c.nvdb_id.in_(chunk)
+        _into_history(connection, tables, sa.select(*v.columns, sa.literal(now)).where(chosen))
+        n += connection.execute(sa.delete(v).where(chosen)).rowcount
+    return n
+
+
+def _upsert_aside(connection: sa.Connection, tables: schema.MirrorTables) -> None:
+    aside, visible, names = tables.aside.name, tables.visible.name, _names(tables.visible)
+    connection.exec_driver_sql(
+        f"INSERT OR REPLACE INTO {visible} ({names}) SELECT {names} FROM {aside}"  # noqa: S608  # our own names
+    )
+    connection.execute(sa.delete(tables.aside))
