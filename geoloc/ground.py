@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+_RISING = "above the horizon"
+_TOO_FAR = "more than"
 MAX_RANGE_M = 60.0
 """A flat road says nothing about what is further away: 0.1° of pitch is 4 m there."""
 
@@ -59,9 +61,15 @@ def miss_reason(
         below = origin[..., 2] <= plane_z
     return np.select(
         [valid, ~known, rising, below],
-        ["", "no ray", "above the horizon", "the camera is not above the ground"],
-        default=f"more than {max_range_m:g} m away on flat ground",
+        ["", "no ray", _RISING, "the camera is not above the ground"],
+        default=f"{_TOO_FAR} {max_range_m:g} m away on flat ground",
     )
+
+
+def stands_far_away(reason: NDArray[np.str_]) -> BoolArray:
+    """Whether each reason of :func:`miss_reason` says that the object stands beyond flat ground's reach."""
+    text = np.asarray(reason, dtype=np.str_)
+    return np.asarray((text == _RISING) | np.char.startswith(text, _TOO_FAR))
 
 
 def _distance(origin: FloatArray, ray: FloatArray, plane_z: float) -> FloatArray:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from geoloc.combine import Combined, combine
 from geoloc.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.ground import stands_far_away
 from geoloc.locate import ErrorBudget
 from geoloc.trajectory import Poses, Trajectory
 from twin import __version__
@@ -29,8 +30,6 @@ from twin.store import Store
 IntArray = NDArray[np.int64]
 
 _NS_PER_S = 1_000_000_000
-FAR_REASONS = ("above the horizon", "more than ")
-"""How :func:`geoloc.ground.miss_reason` begins for rays that end far away."""
 _VIEW_STEP_M = 0.3
 """Poses closer together than this add nothing to the question whether a place was in view."""
 
@@ -111,40 +110,14 @@ def ingest_drive(
     estimates, n_outliers = _estimates(drive, sighted, method)
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
     line, length_m = _line(trajectory)
-    delay = _delay_ms(drive, trajectory)
     warnings = (
         *drive.warnings,
         *warnings,
         *annotation_warnings(drive, int(sighted.located.valid.sum())),
         *_unplaced_warning(drive, n_unplaced),
     )
-    store.save_drive(
-        {
-            "drive_id": drive.drive_id,
-            "name": drive.name,
-            "started_ns": int(trajectory.span_ns[0]),
-            "ended_ns": int(trajectory.span_ns[1]),
-            "datum": drive.datum,
-            "annotations_complete": drive.annotations_complete,
-            "n_frames": sum(int((s != NO_STAMP).sum()) for s in drive.frame_epoch_ns.values()),
-            "n_annotations": len(drive.annotations.frame),
-            "length_m": length_m,
-            "delay_ms": delay,
-            "line": line,
-            "rig": zlib.compress(drive.rig_document.encode()),
-            "poses": blob_from_poses(_view_poses(drive, trajectory)),
-            "cameras": sorted({str(c) for c in drive.annotations.camera} or drive.frame_epoch_ns),
-            "warnings": list(warnings),
-            "skipped": [asdict(s) for s in drive.skipped],
-            "software": f"nvdb-twin {__version__}",
-            "content_sha256": drive.content_sha256,
-            "fix_quality": _fix_quality(drive),
-        },
-        method,
-        _sighting_rows(drive, sighted, method),
-        estimates,
-        n_unplaced,
-    )
+    row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(warnings)}
+    store.save_drive(row, method, _sighting_rows(drive, sighted, method), estimates, n_unplaced)
     return IngestReport(
         drive_id=drive.drive_id,
         name=drive.name,
@@ -155,11 +128,33 @@ def ingest_drive(
         n_objects=len(np.unique(drive.annotations.object)),
         n_estimates=len(estimates),
         length_m=length_m,
-        delay_ms=delay,
-        fix_quality=_fix_quality(drive),
+        delay_ms=row["delay_ms"],
+        fix_quality=row["fix_quality"],
         warnings=warnings,
         skipped=_skipped(drive, trajectory, sighted, n_outliers),
     )
+
+
+def _drive_row(drive: Drive, trajectory: Trajectory) -> dict[str, Any]:
+    """What the store keeps of the drive itself."""
+    return {
+        "drive_id": drive.drive_id,
+        "name": drive.name,
+        "started_ns": int(trajectory.span_ns[0]),
+        "ended_ns": int(trajectory.span_ns[1]),
+        "datum": drive.datum,
+        "annotations_complete": drive.annotations_complete,
+        "n_frames": sum(int((s != NO_STAMP).sum()) for s in drive.frame_epoch_ns.values()),
+        "n_annotations": len(drive.annotations.frame),
+        "delay_ms": _delay_ms(drive, trajectory),
+        "rig": zlib.compress(drive.rig_document.encode()),
+        "poses": blob_from_poses(_view_poses(drive, trajectory)),
+        "cameras": sorted({str(c) for c in drive.annotations.camera} or drive.frame_epoch_ns),
+        "skipped": [asdict(s) for s in drive.skipped],
+        "software": f"nvdb-twin {__version__}",
+        "content_sha256": drive.content_sha256,
+        "fix_quality": _fix_quality(drive),
+    }
 
 
 def _estimates(drive: Drive, sighted: SightedObjects, method: str) -> tuple[list[dict[str, Any]], int]:
@@ -221,9 +216,7 @@ def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
     One whose every ray ends beyond flat ground's reach, or above the horizon, stands far away; a box, or a
     foot that was rejected for any other reason, may be any sign that the car passed.
     """
-    far = np.char.startswith(sighted.located.rejected, FAR_REASONS[0])
-    for reason in FAR_REASONS[1:]:
-        far |= np.char.startswith(sighted.located.rejected, reason)
+    far = stands_far_away(sighted.located.rejected)
     near = set(drive.annotations.object[drive.annotations.kind == "box"].tolist())
     near |= set(drive.annotations.object[sighted.index[~far]].tolist())
     return len(near - placed)
