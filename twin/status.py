@@ -18,8 +18,8 @@ def status(store: Store) -> dict[str, Any]:
     -------
     dict
         ``mirror`` (area, source, position in the change feed, synced_at, age_hours) or None, ``unfinished``
-        (a backfill that was interrupted) or None, ``drives``, ``estimates`` by method,
-        ``verdicts`` and ``last_match`` (or None).
+        (a backfill that was interrupted) or None, ``vegnett`` (the road network) or None, ``drives``,
+        ``estimates`` by method, ``verdicts`` and ``last_match`` (or None).
     """
     change = schema.change.c
     verdicts = store.rows(
@@ -45,6 +45,7 @@ def status(store: Store) -> dict[str, Any]:
         "store": str(store.path),
         "mirror": _mirror(store),
         "unfinished": store.fact("mirror_backfill"),
+        "vegnett": store.fact("vegnett"),
         "skiltpunkt": store.count(schema.skiltpunkt),
         "skiltplate": store.count(schema.skiltplate),
         "drives": drives,

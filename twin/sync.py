@@ -113,6 +113,7 @@ def sync_nvdb(
     replace: bool = False,
     fresh: bool = False,
     confirm_deletions: bool = False,
+    vegnett: bool = False,
     progress: Callable[[str, int, int | None], None] | None = None,
 ) -> SyncResult:
     """Bring the store's mirror up to date. Readers see the old mirror until the new one is whole.
@@ -133,6 +134,8 @@ def sync_nvdb(
         Fetch everything although the changes would do.
     confirm_deletions : bool
         Whether more than 5 % of the mirror may be deleted.
+    vegnett : bool
+        Whether the area's road network is fetched too (:mod:`twin.vegnett`).
     progress : callable, optional
         Called with what is being fetched, how many have come and how many are expected (or None).
 
@@ -149,7 +152,14 @@ def sync_nvdb(
     with exclusive(lock, f"sync of {store.path.name}"):
         _check_area(store, area, replace)
         with NvdbClient(api_url=api_url, contact=contact) as client:
-            return _sync(client, source, store, area, fresh, confirm_deletions, progress)
+            result = _sync(client, source, store, area, fresh, confirm_deletions, progress)
+            if vegnett:
+                from twin.vegnett import sync_vegnett
+
+                sync_vegnett(
+                    store, area, client=client, confirm_deletions=confirm_deletions, progress=progress
+                )
+            return result
 
 
 def dry_run(

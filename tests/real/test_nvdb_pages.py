@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from nvdb import datakatalog
 from nvdb.area import Area
 from nvdb.client import NvdbClient
 from nvdb.geometri import Position, point_from_wkt, position_from_wkt
-from nvdb.mirror import SyncReport, sync
+from nvdb.les_v4 import LesV4Source
 from nvdb.replay import ReplayServer
 from nvdb.skilt import Skiltplate, Skiltpunkt, skilt_from_les_v4
 from nvdb.vegobjekt import vegobjekt_from_les_v4
@@ -194,54 +193,30 @@ def test_real_objects_of_other_types_are_read(number: int, is_point: bool) -> No
     assert found.problems == (() if is_point else ("geometri is a MULTILINESTRING, not a point",))
 
 
-class _Store:
-    """Keeps what a sync hands over."""
-
-    def __init__(self) -> None:
-        self.objects: list[Skiltpunkt | Skiltplate] = []
-
-    def begin(self, area: Area, source: str) -> None:
-        """Nothing to prepare."""
-
-    def cursor(self, type_id: int) -> str | None:
-        """Start at the beginning."""
-        return None
-
-    def save_page(self, type_id: int, objects: Sequence[Skiltpunkt | Skiltplate], cursor: str | None) -> None:
-        """Keep a page."""
-        self.objects.extend(objects)
-
-    def finish(self, report: SyncReport) -> None:
-        """Nothing to close."""
-
-    def abort(self) -> None:
-        """A sync in these tests does not fail."""
-        raise AssertionError
-
-
 @pytest.mark.parametrize("page_size", [7, 1000])
 @pytest.mark.parametrize(("kommune", "name"), [(1151, UTSIRA), (301, OSLO)])
 def test_real_pages_replayed_and_synced_are_the_same_objects(kommune: int, name: str, page_size: int) -> None:
-    """The folder of pages, served and pulled through the sync, gives each kommune's plates unchanged."""
-    store = _Store()
+    """The folder of pages, served and pulled through the source, gives each kommune's plates unchanged."""
+    area = Area(kommuner=(kommune,))
     with ReplayServer(PAGES) as server, NvdbClient(server.url) as client:
         assert server.counts == {95: 0, 96: 62}
-        report = sync(client, store, Area(kommuner=(kommune,)), page_size=page_size)
-    assert store.objects == _plates(name)
-    assert [item.raw for item in store.objects] == _raw(name)
-    assert [(kind.type_id, kind.expected, kind.saved) for kind in report.types] == [
-        (95, 0, 0),
-        (96, len(store.objects), len(store.objects)),
-    ]
-    assert report.types[1].problems == ()
+        source = LesV4Source(client, page_size=page_size)
+        pages = list(source.pages(96, area))
+        expected = source.count(96, area)
+        assert list(source.pages(95, area)) == []
+    objects = [skilt for page in pages for skilt in page.objects]
+    assert objects == _plates(name)
+    assert [item.raw for item in objects] == _raw(name)
+    assert expected == len(objects) == sum(page.received for page in pages)
+    assert [page.problems for page in pages if page.problems] == []
 
 
 def test_real_pages_are_found_by_a_box_around_the_island() -> None:
     """A box in UTM33 around Utsira gives its 32 plates, and none of Oslo's."""
-    store = _Store()
+    area = Area(bbox=(-76_000.0, 6_616_000.0, -73_000.0, 6_619_000.0))
     with ReplayServer(PAGES) as server, NvdbClient(server.url) as client:
-        sync(client, store, Area(bbox=(-76_000.0, 6_616_000.0, -73_000.0, 6_619_000.0)), types=(96,))
-    assert store.objects == _plates(UTSIRA)
+        pages = list(LesV4Source(client).pages(96, area))
+    assert [skilt for page in pages for skilt in page.objects] == _plates(UTSIRA)
 
 
 def test_real_wkt_spellings_are_the_ones_that_were_looked_for() -> None:

@@ -91,6 +91,9 @@ def sync_nvdb(
     confirm_deletions: Annotated[
         bool, typer.Option("--confirm-deletions", help="Allow more than 5 % of the mirror to be deleted.")
     ] = False,
+    vegnett: Annotated[
+        bool, typer.Option("--vegnett", help="Also fetch the road network, for stedfesting and facing.")
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say what would be asked, and how many objects there are.")
     ] = False,
@@ -109,7 +112,7 @@ def sync_nvdb(
         commands.sync_dry_run(area, source.value, api_url, contact, json_output)
         return
     commands.sync_nvdb(
-        area, source.value, api_url, contact, replace, fresh, confirm_deletions, store, json_output
+        area, source.value, api_url, contact, replace, fresh, confirm_deletions, vegnett, store, json_output
     )
 
 

@@ -51,6 +51,7 @@ def sync_nvdb(
     replace: bool,
     fresh: bool,
     confirm_deletions: bool,
+    vegnett: bool,
     store: Path,
     json_output: bool,
 ) -> None:
@@ -71,6 +72,7 @@ def sync_nvdb(
             replace=replace,
             fresh=fresh,
             confirm_deletions=confirm_deletions,
+            vegnett=vegnett,
             progress=progress,
         )
     if json_output:
@@ -272,6 +274,7 @@ def status(store: Path, json_output: bool) -> None:
             "unfinished backfill": (found["unfinished"] or {}).get("area"),
             "Skiltpunkt": found["skiltpunkt"],
             "Skiltplate": found["skiltplate"],
+            "road network": f"{found['vegnett']['count']:,} links" if found["vegnett"] else None,
             "drives": len(found["drives"]),
             "estimates": ", ".join(f"{n} {m}" for m, n in found["estimates"].items()) or None,
             "last match": (found["last_match"] or {}).get("at"),
