@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint check real sample bench clean
+.PHONY: demo test lint check real sample bench bench-mirror soak clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -33,6 +33,12 @@ sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 
 bench: $(VENV)/.installed         ## errors of both methods on simulated drives
 	$(BIN)/python benchmarks/accuracy.py
+
+bench-mirror: $(VENV)/.installed  ## the mirror against a bare loop over the same pages, as ratios
+	$(BIN)/python benchmarks/mirror.py
+
+soak: $(VENV)/.installed          ## a hundred syncs killed at random instants
+	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/test_mirror_kill.py
 
 clean:
 	rm -rf $(VENV) demo-out build dist .coverage
