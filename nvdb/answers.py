@@ -6,10 +6,12 @@ So a body is read by what it is, and its declared content type only helps to wor
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Any
@@ -18,6 +20,9 @@ from urllib.parse import urlsplit
 from nvdb.errors import HttpStatusError, NotJsonError, RateLimitedError, TruncatedBodyError
 
 _MAX_DETAIL_CHARS = 200
+_LIST_FIRST = re.compile(r'\s*\{\s*"(objekter|vegobjekter)"\s*:\s*\[\s*(?=\{)')
+"""How a page of objects begins."""
+_SEPARATOR = re.compile(r"\s*([,\]])\s*")
 _CURES = {
     400: "check the parameters and that X-Client is set",
     401: "this object type needs a login, leave it out",
@@ -28,6 +33,19 @@ _CURES = {
 }
 
 
+class JsonObject(dict[str, Any]):
+    """A member of a page's list of objects: a dict that also knows the very text it was read from.
+
+    Attributes
+    ----------
+    text : str
+        As sent, so that an object can be kept to the last character, and without writing it anew.
+    """
+
+    __slots__ = ("text",)
+    text: str
+
+
 def place(url: str) -> str:
     """Host and path of a URL, without query and without credentials: what a message may show."""
     parts = urlsplit(url)
@@ -36,7 +54,7 @@ def place(url: str) -> str:
 
 
 def json_from_body(body: bytes, where: str, content_type: str) -> dict[str, Any] | list[Any]:
-    """Parse a whole body as strict JSON.
+    """Parse a whole body as strict JSON. The objects of a page are :class:`JsonObject`.
 
     Raises
     ------
@@ -49,15 +67,58 @@ def json_from_body(body: bytes, where: str, content_type: str) -> dict[str, Any]
         msg = f"{where} answered with an empty body: try again later."
         raise TruncatedBodyError(msg)
     try:
-        document = json.loads(
-            body.decode("utf-8-sig"), parse_constant=_refuse_constant, parse_float=_finite_float
-        )
+        text = body.decode("utf-8-sig")
+        with _no_cycle_search():
+            document = _page_of_objects(text)
+        if document is None:
+            document = _DECODER.decode(text)
     except (ValueError, RecursionError) as error:
         raise _unparsable(body, where, content_type, error) from error
     if not isinstance(document, dict | list):
         msg = f"{where} answered with a bare JSON value instead of a document: check the API URL."
         raise NotJsonError(msg)
     return document
+
+
+@contextmanager
+def _no_cycle_search() -> Iterator[None]:
+    """Parsed JSON has no cycles: to look for them in a growing page takes as long as to parse it."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _page_of_objects(text: str) -> dict[str, Any] | None:
+    """Parse a page that begins with its list of objects; None for every other text, also one with a fault."""
+    begin = _LIST_FIRST.match(text)
+    if begin is None:
+        return None
+    objects: list[Any] = []
+    at = begin.end()
+    try:
+        while True:
+            value, end = _DECODER.raw_decode(text, at)
+            if type(value) is dict:
+                value = JsonObject(value)
+                value.text = text[at:end]
+            objects.append(value)
+            after = _SEPARATOR.match(text, end)
+            if after is None:
+                return None
+            at = after.end()
+            if after[1] == "]":
+                break
+        rest = _DECODER.decode("{" + text[at + 1 :]) if text[at : at + 1] == "," else None
+    except (ValueError, RecursionError):
+        return None  # the plain way meets the same fault, and says where in the text it is
+    if not rest:
+        return None
+    name = begin[1]
+    return rest if name in rest else {name: objects, **rest}
 
 
 def _unparsable(
@@ -88,6 +149,9 @@ def _finite_float(text: str) -> float:
         msg = f"{text[:20]} is beyond float64"
         raise ValueError(msg)
     return value
+
+
+_DECODER = json.JSONDecoder(parse_constant=_refuse_constant, parse_float=_finite_float)
 
 
 def status_error(status: int, headers: Mapping[str, str], body: bytes, where: str) -> HttpStatusError:

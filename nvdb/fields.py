@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
 from nvdb.errors import SchemaError
+
+INT64: Final = range(-(2**63), 2**63)
+"""Whole numbers that a database can keep."""
 
 
 class Fields:
@@ -47,7 +50,7 @@ class Fields:
         value = self.raw.get(name)
         if value is None:
             return None
-        if isinstance(value, int) and not isinstance(value, bool):
+        if isinstance(value, int) and not isinstance(value, bool) and value in INT64:
             return value
         raise self.error(name, f"is {value!r:.40} instead of a whole number")
 
@@ -63,7 +66,9 @@ class Fields:
         value = self.raw.get(name)
         if value is None:
             return None
-        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        if isinstance(value, float) and math.isfinite(value):
+            return value
+        if isinstance(value, int) and not isinstance(value, bool) and value in INT64:
             return float(value)
         raise self.error(name, f"is {value!r:.40} instead of a number")
 

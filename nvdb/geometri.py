@@ -26,6 +26,9 @@ HEIGHT_RANGE_M: Final = (-1000.0, 3000.0)
 """Below the deepest subsea tunnel (about -400 m) and above the highest road."""
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_PLAIN = r"(-?[0-9]{1,9}(?:\.[0-9]+)?)"
+_USUAL_POINT = re.compile(rf"POINT Z ?\({_PLAIN} {_PLAIN} {_PLAIN}\)")
+"""What nearly every answer has; `_POINT` reads all that is allowed."""
 _POINT = re.compile(rf"\s*POINT\s*(ZM|Z|M)?\s*\(\s*({_NUMBER}(?:\s+{_NUMBER}){{1,3}})\s*\)\s*", re.IGNORECASE)
 
 _EPSG_OF_SRID: Final = {
@@ -58,6 +61,10 @@ def point_from_wkt(wkt: str) -> tuple[float, float, float | None]:
     ValueError
         Anything but one finite point; the message is a clause that fits after "the geometry".
     """
+    usual = _USUAL_POINT.fullmatch(wkt)
+    if usual is not None:
+        x, y, z = map(float, usual.groups())
+        return x, y, z if z != UNKNOWN_HEIGHT else None
     match = _POINT.fullmatch(wkt)
     if match is None:
         raise ValueError(_why_no_point(wkt))
@@ -106,12 +113,13 @@ def position_from_wkt(wkt: str, srid: str | int | None) -> tuple[Position, tuple
     ValueError
         No point, an unknown srid, or a point that is not in Norway; the message is a clause.
     """
-    epsg = _EPSG_OF_SRID.get(str(srid).upper().removeprefix("EPSG:"))
+    name = str(srid)
+    epsg = _EPSG_OF_SRID.get(name) or _EPSG_OF_SRID.get(name.upper().removeprefix("EPSG:"))
     if epsg is None:
         msg = f"has the unknown srid {srid}" if srid is not None else "has no srid"
         raise ValueError(msg)
     x, y, height = point_from_wkt(wkt)
-    east, north = _utm33(epsg)(x, y)
+    east, north = (x, y) if epsg == 25833 else _utm33(epsg)(x, y)
     if not in_norway(east, north):
         swapped = in_norway(*_utm33(epsg)(y, x))
         msg = f"lies outside Norway ({wkt.strip()[:60]}{'; its axes look swapped' if swapped else ''})"

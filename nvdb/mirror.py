@@ -302,16 +302,17 @@ def _check_whole(source: Source, store: MirrorStore, area: Area, following: Foll
         if differs:  # perhaps only by what changed meanwhile
             notes.expected[type_id] = source.count(type_id, area)
     for type_id, lacking in _lacking(store, following, notes).items():
-        expected, name, kept = notes.expected[type_id] or 0, _NAME[type_id], store.count_aside(type_id)
-        if kept < MIN_RECEIVED_SHARE * expected:
+        expected, name = notes.expected[type_id] or 0, _NAME[type_id]
+        sent = expected - lacking
+        if sent < MIN_RECEIVED_SHARE * expected:
             msg = (
-                f"{source.url} counts {expected:,} {name} and sent {kept:,} that can be read: the mirror "
-                "stays as it was; run the sync again, and report it to NVDB if that does not help."
+                f"{source.url} counts {expected:,} {name} and sent {sent:,}: the mirror stays as it was; run "
+                "the sync again, and report it to NVDB if that does not help."
             )
             raise ShortBackfillError(msg)
         if lacking:
             notes.note(
-                f"The API counts {expected:,} {name} and sent {expected - lacking:,}: if they should agree, "
+                f"The API counts {expected:,} {name} and sent {sent:,}: if they should agree, "
                 "fetch everything anew."
             )
 

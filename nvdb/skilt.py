@@ -8,6 +8,7 @@ from typing import Any
 
 from nvdb import datakatalog
 from nvdb.errors import SchemaError
+from nvdb.fields import INT64
 from nvdb.geometri import Position
 from nvdb.vegobjekt import (
     Egenskap,
@@ -174,7 +175,7 @@ def _usual_skilt(parts: UsualParts, type_id: int) -> Skiltpunkt | Skiltplate | N
         type(nummer_text) is str
         and (side_text is None or type(side_text) is str)
         and (text is None or type(text) is str)
-        and (code is None or type(code) is int)
+        and (code is None or (type(code) is int and code in INT64))
         and len(points) <= 1
     )
     skiltnummer = _known_code(nummer_text) if usual else None
@@ -262,7 +263,8 @@ def _text(egenskap: Egenskap | None, problems: list[str]) -> str | None:
 def _integer(egenskap: Egenskap | None, problems: list[str]) -> int | None:
     if egenskap is None or egenskap.verdi is None:
         return None
-    if isinstance(egenskap.verdi, bool) or not isinstance(egenskap.verdi, int):
+    verdi = egenskap.verdi
+    if isinstance(verdi, bool) or not isinstance(verdi, int) or verdi not in INT64:
         problems.append(f"egenskap {egenskap.id} is {egenskap.verdi!r:.30} instead of a whole number")
         return None
-    return egenskap.verdi
+    return verdi

@@ -15,7 +15,7 @@ from datetime import date
 from typing import Any
 
 from nvdb import datakatalog
-from nvdb.fields import Fields
+from nvdb.fields import INT64, Fields
 from nvdb.geometri import Position, position_from_wkt
 
 RawObject = Mapping[str, Any]
@@ -307,7 +307,11 @@ def _relasjon(item: Fields) -> Relasjon:
     """Read a relation; its members are ids, or whole objects with ``relasjonstype`` ``vegobjekter``."""
     members: Sequence[Any] = item.items("vegobjekter")
     ids = [member.get("id") if isinstance(member, Mapping) else member for member in members]
-    known = tuple(member for member in ids if isinstance(member, int) and not isinstance(member, bool))
+    known = tuple(
+        member
+        for member in ids
+        if isinstance(member, int) and not isinstance(member, bool) and member in INT64
+    )
     if len(known) != len(ids):
         raise item.error("vegobjekter", "holds something that is not an id")
     return Relasjon(
