@@ -19,7 +19,7 @@ class Backfill:
     Attributes
     ----------
     source, area : str
-        ``Source.name`` and ``Area.text()``: another one cannot go on where this one stopped.
+        Name and address of the source, and ``Area.text()``: another one cannot go on where this one stopped.
     position : str
         The change feed's position before the first page.
     cursors : dict

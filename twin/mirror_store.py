@@ -181,7 +181,11 @@ class StoreMirror:
     def _publish_fact(
         self, connection: sa.Connection, following: Following, applied: Applied, now: str
     ) -> None:
-        self._store.put_fact(connection, _FACT, {**_document(following), "synced_at": now})
+        known = self._store.fact(_FACT) or {}
+        # From when on this area's states were observed; before it only their own dates speak.
+        since = known.get("since", now) if known.get("area") == following.area else now
+        fact = {**_document(following), "since": since, "synced_at": now}
+        self._store.put_fact(connection, _FACT, fact)
         if any((*applied.created.values(), *applied.changed.values(), *applied.deleted.values())):
             self._store.touch(connection)
 

@@ -312,6 +312,6 @@ def _create(engine: sa.Engine) -> None:
         raw.cursor().execute("PRAGMA journal_mode=WAL")
     finally:
         raw.close()
-    with engine.begin() as connection:
+    with engine.execution_options(writes=True).begin() as connection:
         schema.metadata.create_all(connection)
         connection.execute(sa.insert(schema.meta), [{"key": "schema_version", "value": str(schema.VERSION)}])
