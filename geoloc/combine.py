@@ -23,6 +23,8 @@ _MAX_ROUNDS = 10
 _FLOOR_M2 = 1e-8
 _NODES = 720
 _RATIOS = 1025
+# Rows that are worked on at a time: their temporaries stay in the processor's cache.
+_BLOCK = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +91,14 @@ def combine(located: Located, group: ArrayLike) -> Combined:
     weight = _inverse(covariance)
     inlier = _inliers(plane, covariance, weight, index, g)
     mean, inverse = _weighted_mean(plane, weight, index, g, inlier)
-    gain = inverse[index] @ (weight * inlier[:, None, None])
     lat, lon = geographic_from_enu(anchor[:, 0], anchor[:, 1], mean[:, 0], mean[:, 1])
-    trace = np.trace(weight, axis1=1, axis2=2) * inlier
+    trace = (weight[:, 0, 0] + weight[:, 1, 1]) * inlier
     used = np.zeros(label.size, dtype=bool)
     used[rows] = inlier
     nearest = np.full(g, np.inf)
-    np.minimum.at(nearest, index[inlier], located.range_m[rows][inlier])
+    starts = np.flatnonzero(np.diff(index[inlier], prepend=-1))
+    if starts.size:
+        nearest[index[inlier][starts]] = np.minimum.reduceat(located.range_m[rows[inlier]], starts)
     n_used = np.bincount(index[inlier], minlength=g)
     with np.errstate(invalid="ignore"):
         height = _sums(trace * located.height_m[rows], index, g) / _sums(trace, index, g)
@@ -104,7 +107,7 @@ def combine(located: Located, group: ArrayLike) -> Combined:
         latitude_deg=lat,
         longitude_deg=lon,
         height_m=height,
-        covariance_m2=_covariance(located, rows, gain, index, g),
+        covariance_m2=_covariance(located, rows[inlier], weight[inlier], index[inlier], inverse),
         n_used=n_used,
         n_rejected=np.bincount(index, minlength=g) - n_used,
         range_min_m=np.where(n_used > 0, nearest, np.nan),
@@ -199,12 +202,12 @@ def _weighted_mean(
     plane: FloatArray, weight: FloatArray, index: IntArray, g: int, inlier: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Mean of the inliers (g, 2), NaN for an empty group, and the inverse of their summed weights."""
-    masked = weight * inlier[:, None, None]
-    total = _sums(masked, index, g)
-    total[np.bincount(index[inlier], minlength=g) == 0] = np.nan
+    own, w, p = index[inlier], weight[inlier], plane[inlier]
+    total = _sums(w, own, g)
+    total[np.bincount(own, minlength=g) == 0] = np.nan
     inverse = _inverse(total)
-    mean = inverse @ _sums(masked @ plane[:, :, None], index, g)
-    return mean[:, :, 0], inverse
+    pull = np.stack([w[:, k, 0] * p[:, 0] + w[:, k, 1] * p[:, 1] for k in (0, 1)], axis=1)
+    return (inverse @ _sums(pull, own, g)[:, :, None])[:, :, 0], inverse
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -214,12 +217,33 @@ def _inverse(matrix: FloatArray) -> FloatArray:
     return np.asarray(adjugate / (a * d - b * b)[..., None, None])
 
 
-def _covariance(located: Located, rows: IntArray, gain: FloatArray, index: IntArray, g: int) -> FloatArray:
-    random = _sums(gain @ located.random_m2[rows] @ np.swapaxes(gain, 1, 2), index, g)
-    shared = _sums(gain @ located.systematic_m[rows], index, g)
-    covariance = random + shared @ np.swapaxes(shared, 1, 2)
-    covariance[np.bincount(index, minlength=g) == 0] = np.nan
-    return np.asarray(covariance)
+def _covariance(
+    located: Located, rows: IntArray, weight: FloatArray, index: IntArray, inverse: FloatArray
+) -> FloatArray:
+    """Covariance of the groups' means from the rows that take part: `inverse` is (Σ W)⁻¹, NaN if empty.
+
+    That factor is the same for a whole group, so that only ``W R W`` and ``W S`` are summed row by row.
+    """
+    g = inverse.shape[0]
+    random = np.zeros((g, 2, 2))
+    shared = np.zeros((g, 2, located.systematic_m.shape[2]))
+    for start in range(0, rows.size, _BLOCK):
+        part = slice(start, start + _BLOCK)
+        w, own = weight[part], index[part]
+        first = np.flatnonzero(np.diff(own, prepend=-1))
+        both = (
+            _times(w, _times(located.random_m2[rows[part]], w)),
+            _times(w, located.systematic_m[rows[part]]),
+        )
+        for total, values in zip((random, shared), both, strict=True):
+            total[own[first]] += np.add.reduceat(values, first, axis=0)
+    shared = inverse @ shared
+    return np.asarray(inverse @ random @ inverse + shared @ np.swapaxes(shared, 1, 2))
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    """``a @ b`` of many 2 x 2 and 2 x k matrices, as two products that NumPy does for all rows at once."""
+    return np.asarray(a[:, :, :1] * b[:, :1] + a[:, :, 1:] * b[:, 1:])
 
 
 def _inliers(
@@ -232,7 +256,10 @@ def _inliers(
     inlier = np.zeros(index.size, dtype=bool)
     for _ in range(_MAX_ROUNDS):
         distance = nees(plane - centre[index], covariance)
-        previous, inlier = inlier, (distance <= _GATE) | _best_half(distance, index, g)
+        previous, inlier = inlier, distance <= _GATE
+        # Where nothing is beyond the gate the best half is in anyway.
+        torn = np.flatnonzero((np.bincount(index[~inlier], minlength=g) > 0)[index])
+        inlier[torn] |= _best_half(distance[torn], index[torn], g)
         if np.array_equal(previous, inlier):
             break
         centre, _ = _weighted_mean(plane, weight, index, g, inlier)

@@ -16,14 +16,17 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 MAX_SPEED_MPS = 70.0
+"""Faster than this between two fixes, one of them is wrong."""
 _SLACK_M = 0.5
 """Noise of a position: between epochs nanoseconds apart, as some loggers write them, it is no speed."""
-"""Faster than this between two fixes, one of them is wrong."""
 
 SIGMA_BY_QUALITY_M = {4: 0.015, 5: 0.3, 2: 0.6, 1: 2.0, 6: 2.0}
 """Horizontal sigma by GGA fix quality: RTK fixed (CPOS states 8 to 14 mm), float, DGNSS, single, dead
 reckoning."""
 _SIGMA_OTHERWISE_M = 5.0
+_FIXED = 4
+VERTICAL_FACTOR = 1.7
+"""Vertical sigma of a fix over its horizontal one."""
 
 
 class _Positions(Protocol):
@@ -45,6 +48,21 @@ def sigma_of_quality(quality: IntArray) -> FloatArray:
     for code, value in SIGMA_BY_QUALITY_M.items():
         sigma[quality == code] = value
     return sigma
+
+
+def noise_of_quality(quality: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sigma of fixes, and what of it two antennas of one car do *not* share, by GGA fix quality.
+
+    Returns
+    -------
+    sigma_m, white_m, slow_m : float64 (n,)
+        One sigma a horizontal axis: in all, new at every fix, and lasting for seconds. A fixed solution is
+        6 mm of carrier-phase noise and 5 mm of multipath; the rest of its 15 mm is atmosphere and base
+        station, the same for both antennas. Other solutions err by ambiguities and code, each its own.
+    """
+    sigma = sigma_of_quality(quality)
+    fixed = quality == _FIXED
+    return sigma, 0.4 * sigma, np.where(fixed, 0.33, 0.9) * sigma
 
 
 def check_positions(positions: _Positions, what: str) -> None:

@@ -1,35 +1,31 @@
-"""From the tracks of antennas to poses of the rig's origin on the ground."""
+"""From the fixes of antennas to poses of the rig's origin on the ground."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.errors import TrajectoryError
-from geoloc.fixes import sigma_of_quality
-from geoloc.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig
+from geoloc.fixes import VERTICAL_FACTOR, sigma_of_quality
+from geoloc.geodesy import enu_offset, rotation_enu_from_rig
 from geoloc.heading import (
+    LIMIT_DEG,
     MIN_BASELINE_M,
     MOVING_MPS,
-    VERTICAL_FACTOR,
-    AntennaTrack,
-    antenna_track,
-    fused_heading,
+    course_over_ground,
+    first_yaw,
     heading_from_baseline,
-    heading_from_course,
-    held,
     length_tolerance_m,
-    pitch_from_climb,
-    resampled,
-    smoothed_heading,
-    tilt_with_baseline,
+    moving,
 )
-from geoloc.interpolation import metres_per_degree, seconds, tangents, wrap_deg
+from geoloc.interpolation import bracket, hermite, linear, seconds, tangents, wrap_deg
 from geoloc.poses import GnssFixes, Poses
+from geoloc.smoother import AXLE_KNOWN_M, SLIP_RAD_PER_MPS2, PlaneTrack, antenna_modes, smoothed_plane
+from geoloc.smoother_fixes import KnotFixes, knot_fixes
+from geoloc.smoother_tilt import TiltTrack, smoothed_tilt
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -37,12 +33,27 @@ IntArray = NDArray[np.int64]
 STANDING = "standing still with one antenna: no heading"
 STANDING_PAIR = "standing still without a usable pair of antennas: no heading"
 DROWNED = "no heading: the course is lost in the noise of the fixes"
+
+LEVER_SIGMA_M = 0.02
+"""A tape measure on a car body: an antenna against the others, an axis."""
+# Found from the drive itself: only a start.
+_FOUND_LEVER_SIGMA_M = 0.3
+# Where antennas of unknown place sit ahead of the rear axle: in the middle of a roof.
+_ROOF_M = (0.7, 0.5)
+# Rear wheels do not point exactly along the car, and a body turns a little on its springs.
+_HEADING_FLOOR_DEG = 0.05
+# Between a car's body and the road that it stands on: springs, and what lies below one wheel.
+_PITCH_FLOOR_DEG = 0.15
+_ROLL_FLOOR_DEG = 0.3
 _ROLL_SIGMA_DEG = 1.0
 # Of a car that never moved: roads climb by about 4 %.
 _PITCH_SIGMA_DEG = 2.5
 # Fixes good enough to tell wrong lever arms from bad reception.
 _CHECK_SIGMA_M = 0.05
 _MIN_COURSE_STEP_M = 0.1
+_FAST_MPS = 3.0
+# Lever arms lean with a tilt that is only known after the first pass.
+_ITERATIONS = (8, 4)
 
 
 class _Angle(NamedTuple):
@@ -59,15 +70,17 @@ class _Pair(NamedTuple):
 
 
 def rig_poses(
-    knot_ns: IntArray, names: Sequence[str], tracks: Sequence[AntennaTrack], levers: Sequence[FloatArray]
+    fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], knot_ns: IntArray, max_gap_s: float
 ) -> Poses:
     """Attitude and position of the rig's origin at each knot.
 
     Parameters
     ----------
+    fixes, levers : sequences of equal length
+        Fixes of each antenna, and lever arms (3,) in the rig frame.
     knot_ns : int64 (n,)
-    names, tracks, levers : sequences of equal length
-        Antennas, their tracks *at the knots*, and lever arms (3,) in the rig frame.
+    max_gap_s : float
+        Nothing but a heading of a car that stood is carried over longer gaps.
 
     Returns
     -------
@@ -79,37 +92,32 @@ def rig_poses(
     TrajectoryError
         If the antennas stand elsewhere than the lever arms say, or swapped.
     """
-    t_s = seconds(knot_ns)
-    pair = _longest_baseline(levers)
-    lat, lon, _, _ = _mean_antenna(tracks)
-    east, north = metres_per_degree(lat)
-    place = ((lon - lon[0]) * east, (lat - lat[0]) * north)
-    heading = _heading(t_s, names, tracks, levers, pair)
-    heading = _Angle(*held(t_s, *place, *heading))
-    pitch, roll = _tilt(t_s, place, tracks, pair)
-    origins = _origins(tracks, levers, heading, pitch, roll)
-    known = np.isfinite(heading.deg) & np.isfinite(origins[0])
-
-    def masked(value: FloatArray) -> FloatArray:
-        return np.where(known, value, np.nan)
-
-    lat, lon, height, sigma_h, sigma_v = (masked(value) for value in origins)
-    return Poses(
-        epoch_ns=knot_ns,
-        latitude_deg=lat,
-        longitude_deg=lon,
-        height_m=height,
-        roll_deg=masked(roll.deg),
-        pitch_deg=masked(pitch.deg),
-        heading_deg=masked(heading.deg),
-        speed_mps=masked(_speed(t_s, origins, known)),
-        sigma_horizontal_m=sigma_h,
-        sigma_vertical_m=sigma_v,
-        sigma_roll_pitch_deg=masked(np.maximum(pitch.sigma, roll.sigma)),
-        sigma_heading_deg=masked(heading.sigma),
-        valid=known,
-        reason=np.where(known, "", _reasons(tracks, pair)),
-    )
+    knots = knot_fixes(fixes, knot_ns, max_gap_s)
+    alone = [_of_one_antenna(knots, i) for i in range(len(fixes))]
+    arms, arm_sigma, axle_m = np.stack(levers), LEVER_SIGMA_M, AXLE_KNOWN_M
+    if len(fixes) > 1 and not arms.any():
+        arms, arm_sigma, axle_m = _found_levers(alone), _FOUND_LEVER_SIGMA_M, _ROOF_M
+    pair = _longest_baseline(arms)
+    line = np.full(knot_ns.size, np.nan)
+    if pair is not None:
+        who = f"{fixes[pair.first].antenna} and {fixes[pair.second].antenna}"
+        line = _checked_baseline(knots, alone, pair, who)
+    track = _start(knots, alone, arms, line)
+    drift = np.min([one.velocity_sigma_mps for one in alone], axis=0)
+    tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps)
+    for iterations in _ITERATIONS:
+        tilted = rotation_enu_from_rig(90.0, tilt.pitch_deg, tilt.roll_deg) @ arms.T
+        track = smoothed_plane(
+            knots,
+            tilted[:, :2].swapaxes(1, 2),
+            arm_sigma,
+            track,
+            drift_mps=drift,
+            axle_m=axle_m,
+            iterations=iterations,
+        )
+        tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps)
+    return _poses(knot_ns, knots, arms, track, tilt, STANDING if pair is None else STANDING_PAIR)
 
 
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:
@@ -120,43 +128,168 @@ def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_
     """
     first = fixes[0]
     sigma = sigma_of_quality(first.quality)
-    track = antenna_track(first.epoch_ns, first.latitude_deg, first.longitude_deg, first.height_m, sigma)
     heading, speed = _neighbour_course(first, sigma)
-    pair = _longest_baseline(levers)
+    pair = _longest_baseline(np.stack(levers))
     if pair is not None:
-        ends = []
-        for one in (fixes[pair.first], fixes[pair.second]):
-            own = antenna_track(
-                one.epoch_ns, one.latitude_deg, one.longitude_deg, one.height_m, sigma_of_quality(one.quality)
-            )
-            ends.append(resampled(own, one.epoch_ns, first.epoch_ns, max_gap_s))
-        line, line_sigma, _ = heading_from_baseline(ends[0], ends[1], pair.baseline_m)
+        ends = [_positions_at(fixes[i], first.epoch_ns, max_gap_s) for i in (pair.first, pair.second)]
+        east, north = enu_offset(*ends[0][:2], *ends[1][:2])
+        line, line_sigma = heading_from_baseline(
+            east, north, np.hypot(ends[0][2], ends[1][2]), pair.baseline_m
+        )
         seen = np.isfinite(line)
         heading = _Angle(np.where(seen, line, heading.deg), np.where(seen, line_sigma, heading.sigma))
     known = np.isfinite(heading.deg)
     level = np.zeros_like(sigma)
     return Poses(
         epoch_ns=first.epoch_ns,
-        latitude_deg=track.latitude_deg,
-        longitude_deg=track.longitude_deg,
-        height_m=track.height_m,
+        latitude_deg=first.latitude_deg,
+        longitude_deg=first.longitude_deg,
+        height_m=first.height_m,
         roll_deg=level,
         pitch_deg=level,
         heading_deg=heading.deg,
         speed_mps=speed,
         sigma_horizontal_m=sigma,
         sigma_vertical_m=VERTICAL_FACTOR * sigma,
-        sigma_roll_pitch_deg=np.full_like(sigma, _PITCH_SIGMA_DEG),
+        sigma_roll_deg=np.full_like(sigma, _ROLL_SIGMA_DEG),
+        sigma_pitch_deg=np.full_like(sigma, _PITCH_SIGMA_DEG),
         sigma_heading_deg=heading.sigma,
         valid=known,
         reason=np.where(known, "", STANDING),
     )
 
 
-def _reasons(tracks: Sequence[AntennaTrack], pair: _Pair | None) -> NDArray[np.str_]:
-    """Why there is no heading, knot by knot, where there is none."""
-    speed = np.max(np.stack([np.nan_to_num(track.speed_mps) for track in tracks]), axis=0)
-    return np.where(speed > MOVING_MPS, DROWNED, STANDING if pair is None else STANDING_PAIR)
+def _of_one_antenna(knots: KnotFixes, antenna: int) -> PlaneTrack:
+    """Smooth one antenna as a point that has no heading."""
+    own = knots.only(antenna)
+    state = np.zeros((knots.t_s.size, 6))
+    state[:, :2] = knots.path_m
+    begin = PlaneTrack(
+        state,
+        np.zeros(0),
+        np.array([SLIP_RAD_PER_MPS2[0], 0.0]),
+        np.zeros(0),
+        own.seen.astype(np.float64),
+    )
+    return smoothed_plane(own, np.zeros((knots.t_s.size, 1, 2)), 0.0, begin, iterations=6)
+
+
+def _between(alone: Sequence[PlaneTrack], first: int, second: int) -> tuple[FloatArray, FloatArray]:
+    """From one antenna to another, east and north ``(n, 2)``, and one sigma of that."""
+    noise = np.hypot(alone[first].position_sigma_m, alone[second].position_sigma_m)
+    return alone[second].position_m - alone[first].position_m, noise
+
+
+def _found_levers(alone: Sequence[PlaneTrack]) -> FloatArray:
+    """Lever arms ``(m, 3)`` about the antennas' mean, from how they lie to the course; 0 if nobody drove."""
+    best = _surest(alone)
+    course = np.arctan2(best.velocity_mps[:, 1], best.velocity_mps[:, 0])
+    away = np.stack([_between(alone, 0, i)[0] for i in range(len(alone))], axis=1)
+    noise = np.max([_between(alone, 0, i)[1] for i in range(1, len(alone))], axis=0)
+    fast = moving(best.velocity_mps, best.velocity_sigma_mps) & (noise < _CHECK_SIGMA_M)
+    fast &= np.hypot(*best.velocity_mps.T) > _FAST_MPS
+    arms = np.zeros((len(alone), 3))
+    if fast.any():
+        turn = course[fast, None]
+        ahead = away[fast, :, 0] * np.cos(turn) + away[fast, :, 1] * np.sin(turn)
+        left = away[fast, :, 1] * np.cos(turn) - away[fast, :, 0] * np.sin(turn)
+        arms[:, 0], arms[:, 1] = np.median(ahead, axis=0), np.median(left, axis=0)
+    return np.asarray(arms - arms.mean(axis=0))
+
+
+def _surest(alone: Sequence[PlaneTrack]) -> PlaneTrack:
+    """At each knot the antenna whose velocity is known best."""
+    best = np.argmin([one.velocity_sigma_mps for one in alone], axis=0)
+    rows = np.arange(best.size)
+    state, covariance = (
+        np.stack([getattr(one, name) for one in alone])[best, rows] for name in ("state", "covariance")
+    )
+    return PlaneTrack(state, covariance, alone[0].constants, alone[0].constants_covariance, alone[0].weight)
+
+
+def _checked_baseline(knots: KnotFixes, alone: Sequence[PlaneTrack], pair: _Pair, who: str) -> FloatArray:
+    """Heading of the car by its baseline, knot by knot, NaN where unknown."""
+    line, noise = _between(alone, pair.first, pair.second)
+    ends = [pair.first, pair.second]
+    good = knots.seen[:, ends].all(axis=1) & (np.hypot(*knots.sigma_m[:, ends].T) < _CHECK_SIGMA_M)
+    mounted = float(np.hypot(pair.baseline_m[0], pair.baseline_m[1]))
+    if good.any():
+        measured = float(np.median(np.hypot(*line[good].T)))
+        if abs(measured - mounted) > length_tolerance_m(mounted):
+            raise TrajectoryError(
+                f"Antennas {who} are {measured:.2f} m apart in the recording but {mounted:.2f} m by their "
+                "lever arms: correct the lever arms."
+            )
+    heading, _ = heading_from_baseline(line[:, 0], line[:, 1], noise, pair.baseline_m)
+    _check_direction(knots, heading, alone[pair.first], who)
+    return heading
+
+
+def _check_direction(knots: KnotFixes, line_deg: FloatArray, track: PlaneTrack, who: str) -> None:
+    both = np.isfinite(line_deg) & moving(track.velocity_mps, track.velocity_sigma_mps)
+    metres = np.where(both, np.hypot(*track.velocity_mps.T) * knots.share_s, 0.0)
+    off = np.abs(wrap_deg(course_over_ground(track.velocity_mps) - np.where(both, line_deg, 0.0)))
+    backwards, driven = float(metres[off > 90.0].sum()), float(metres.sum())
+    sideways = float(metres[(off > 30.0) & (off < 150.0)].sum())
+    if driven > 50.0 and max(backwards, sideways) > 0.5 * driven:
+        raise TrajectoryError(
+            f"Antennas {who} show the car driving {'backwards' if backwards > sideways else 'sideways'} for "
+            f"most of the drive: their lever arms or their recordings are swapped."
+        )
+
+
+def _start(
+    knots: KnotFixes, alone: Sequence[PlaneTrack], arms_m: FloatArray, line_deg: FloatArray
+) -> PlaneTrack:
+    """Where to start smoothing: antennas on their own, lever arms taken off with a first heading."""
+    n, m = knots.seen.shape
+    best = _surest(alone)
+    yaw = first_yaw(knots.t_s, best.position_m, best.velocity_mps, best.velocity_sigma_mps, line_deg)
+    turn = rotation_enu_from_rig(90.0 - np.degrees(yaw), 0.0, 0.0)[:, :2]
+    near = np.stack([one.position_m - turn @ arm for one, arm in zip(alone, arms_m, strict=True)], axis=1)
+    trust = np.stack([one.position_sigma_m**-2.0 for one in alone], axis=1)[:, :, None]
+    state = np.zeros((n, 8 + 2 * m))
+    state[:, :2] = (trust * near).sum(axis=1) / trust.sum(axis=1)
+    state[:, 2:6] = best.state[:, 2:]
+    state[:, 6] = yaw
+    state[:, 7] = np.clip(tangents(knots.t_s, yaw), -1.0, 1.0)
+    constants = np.append(np.zeros(2 * len(antenna_modes(m))), [SLIP_RAD_PER_MPS2[0], 0.0])
+    weight = np.concatenate([one.weight for one in alone], axis=1)
+    return PlaneTrack(state, np.zeros(0), constants, np.zeros(0), weight)
+
+
+def _poses(
+    knot_ns: IntArray, knots: KnotFixes, arms_m: FloatArray, track: PlaneTrack, tilt: TiltTrack, still: str
+) -> Poses:
+    lat, lon = knots.geographic(track.position_m)
+    speed = np.hypot(track.velocity_mps[:, 0], track.velocity_mps[:, 1])
+    heading_sigma = np.hypot(np.degrees(track.yaw_sigma_rad), _HEADING_FLOOR_DEG)
+    known = heading_sigma < LIMIT_DEG
+    pitch_sigma = np.hypot(tilt.pitch_sigma_deg, _PITCH_FLOOR_DEG)
+    roll_sigma = np.hypot(tilt.roll_sigma_deg, _ROLL_FLOOR_DEG)
+    # What all antennas of a car share, atmosphere and base station, no smoothing removes.
+    fix_sigma = np.where(knots.seen, knots.sigma_m, np.inf).min(axis=1)
+    lean = abs(float(arms_m[:, 2].mean())) * np.radians(np.hypot(pitch_sigma, roll_sigma)) / np.sqrt(2.0)
+    columns = {
+        "latitude_deg": lat,
+        "longitude_deg": lon,
+        "height_m": tilt.height_m,
+        "roll_deg": tilt.roll_deg,
+        "pitch_deg": tilt.pitch_deg,
+        "heading_deg": (90.0 - np.degrees(track.yaw_rad)) % 360.0,
+        "speed_mps": speed,
+        "sigma_horizontal_m": np.hypot(np.maximum(fix_sigma, track.position_sigma_m), lean),
+        "sigma_vertical_m": np.maximum(VERTICAL_FACTOR * fix_sigma, tilt.height_sigma_m),
+        "sigma_roll_deg": roll_sigma,
+        "sigma_pitch_deg": pitch_sigma,
+        "sigma_heading_deg": heading_sigma,
+    }
+    return Poses(
+        epoch_ns=knot_ns,
+        **{name: np.where(known, value, np.nan) for name, value in columns.items()},
+        valid=known,
+        reason=np.where(known, "", np.where(speed > MOVING_MPS, DROWNED, still)),
+    )
 
 
 def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, FloatArray]:
@@ -177,156 +310,26 @@ def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, Floa
     return _Angle(np.where(there, course, np.nan), np.where(there, noise, np.nan)), speed
 
 
-def _longest_baseline(levers: Sequence[FloatArray]) -> _Pair | None:
+def _positions_at(
+    one: GnssFixes, at_ns: IntArray, max_gap_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Latitude, longitude and sigma of an antenna at other epochs; NaN outside its fixes and in its gaps."""
+    at = bracket(one.epoch_ns, at_ns)
+    known = at.inside() & ~at.in_gap(max_gap_s)
+    t_s = seconds(one.epoch_ns)
+    curves = [hermite(value, tangents(t_s, value), at) for value in (one.latitude_deg, one.longitude_deg)]
+    curves.append(linear(sigma_of_quality(one.quality), at))
+    lat, lon, sigma = (np.where(known, value, np.nan) for value in curves)
+    return lat, lon, sigma
+
+
+def _longest_baseline(arms_m: FloatArray) -> _Pair | None:
     best: _Pair | None = None
     longest = MIN_BASELINE_M - 1e-6
-    for i in range(len(levers)):
-        for j in range(i + 1, len(levers)):
-            baseline = levers[j] - levers[i]
+    for i in range(len(arms_m)):
+        for j in range(i + 1, len(arms_m)):
+            baseline = arms_m[j] - arms_m[i]
             length = float(np.hypot(baseline[0], baseline[1]))
             if length >= longest:
                 best, longest = _Pair(i, j, baseline), length
     return best
-
-
-def _heading(
-    t_s: FloatArray,
-    names: Sequence[str],
-    tracks: Sequence[AntennaTrack],
-    levers: Sequence[FloatArray],
-    pair: _Pair | None,
-) -> _Angle:
-    course = _mean_course(tracks, levers, reverse=False)
-    if pair is None:
-        return course
-    first, second = tracks[pair.first], tracks[pair.second]
-    line, sigma, length = heading_from_baseline(first, second, pair.baseline_m)
-    who = f"{names[pair.first]} and {names[pair.second]}"
-    _check_distance(first, second, length, pair.baseline_m, who)
-    line = smoothed_heading(t_s, line, sigma)
-    _check_direction(t_s, line, course.deg, first.speed_mps, who)
-    reverse = _mean_course(tracks, levers, reverse=True)
-    return _Angle(*fused_heading(line, sigma, course.deg, reverse.deg, course.sigma))
-
-
-def _mean_course(tracks: Sequence[AntennaTrack], levers: Sequence[FloatArray], *, reverse: bool) -> _Angle:
-    """Weigh the courses of all antennas; they share their errors, so that the mean is no surer than each."""
-    courses = [
-        _Angle(*heading_from_course(track, lever, reverse=reverse))
-        for track, lever in zip(tracks, levers, strict=True)
-    ]
-    weights = np.stack([np.where(np.isfinite(c.deg), c.sigma**-2.0, 0.0) for c in courses])
-    angles = np.radians(np.stack([np.where(np.isfinite(c.deg), c.deg, 0.0) for c in courses]))
-    east, north = (weights * np.sin(angles)).sum(axis=0), (weights * np.cos(angles)).sum(axis=0)
-    total = weights.sum(axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sigma = np.sqrt(weights).sum(axis=0) / total
-    known = total > 0
-    heading = np.degrees(np.arctan2(east, north)) % 360.0
-    return _Angle(np.where(known, heading, np.nan), np.where(known, sigma, np.nan))
-
-
-def _check_distance(
-    first: AntennaTrack, second: AntennaTrack, length_m: FloatArray, baseline_m: FloatArray, who: str
-) -> None:
-    mounted = float(np.hypot(baseline_m[0], baseline_m[1]))
-    good = np.hypot(first.sigma_m, second.sigma_m) < _CHECK_SIGMA_M
-    if not good.any():
-        return
-    measured = float(np.median(length_m[good]))
-    if abs(measured - mounted) > length_tolerance_m(mounted):
-        raise TrajectoryError(
-            f"Antennas {who} are {measured:.2f} m apart in the recording but {mounted:.2f} m by their lever "
-            "arms: correct the lever arms."
-        )
-
-
-def _check_direction(
-    t_s: FloatArray, line_deg: FloatArray, course_deg: FloatArray, speed_mps: FloatArray, who: str
-) -> None:
-    both = np.isfinite(line_deg) & np.isfinite(course_deg)
-    metres = np.where(both, speed_mps * np.gradient(t_s), 0.0)
-    off = np.abs(wrap_deg(course_deg - line_deg))
-    backwards, driven = float(metres[both & (off > 90.0)].sum()), float(metres[both].sum())
-    sideways = float(metres[both & (off > 30.0) & (off < 150.0)].sum())
-    if driven > 50.0 and max(backwards, sideways) > 0.5 * driven:
-        raise TrajectoryError(
-            f"Antennas {who} show the car driving {'backwards' if backwards > sideways else 'sideways'} for "
-            f"most of the drive: their lever arms or their recordings are swapped."
-        )
-
-
-def _tilt(
-    t_s: FloatArray,
-    place: tuple[FloatArray, FloatArray],
-    tracks: Sequence[AntennaTrack],
-    pair: _Pair | None,
-) -> tuple[_Angle, _Angle]:
-    """Pitch from the climb of the surest antenna, held through standstill; roll 0 unless a pair shows it."""
-    climbs = [pitch_from_climb(track) for track in tracks]
-    sigmas = np.stack([np.where(np.isfinite(c[1]), c[1], np.inf) for c in climbs])
-    best = np.argmin(sigmas, axis=0)
-    rows = np.arange(t_s.size)
-    climb = np.stack([c[0] for c in climbs])[best, rows]
-    deg, sigma = held(t_s, *place, climb, np.stack([c[1] for c in climbs])[best, rows])
-    unknown = ~(sigma < _PITCH_SIGMA_DEG)
-    pitch = _Angle(np.where(unknown, 0.0, deg), np.where(unknown, _PITCH_SIGMA_DEG, sigma))
-    roll = _Angle(np.zeros(t_s.size), np.full(t_s.size, _ROLL_SIGMA_DEG))
-    if pair is None:
-        return pitch, roll
-    updated = tilt_with_baseline(pitch, roll, tracks[pair.first], tracks[pair.second], pair.baseline_m)
-    return _Angle(*updated[0]), _Angle(*updated[1])
-
-
-def _mean_antenna(tracks: Sequence[AntennaTrack]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Mean position of the antennas that have one, weighed by their sigmas; also the mean's sigma.
-
-    The antennas of a car share atmosphere and base station: the mean is no surer than they are.
-    """
-    weights = np.stack([np.where(t.known, np.nan_to_num(t.sigma_m, nan=1.0) ** -2.0, 0.0) for t in tracks])
-    total = weights.sum(axis=0)
-    total = np.where(total > 0, total, np.nan)
-
-    def mean(values: Sequence[FloatArray]) -> FloatArray:
-        return np.asarray((weights * np.nan_to_num(np.stack(values))).sum(axis=0) / total)
-
-    return (
-        mean([t.latitude_deg for t in tracks]),
-        mean([t.longitude_deg for t in tracks]),
-        mean([t.height_m for t in tracks]),
-        mean([t.sigma_m for t in tracks]),
-    )
-
-
-def _origins(
-    tracks: Sequence[AntennaTrack], levers: Sequence[FloatArray], heading: _Angle, pitch: _Angle, roll: _Angle
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Latitude, longitude, height of the rig's origin, and horizontal and vertical sigma."""
-    enu_R_rig = rotation_enu_from_rig(heading.deg, pitch.deg, roll.deg)
-    moved = []
-    for track, lever in zip(tracks, levers, strict=True):
-        offset = enu_R_rig @ lever
-        lat, lon = geographic_from_enu(track.latitude_deg, track.longitude_deg, -offset[:, 0], -offset[:, 1])
-        # Without a lever arm the attitude plays no part, not even an unknown one.
-        if not lever.any():
-            lat, lon, offset = track.latitude_deg, track.longitude_deg, np.zeros_like(offset)
-        moved.append(
-            replace(track, latitude_deg=lat, longitude_deg=lon, height_m=track.height_m - offset[:, 2])
-        )
-    lat, lon, height, sigma = _mean_antenna(moved)
-    lever = np.mean(np.stack(levers), axis=0)
-    arm = float(np.hypot(lever[0], lever[1]))
-    tilt_sigma = np.radians(np.maximum(pitch.sigma, roll.sigma))
-    horizontal = np.sqrt(
-        sigma**2 + (float(lever[2]) * tilt_sigma) ** 2 + (arm * np.radians(heading.sigma)) ** 2
-    )
-    return lat, lon, height, horizontal, np.hypot(VERTICAL_FACTOR * sigma, arm * tilt_sigma)
-
-
-def _speed(t_s: FloatArray, origins: Sequence[FloatArray], known: NDArray[np.bool_]) -> FloatArray:
-    lat, lon, height = (value[known] for value in origins[:3])
-    east, north = metres_per_degree(lat, height)
-    speed = np.full(t_s.size, np.nan)
-    if known.any():
-        speed[known] = np.hypot(tangents(t_s[known], lon) * east, tangents(t_s[known], lat) * north)
-    return speed

@@ -1,8 +1,7 @@
-"""Time series with gaps: brackets, cubic Hermite and local fits, all vectorised."""
+"""Time series with gaps: brackets, slopes and cubic Hermite, all vectorised."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +12,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 NANOSECONDS = 1e9
-_GAP_TOLERANCE_S = 0.01
-# Priors that only matter where a window holds too few samples to fix all three terms of a parabola.
-_PRIOR_SLOPE = 100.0
-_MAX_NEIGHBOURS = 60
+GAP_TOLERANCE_S = 0.01
 
 _GRS80_A_M = 6_378_137.0
 _GRS80_E2 = 0.006_694_380_022_90
@@ -42,7 +38,7 @@ class Bracket(NamedTuple):
 
     def in_gap(self, max_gap_s: float) -> BoolArray:
         """True strictly between two samples that are more than `max_gap_s` apart."""
-        return np.asarray((self.span_s > max_gap_s + _GAP_TOLERANCE_S) & (self.right != self.left))
+        return np.asarray((self.span_s > max_gap_s + GAP_TOLERANCE_S) & (self.right != self.left))
 
 
 def bracket(sample_ns: IntArray, epoch_ns: IntArray) -> Bracket:
@@ -130,12 +126,6 @@ def wrap_deg(angle_deg: ArrayLike) -> FloatArray:
     return (np.asarray(angle_deg, dtype=np.float64) + 180.0) % 360.0 - 180.0
 
 
-def linear_angle(angle_deg: FloatArray, at: Bracket) -> FloatArray:
-    """Interpolate an angle ``(n,)`` along the shorter way; the result is in [0, 360)."""
-    a = angle_deg[at.left]
-    return np.asarray((a + at.fraction * wrap_deg(angle_deg[at.right] - a)) % 360.0)
-
-
 def metres_per_degree(latitude_deg: ArrayLike, height_m: ArrayLike = 0.0) -> tuple[FloatArray, FloatArray]:
     """Metres a degree of longitude (east) and of latitude (north) on GRS80.
 
@@ -149,88 +139,3 @@ def metres_per_degree(latitude_deg: ArrayLike, height_m: ArrayLike = 0.0) -> tup
     height = np.asarray(height_m, dtype=np.float64)
     east = np.radians((prime_vertical + height) * np.cos(phi))
     return np.asarray(east), np.asarray(np.radians(meridian + height))
-
-
-@dataclass(frozen=True, slots=True)
-class LocalFit:
-    """A parabola through the neighbourhood of each sample.
-
-    Attributes
-    ----------
-    value, slope, curvature : float64 (n, m)
-        At the sample; `curvature` is the second derivative.
-    sigma_value, sigma_slope, sigma_curvature : float64 (n,)
-        One sigma, from the noise and the number of neighbours.
-    misfit : float64 (n,)
-        Scatter of the neighbours about the parabola, in units of the noise.
-    """
-
-    value: FloatArray
-    slope: FloatArray
-    curvature: FloatArray
-    sigma_value: FloatArray
-    sigma_slope: FloatArray
-    sigma_curvature: FloatArray
-    misfit: FloatArray
-
-
-def local_parabola(
-    t_s: FloatArray,
-    value: FloatArray,
-    noise: FloatArray,
-    scale: FloatArray,
-    half_window_s: float,
-    curvature_prior: float,
-) -> LocalFit:
-    """Fit a parabola in time about each sample by weighted least squares (Savitzky-Golay, uneven spacing).
-
-    Parameters
-    ----------
-    t_s : float64 (n,)
-        Increasing.
-    value : float64 (n, m)
-        m series.
-    noise : float64 (n,)
-        One sigma of a sample, in scaled units.
-    scale : float64 (n, m)
-        Scaled units a unit of `value`, e.g. metres a degree.
-    half_window_s : float
-        Neighbours up to this far away take part.
-    curvature_prior : float
-        One sigma of the second derivative that is expected beforehand, scaled units a second squared: decides
-        where the window holds fewer than three samples.
-
-    Returns
-    -------
-    LocalFit
-        In scaled units; `value` as a correction to the sample itself.
-    """
-    n, m = value.shape
-    normal = np.zeros((n, 3, 3))
-    right = np.zeros((n, 3, m))
-    square, count = np.zeros(n), np.zeros(n)
-    for k in range(-_window_reach(t_s, half_window_s), _window_reach(t_s, half_window_s) + 1):
-        i = np.arange(max(0, -k), min(n, n - k))
-        dt = t_s[i + k] - t_s[i]
-        weight = np.where(np.abs(dt) <= half_window_s, 1.0 / noise[i + k] ** 2, 0.0)
-        basis = np.stack([np.ones_like(dt), dt, dt**2], axis=-1)
-        dy = (value[i + k] - value[i]) * scale[i]
-        normal[i] += weight[:, None, None] * basis[:, :, None] * basis[:, None, :]
-        right[i] += weight[:, None, None] * basis[:, :, None] * dy[:, None, :]
-        square[i] += weight * np.sum(dy**2, axis=1)
-        count[i] += weight > 0
-    normal += np.diag([0.0, _PRIOR_SLOPE**-2, (curvature_prior / 2.0) ** -2])
-    covariance = np.linalg.inv(normal)
-    terms = covariance @ right
-    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    residual = np.maximum(square - np.sum(terms * right, axis=(1, 2)), 0.0)
-    misfit = np.sqrt(residual / (m * np.maximum(count - 3.0, 1.0)))
-    return LocalFit(
-        terms[:, 0], terms[:, 1], 2 * terms[:, 2], sigma[:, 0], sigma[:, 1], 2 * sigma[:, 2], misfit
-    )
-
-
-def _window_reach(t_s: FloatArray, half_window_s: float) -> int:
-    """The largest number of neighbours on one side, capped: 100 Hz needs no more than the nearest 60."""
-    ahead = np.searchsorted(t_s, t_s + half_window_s, side="right") - np.arange(t_s.size) - 1
-    return int(min(max(int(ahead.max(initial=0)), 1), _MAX_NEIGHBOURS))

@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.geodesy import geographic_from_enu, inverse_haversine, rotation_enu_from_rig
-from geoloc.ground import MAX_RANGE_M, intersect_plane, miss_reason
-from geoloc.poses import Poses
-from geoloc.rig import Rig
-from geoloc.sensitivity import Hits, ray_by_pixel
-from geoloc.visibility import on_the_car_itself
+from geoloc.budget import ErrorBudget, Pair, source_moves
+from geoloc.feet import (
+    BLOCK,
+    Axes,
+    Enu,
+    Feet,
+    Rejections,
+    axes_of,
+    cameras_of,
+    enu_of,
+    feet_on_plane,
+    rows_by_camera,
+)
+from geoloc.geodesy import geographic_from_enu, inverse_haversine
+from geoloc.ground import MAX_RANGE_M
+from geoloc.poses import Poses, part
+from geoloc.rig import Rig, RigCamera
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_STEP_PX = 0.25
-_REASON_TYPE = "U160"
+__all__ = ["ErrorBudget", "Located", "Sightings", "locate_paper", "locate_single_frame"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,32 +48,6 @@ class Sightings:
 
     camera: NDArray[np.str_]
     pixel_px: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorBudget:
-    """One-sigma noise of each source, and why (``docs/error-budget.md``).
-
-    Random sources are independent from frame to frame; systematic ones are the same for all frames of a
-    camera or of a drive, so that averaging does not remove them.
-    """
-
-    pixel_px: float = 1.5
-    """Annotator and detector, random."""
-    pitch_jitter_deg: float = 0.15
-    """Body motion against the ground plane, random."""
-    roll_jitter_deg: float = 0.15
-    """Body motion against the ground plane, random."""
-    ground_height_m: float = 0.05
-    """Kerb and camber: the foot's height over the rig's plane, systematic for an object."""
-    ground_slope_deg: float = 0.4
-    """Grade of the road between car and object, systematic for an object."""
-    boresight_deg: float = 0.2
-    """Mounting error of a camera about each axis, systematic for a camera."""
-    time_ms: float = 10.0
-    """Camera clock against GNSS, systematic for a drive."""
-    lever_arm_m: float = 0.03
-    """Antenna and camera positions on the car, systematic for a drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,12 +129,13 @@ def locate_single_frame(
     CalibrationError
         If the rig lacks one of the cameras, or cannot compute with it.
     """
-    hits, rejected = _hits(rig, sightings, poses, max_range_m)
-    enu_R_rig = rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg)
-    offset = np.einsum("nij,nj->ni", enu_R_rig, hits.point_m)
-    lat, lon = geographic_from_enu(poses.latitude_deg, poses.longitude_deg, offset[:, 0], offset[:, 1])
-    moves = _moves(sightings, hits, enu_R_rig, poses, budget)
-    return _located(lat, lon, poses.height_m + offset[:, 2], moves, hits.range_m, rejected)
+
+    def put(_camera: RigCamera, seen: _Seen) -> _Put:
+        p, enu = seen.poses, seen.enu
+        lat, lon = geographic_from_enu(p.latitude_deg, p.longitude_deg, enu.east, enu.north)
+        return _Put(lat, lon, p.height_m + enu.up, [], {})
+
+    return _located(rig, sightings, poses, budget, max_range_m, put)
 
 
 def locate_paper(
@@ -198,147 +184,151 @@ def locate_paper(
     -----
     Shami, Kiss, Haakonsen and Lindseth (2024), arXiv:2401.07582.
     """
-    hits, rejected = _hits(rig, sightings, nearest, max_range_m)
-    azimuth = _paper_azimuth(rig, sightings) + nearest.heading_deg
-    rejected = np.where(
-        (rejected == "") & np.isnan(azimuth), "the camera's field of view leaves its model's domain", rejected
-    )
-    distance = np.hypot(hits.point_m[:, 0], hits.point_m[:, 1])
-    lat, lon = inverse_haversine(nearest.latitude_deg, nearest.longitude_deg, azimuth, distance)
-    enu_R_rig = rotation_enu_from_rig(nearest.heading_deg, nearest.pitch_deg, nearest.roll_deg)
-    moves = _moves(sightings, hits, enu_R_rig, nearest, budget)
-    along = enu_R_rig[:, :2, 0] * nearest.speed_mps[:, None]
-    moves.random.append(along * fix_interval_s / np.sqrt(12.0))
-    moves.systematic["link delay"] = along * delay_ms * 1e-3
-    return _located(lat, lon, nearest.height_m, moves, hits.range_m, rejected)
 
-
-class _Moves(NamedTuple):
-    """Moves of the points, east and north, for one sigma of each source: float64 (n, 2) each."""
-
-    random: list[FloatArray]
-    systematic: dict[str, FloatArray]
-
-
-def _paper_azimuth(rig: Rig, sightings: Sightings) -> FloatArray:
-    """Equation 1 of the paper without the car's heading, degrees."""
-    azimuth = np.full(sightings.camera.size, np.nan)
-    for name in np.unique(sightings.camera):
-        rows = np.flatnonzero(sightings.camera == name)
-        camera = rig.camera(str(name))
-        width = camera.model.width_px
-        p_x = sightings.pixel_px[rows, 0] + 0.5
-        axis = camera.rig_R_camera[:, 2]
-        yaw = np.arctan2(axis[1], axis[0])
-        angle = camera.model.horizontal_fov_rad / width * (p_x - width / 2.0) - yaw
-        azimuth[rows] = np.degrees(angle)
-    return azimuth
-
-
-def _hits(rig: Rig, sightings: Sightings, poses: Poses, max_range_m: float) -> tuple[Hits, NDArray[np.str_]]:
-    """Cut the ray of every sighting with the ground, a camera at a time."""
-    n = sightings.camera.size
-    point, ray, origin = (np.full((n, 3), np.nan) for _ in range(3))
-    slope, rotation = np.full((n, 3, 2), np.nan), np.full((n, 3, 3), np.nan)
-    rejected = poses.reason.astype(_REASON_TYPE)
-    rejected[~poses.valid & (rejected == "")] = "no pose"
-    for name in np.unique(sightings.camera):
-        rows = np.flatnonzero(sightings.camera == name)
-        camera = rig.camera(str(name))
-        pixel = sightings.pixel_px[rows]
-        rays, in_domain = camera.model.camera_ray_from_pixel(pixel)
-        rig_ray = rays @ camera.rig_R_camera.T
-        foot, _ = intersect_plane(camera.rig_t_camera_m, rig_ray, max_range_m=max_range_m)
-        reason = np.where(
-            in_domain,
-            miss_reason(camera.rig_t_camera_m, rig_ray, max_range_m=max_range_m).astype(_REASON_TYPE),
-            "outside the camera's image or model",
+    def put(camera: RigCamera, seen: _Seen) -> _Put:
+        p, feet = seen.poses, seen.feet
+        azimuth = _paper_azimuth(camera, seen.pixel_px) + p.heading_deg
+        lat, lon = inverse_haversine(p.latitude_deg, p.longitude_deg, azimuth, np.hypot(feet.x_m, feet.y_m))
+        along = [axis * p.speed_mps for axis in seen.axes.forward[:2]]
+        half_way = fix_interval_s / np.sqrt(12.0)
+        return _Put(
+            lat,
+            lon,
+            p.height_m,
+            [(along[0] * half_way, along[1] * half_way)],
+            {"link delay": (along[0] * delay_ms * 1e-3, along[1] * delay_ms * 1e-3)},
+            "the camera's field of view leaves its model's domain"
+            if np.isnan(camera.model.horizontal_fov_rad)
+            else "",
         )
-        reason = np.where(on_the_car_itself(camera, pixel), "on the car itself", reason)
-        rejected[rows] = np.where(rejected[rows] == "", reason, rejected[rows])
-        ray[rows], origin[rows], rotation[rows] = rig_ray, camera.rig_t_camera_m, camera.rig_R_camera
-        point[rows] = np.where((rejected[rows] == "")[:, None], foot, np.nan)
-        for axis, step in enumerate(np.eye(2) * _STEP_PX):
-            ahead = camera.model.camera_ray_from_pixel(pixel + step)
-            behind = camera.model.camera_ray_from_pixel(pixel - step)
-            slope[rows, :, axis] = ray_by_pixel(rays, ahead, behind, _STEP_PX) @ camera.rig_R_camera.T
-    return Hits(point, ray, slope, origin, rotation), rejected
+
+    return _located(rig, sightings, nearest, budget, max_range_m, put)
 
 
-def _moves(
-    sightings: Sightings, hits: Hits, enu_R_rig: FloatArray, poses: Poses, budget: ErrorBudget
-) -> _Moves:
-    """How far one sigma of each source moves the points."""
+class _Seen(NamedTuple):
+    """Feet of one camera in one block, and all that their places depend on."""
 
-    def enu(move_rig: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("nij,nj->ni", enu_R_rig[:, :2], move_rig))
+    pixel_px: FloatArray
+    feet: Feet
+    poses: Poses
+    axes: Axes
+    enu: Enu
 
-    point = np.einsum("nij,nj->ni", enu_R_rig, hits.point_m)
-    forward = enu_R_rig[:, :, 0]
-    # The axis of pitch lies level, to the left of the heading; that of roll is the rig's own x.
-    left = np.stack([-forward[:, 1], forward[:, 0], np.zeros(forward.shape[0])], axis=1)
-    left /= np.hypot(forward[:, 0], forward[:, 1])[:, None]
-    pitch, roll = np.radians(budget.pitch_jitter_deg), np.radians(budget.roll_jitter_deg)
-    tilt = np.radians(poses.sigma_roll_pitch_deg)[:, None]
-    heading = np.radians(poses.sigma_heading_deg)[:, None]
-    gnss = poses.sigma_horizontal_m
-    still = np.zeros_like(gnss)
-    random = [
-        budget.pixel_px * enu(hits.by_pixel(0)),
-        budget.pixel_px * enu(hits.by_pixel(1)),
-        pitch * enu(hits.by_body(1)),
-        roll * enu(hits.by_body(0)),
-    ]
-    shared = {
-        "time": forward[:, :2] * (poses.speed_mps * budget.time_ms * 1e-3)[:, None],
-        "gnss east": np.stack([gnss, still], axis=1),
-        "gnss north": np.stack([still, gnss], axis=1),
-        "heading": heading * np.stack([point[:, 1], -point[:, 0]], axis=1),
-        # The plane turns with the pose: no sliding along rays, the point keeps its place on the plane.
-        "pose pitch": tilt * np.cross(left, point)[:, :2],
-        "pose roll": tilt * np.cross(forward, point)[:, :2],
-        "lever arm x": budget.lever_arm_m * forward[:, :2],
-        "lever arm y": budget.lever_arm_m * enu_R_rig[:, :2, 1],
-        "ground height": budget.ground_height_m * enu(hits.by_ground_height()),
-        "ground slope": np.radians(budget.ground_slope_deg) * enu(hits.by_ground_slope()),
-    }
-    boresight = np.radians(budget.boresight_deg)
-    of_camera = {
-        "boresight pitch": boresight * enu(hits.by_boresight(0)),
-        "boresight yaw": boresight * enu(hits.by_boresight(1)),
-        "boresight roll": boresight * enu(hits.by_boresight(2)),
-        "camera height": budget.lever_arm_m * enu(hits.by_camera_height()),
-    }
-    per_camera = {
-        f"{source} {name}": np.where((sightings.camera == name)[:, None], move, 0.0)
-        for name in np.unique(sightings.camera)
-        for source, move in of_camera.items()
-    }
-    return _Moves(random, {**per_camera, **shared})
+
+class _Put(NamedTuple):
+    """Where a method puts these feet, and the sources of error that are its own (moves east and north)."""
+
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    random: list[Pair]
+    systematic: dict[str, Pair]
+    rejected: str = ""
+    """Why it puts none of them."""
+
+
+def _paper_azimuth(camera: RigCamera, pixel_px: FloatArray) -> FloatArray:
+    """Equation 1 of the paper without the car's heading, degrees."""
+    width = camera.model.width_px
+    axis = camera.rig_R_camera[:, 2]
+    per_pixel = camera.model.horizontal_fov_rad / width
+    p_x = pixel_px[:, 0] + 0.5
+    return np.asarray(np.degrees(per_pixel * (p_x - width / 2.0) - np.arctan2(axis[1], axis[0])))
 
 
 def _located(
-    latitude_deg: FloatArray,
-    longitude_deg: FloatArray,
-    height_m: FloatArray,
-    moves: _Moves,
-    range_m: FloatArray,
-    rejected: NDArray[np.str_],
+    rig: Rig,
+    sightings: Sightings,
+    poses: Poses,
+    budget: ErrorBudget,
+    max_range_m: float,
+    put: Callable[[RigCamera, _Seen], _Put],
 ) -> Located:
-    """Put positions and moves together; rejected rows become NaN throughout."""
-    good = rejected == ""
-    spread = np.stack(moves.random, axis=2)
-    random = spread @ np.swapaxes(spread, 1, 2)
-    systematic = np.stack(list(moves.systematic.values()), axis=2)
-    systematic[~good], random[~good] = np.nan, np.nan
-    return Located(
-        latitude_deg=np.where(good, latitude_deg, np.nan),
-        longitude_deg=np.where(good, longitude_deg, np.nan),
-        height_m=np.where(good, height_m, np.nan),
-        covariance_m2=random + systematic @ np.swapaxes(systematic, 1, 2),
-        random_m2=random,
-        systematic_m=systematic,
-        source=tuple(moves.systematic),
-        range_m=np.where(good, range_m, np.nan),
-        rejected=rejected,
-    )
+    """Locate a block of rows of one camera at a time; rejected rows become NaN throughout."""
+    n, names = sightings.camera.size, cameras_of(sightings.camera)
+    out: _Columns | None = None
+    rejections = Rejections()
+    for start in range(0, max(n, 1), BLOCK):
+        own = slice(start, start + BLOCK)
+        block = part(poses, own)
+        for camera, rows in rows_by_camera(rig, sightings.camera[own]):
+            at = own if isinstance(rows, slice) else start + rows
+            with np.errstate(all="ignore"):
+                seen = _seen(camera, sightings.pixel_px[own][rows], part(block, rows), max_range_m)
+                placed = put(camera, seen)
+                random, of_camera, shared = source_moves(
+                    camera, seen.feet, seen.axes, seen.enu, seen.poses, budget
+                )
+            random, shared = random + placed.random, shared | placed.systematic
+            if out is None:
+                out = _Columns.empty(n, names, of_camera, shared)
+            bad = rejections.add(
+                camera, seen.feet, block, rows, start, max_range_m, otherwise=placed.rejected
+            )
+            systematic = {f"{what} {camera.name}": move for what, move in of_camera.items()} | shared
+            out.write(at, placed, seen.feet.range_m, random, systematic, bad)
+    if out is None:
+        out = _Columns.empty(n, names, {}, {})
+    return out.located(rejections.column(n))
+
+
+def _seen(camera: RigCamera, pixel_px: FloatArray, poses: Poses, max_range_m: float) -> _Seen:
+    feet, axes = feet_on_plane(camera, pixel_px, max_range_m, slopes=True), axes_of(poses)
+    return _Seen(pixel_px, feet, poses, axes, enu_of(axes, feet))
+
+
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """A `Located` that is being filled."""
+
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    range_m: FloatArray
+    random_m2: FloatArray
+    systematic_m: FloatArray
+    covariance_m2: FloatArray
+    source: tuple[str, ...]
+
+    @classmethod
+    def empty(
+        cls, n: int, cameras: Sequence[str], of_camera: Iterable[str], shared: Iterable[str]
+    ) -> _Columns:
+        """Room for n rows and every source."""
+        source = (*(f"{what} {name}" for name in cameras for what in of_camera), *shared)
+        matrices = np.empty((n, 2, 2)), np.zeros((n, 2, len(source))), np.empty((n, 2, 2))
+        return cls(np.empty(n), np.empty(n), np.empty(n), np.empty(n), *matrices, source)
+
+    def write(
+        self,
+        at: slice | IntArray,
+        placed: _Put,
+        range_m: FloatArray,
+        random: list[Pair],
+        systematic: dict[str, Pair],
+        bad: BoolArray | None,
+    ) -> None:
+        """Put the rows `at`; those that are `bad` become NaN."""
+        for source, (east, north) in systematic.items():
+            column = self.source.index(source)
+            self.systematic_m[at, 0, column], self.systematic_m[at, 1, column] = east, north
+        spread = _outer(random)
+        self.random_m2[at] = spread
+        self.covariance_m2[at] = spread + _outer(systematic.values())
+        self.latitude_deg[at], self.longitude_deg[at] = placed.latitude_deg, placed.longitude_deg
+        self.height_m[at], self.range_m[at] = placed.height_m, range_m
+        if bad is not None:
+            rows = np.flatnonzero(bad) + at.start if isinstance(at, slice) else at[bad]
+            for values in (getattr(self, field.name) for field in fields(self) if field.name != "source"):
+                values[rows] = np.nan
+
+    def located(self, rejected: NDArray[np.str_]) -> Located:
+        """The finished result."""
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        return Located(**columns, rejected=rejected)
+
+
+def _outer(moves: Iterable[Pair]) -> FloatArray:
+    """Sum of the outer products of moves (m,): float64 (m, 2, 2)."""
+    ee, en, nn = (sum(products) for products in zip(*((e * e, e * n, n * n) for e, n in moves), strict=True))
+    return np.stack([ee, en, en, nn], axis=-1).reshape(-1, 2, 2)

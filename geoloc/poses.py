@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,8 @@ class Poses:
         The rig's origin on the ground; `height_m` ellipsoidal.
     roll_deg, pitch_deg, heading_deg : float64 (n,)
     speed_mps : float64 (n,)
-    sigma_horizontal_m, sigma_vertical_m, sigma_roll_pitch_deg, sigma_heading_deg : float64 (n,)
+    sigma_horizontal_m, sigma_vertical_m, sigma_roll_deg, sigma_pitch_deg, sigma_heading_deg : float64 (n,)
+        One sigma.
     valid : bool (n,)
     reason : str (n,)
     """
@@ -100,7 +101,13 @@ class Poses:
     speed_mps: FloatArray
     sigma_horizontal_m: FloatArray
     sigma_vertical_m: FloatArray
-    sigma_roll_pitch_deg: FloatArray
+    sigma_roll_deg: FloatArray
+    sigma_pitch_deg: FloatArray
     sigma_heading_deg: FloatArray
     valid: BoolArray
     reason: NDArray[np.str_]
+
+
+def part(poses: Poses, rows: slice | IntArray) -> Poses:
+    """Give some rows of poses."""
+    return Poses(*(getattr(poses, field.name)[rows] for field in fields(Poses)))

@@ -6,79 +6,75 @@ A point p of the plane is seen along the ray r from the camera at c. Whatever di
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.feet import Feet
+from geoloc.rig import RigCamera
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-_AXES = np.eye(3)
+
+class Move(NamedTuple):
+    """Moves of feet within the rig's plane, metres along its x and y axes."""
+
+    x: FloatArray
+    y: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class Hits:
-    """Rays and where they meet the ground, rig frame (FLU), metres. Rows without a hit are NaN.
+class FootMoves:
+    """How the feet of one camera move; the methods name what is wrong."""
 
-    Attributes
-    ----------
-    point_m, ray : float64 (n, 3)
-        Foot on the plane; unit ray.
-    ray_by_pixel : float64 (n, 3, 2)
-        Derivative of the ray by u and v.
-    camera_m : float64 (n, 3)
-        The camera's position.
-    rig_R_camera : float64 (n, 3, 3)
-    """
+    def __init__(self, camera: RigCamera, feet: Feet) -> None:
+        self._camera, self._feet = camera, feet
+        self._height_m = float(camera.rig_t_camera_m[2])
 
-    point_m: FloatArray
-    ray: FloatArray
-    ray_by_pixel: FloatArray
-    camera_m: FloatArray
-    rig_R_camera: FloatArray
-
-    @property
-    def range_m(self) -> FloatArray:
-        """Horizontal distance from the camera to the foot."""
-        d = self.point_m - self.camera_m
-        return np.asarray(np.hypot(d[:, 0], d[:, 1]))
-
-    @property
-    def ray_length_m(self) -> FloatArray:
-        """Distance along the ray."""
-        return np.asarray(np.linalg.norm(self.point_m - self.camera_m, axis=1))
-
-    def slide(self, displacement_m: FloatArray) -> FloatArray:
+    def _slide(self, x: FloatArray | float, y: FloatArray | float, z: FloatArray | float) -> Move:
         """Bring displaced points back to the plane along their rays."""
-        return np.asarray(
-            displacement_m - (displacement_m[:, 2] / self.ray[:, 2])[:, None] * self.ray,
+        return Move(np.asarray(x - z * self._feet.slope_x), np.asarray(y - z * self._feet.slope_y))
+
+    def by_pixel(self, column: int) -> Move:
+        """A pixel of u (0) or v (1)."""
+        f = self._feet
+        by = f.by_v if column else f.by_u
+        if by is None:
+            raise ValueError("the feet were made without the slopes of their rays")
+        length = self._height_m * np.sqrt(1.0 + f.slope_x * f.slope_x + f.slope_y * f.slope_y)
+        return self._slide(length * by.x, length * by.y, length * by.z)
+
+    def by_roll(self) -> Move:
+        """A radian of the car's body about the rig's x."""
+        return self._slide(0.0, 0.0, self._feet.y_m)
+
+    def by_pitch(self) -> Move:
+        """A radian of the car's body about the rig's y."""
+        return self._slide(0.0, 0.0, -self._feet.x_m)
+
+    def by_boresight(self, axis: int) -> Move:
+        """A radian of the camera in its mount about its own x (pitch), y (yaw) or z (roll)."""
+        f, down = self._feet, -self._height_m
+        rx, ry, rz = self._camera.rig_R_camera[:, axis].tolist()
+        # The axis times the way from the camera to the foot, (slope_x, slope_y, 1) · -height.
+        return self._slide(
+            down * (ry - rz * f.slope_y),
+            down * (rz * f.slope_x - rx),
+            down * (rx * f.slope_y - ry * f.slope_x),
         )
 
-    def by_pixel(self, column: int) -> FloatArray:
-        """Move of the foot a pixel of u (0) or v (1): float64 (n, 3)."""
-        return self.slide(self.ray_length_m[:, None] * self.ray_by_pixel[:, :, column])
+    def by_camera_height(self) -> Move:
+        """A metre that the camera sits higher."""
+        return self._slide(0.0, 0.0, 1.0)
 
-    def by_body(self, axis: int) -> FloatArray:
-        """Move a radian of the car's body about the rig's x (roll), y (pitch) or z (yaw)."""
-        return self.slide(np.cross(_AXES[axis], self.point_m))
+    def by_ground_height(self) -> Move:
+        """A metre that the foot stands above the plane; its own rise comes on top."""
+        return Move(self._feet.slope_x, self._feet.slope_y)
 
-    def by_boresight(self, axis: int) -> FloatArray:
-        """Move a radian of the camera in its mount about its own x (pitch), y (yaw) or z (roll)."""
-        return self.slide(np.cross(self.rig_R_camera[:, :, axis], self.point_m - self.camera_m))
-
-    def by_camera_height(self) -> FloatArray:
-        """Move a metre that the camera sits higher."""
-        return self.slide(np.broadcast_to(_AXES[2], self.point_m.shape))
-
-    def by_ground_height(self) -> FloatArray:
-        """Move a metre that the foot stands above the plane; its own rise is in the third component."""
-        return np.asarray(self.ray / self.ray[:, 2:3])
-
-    def by_ground_slope(self) -> FloatArray:
-        """Move a radian that the road between car and foot climbs."""
-        reach = np.hypot(self.point_m[:, 0], self.point_m[:, 1])
-        return np.asarray(reach[:, None] * self.by_ground_height())
+    def reach_m(self) -> FloatArray:
+        """Rise of the foot a radian that the road between car and foot climbs."""
+        return np.asarray(np.sqrt(self._feet.x_m**2 + self._feet.y_m**2))
 
 
 def ray_by_pixel(

@@ -324,7 +324,8 @@ def _sightings(
     world: Scenario, camera: RigCamera, motion: TrueMotion, feet_m: FloatArray, frame_s: FloatArray, seed: int
 ) -> SimulatedSightings:
     """What one camera sees of all feet in every annotated frame."""
-    annotated = np.arange(0, frame_s.size, world.annotate_every)
+    first = int(np.ceil(world.annotate_from_s * world.motion.frame_rate_hz - 1e-6))
+    annotated = np.arange(first, frame_s.size, world.annotate_every)
     frame, index = (grid.ravel() for grid in np.meshgrid(annotated, np.arange(len(feet_m)), indexing="ij"))
     distance = horizontal_range_m(camera, motion, feet_m[index], frame_s[frame])
     near = (distance >= world.range_m[0]) & (distance <= world.range_m[1])

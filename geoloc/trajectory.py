@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -10,21 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.errors import TrajectoryError
-from geoloc.fixes import check_positions, common_epochs, sigma_of_quality, without_jumps
+from geoloc.fixes import check_positions, common_epochs, without_jumps
 from geoloc.gnss import raw_poses, rig_poses
-from geoloc.heading import antenna_track, course_over_ground, resampled
+from geoloc.heading import course_over_ground
 from geoloc.interpolation import (
     NANOSECONDS,
     Bracket,
     apart_s,
     bracket,
-    hermite,
-    linear,
-    linear_angle,
     metres_per_degree,
     seconds,
     tangents,
 )
+from geoloc.pose_curves import PoseCurves, pose_curves
 from geoloc.poses import GnssFixes, Poses, PoseTrack
 
 FloatArray = NDArray[np.float64]
@@ -44,10 +42,6 @@ __all__ = [
 _Record = TypeVar("_Record", GnssFixes, PoseTrack)
 
 MAX_GAP_S = 1.0
-# Jerk of ordinary driving, for the error of a cubic between knots: J h³ / 24 in the middle.
-_JERK_MPS3 = 1.0
-# Angular acceleration of ordinary driving, for the error of a line between headings: a h² / 8 in the middle.
-_YAW_ACCELERATION_DEGPS2 = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,12 +107,27 @@ class Trajectory:
             with a reason.
         """
         asked = np.asarray(epoch_ns, dtype=np.int64)
-        at = bracket(self.epoch_ns, asked)
-        usable = self.knots.valid[at.left] & self.knots.valid[at.right]
-        valid = at.inside() & ~at.in_gap(self.max_gap_s) & usable
-        values = self._interpolated(at)
-        columns = {name: np.where(valid, value, np.nan) for name, value in values.items()}
-        return Poses(epoch_ns=asked, **columns, valid=valid, reason=self._reasons(at, valid))
+        return self._poses(pose_curves(self.knots, self.max_gap_s), asked, sigmas=True)
+
+    def poses_in_blocks(self, epoch_ns: IntArray, rows: int, *, sigmas: bool = True) -> Iterator[Poses]:
+        """Give the poses of `poses_at` so many rows at a time, for work that should stay in the cache.
+
+        Without `sigmas` those columns, and the speed, are NaN and cost nothing.
+        """
+        curves = pose_curves(self.knots, self.max_gap_s)
+        for start in range(0, epoch_ns.size, rows):
+            yield self._poses(curves, epoch_ns[start : start + rows], sigmas=sigmas)
+
+    def _poses(self, curves: PoseCurves, epoch_ns: IntArray, *, sigmas: bool) -> Poses:
+        columns, valid = curves.at(epoch_ns, sigmas=sigmas)
+        bad = np.flatnonzero(~valid)
+        reason = np.zeros(epoch_ns.size, dtype="U1")
+        if bad.size:
+            columns = {name: np.where(valid, column, np.nan) for name, column in columns.items()}
+            why = self._reasons(bracket(self.epoch_ns, epoch_ns[bad]))
+            reason = reason.astype(why.dtype)
+            reason[bad] = why
+        return Poses(epoch_ns=epoch_ns, **columns, valid=valid, reason=reason)
 
     def nearest_fix(self, host_ns: IntArray) -> Poses:
         """Give the fix whose *host* stamp is nearest, as the paper pairs frames with fixes.
@@ -166,40 +175,22 @@ class Trajectory:
         keep[-1] = True
         return lat[keep], lon[keep]
 
-    def _interpolated(self, at: Bracket) -> dict[str, FloatArray]:
-        k = self.knots
-        t_s = seconds(k.epoch_ns)
-        curves = {}
-        for name in ("latitude_deg", "longitude_deg", "height_m"):
-            value: FloatArray = getattr(k, name)
-            slope = np.full_like(value, np.nan)
-            slope[k.valid] = tangents(t_s[k.valid], value[k.valid])
-            curves[name] = hermite(value, slope, at)
-        for name in ("roll_deg", "pitch_deg", "speed_mps", "sigma_vertical_m", "sigma_roll_pitch_deg"):
-            curves[name] = linear(getattr(k, name), at)
-        middle = 4.0 * at.fraction * (1.0 - at.fraction)
-        between = _JERK_MPS3 * at.span_s**3 / 24.0 * middle
-        curves["sigma_horizontal_m"] = np.hypot(linear(k.sigma_horizontal_m, at), between)
-        bend = _YAW_ACCELERATION_DEGPS2 * at.span_s**2 / 8.0 * middle
-        curves["sigma_heading_deg"] = np.hypot(linear(k.sigma_heading_deg, at), bend)
-        curves["heading_deg"] = linear_angle(k.heading_deg, at)
-        return curves
-
-    def _reasons(self, at: Bracket, valid: BoolArray) -> NDArray[np.str_]:
-        reason = np.full(valid.shape, "", dtype="U160")
+    def _reasons(self, at: Bracket) -> NDArray[np.str_]:
+        """Why each of these epochs has no pose."""
         first, last = (np.datetime64(ns, "ns").astype("datetime64[ms]") for ns in self.span_ns)
         bounds = f"(the trajectory covers {first} to {last} UTC)"
         in_gap = at.in_gap(self.max_gap_s)
-        for i in np.flatnonzero(~valid):
+        reason = []
+        for i in range(at.left.size):
             if at.before_s[i] > 0:
-                reason[i] = f"{at.before_s[i]:.3f} s before the first fix {bounds}"
+                reason.append(f"{at.before_s[i]:.3f} s before the first fix {bounds}")
             elif at.after_s[i] > 0:
-                reason[i] = f"{at.after_s[i]:.3f} s after the last fix {bounds}"
+                reason.append(f"{at.after_s[i]:.3f} s after the last fix {bounds}")
             elif in_gap[i]:
-                reason[i] = f"inside a gap of {at.span_s[i]:.1f} s between two fixes"
+                reason.append(f"inside a gap of {at.span_s[i]:.1f} s between two fixes")
             else:
-                reason[i] = self.knots.reason[at.left[i]] or self.knots.reason[at.right[i]]
-        return reason
+                reason.append(str(self.knots.reason[at.left[i]] or self.knots.reason[at.right[i]]))
+        return np.array(reason, dtype=np.str_)
 
 
 def trajectory_from_gnss(
@@ -207,12 +198,14 @@ def trajectory_from_gnss(
 ) -> Trajectory:
     """Make a trajectory of the rig from the fixes of one or more antennas.
 
-    Heading comes from the two antennas that are furthest apart (0.3 m or more), weighed with the course over
-    ground where the car moves; with one antenna from the course alone, held through standstill with a growing
-    sigma. Pitch comes from the climb of the track (0 ± 2.5° if the car never moved), roll only from antennas
-    side by side, else it is 0 ± 1°. Each lever arm is taken off with that attitude, so that the pose is that
-    of the rig's origin on the ground; antennas are then averaged. Lever arms that are all zero make the
-    antenna the rig's origin.
+    All fixes are smoothed together (`geoloc.smoother`, `geoloc.smoother_tilt`): the rear axle rolls where it
+    points but for its slip, and the two antennas that are furthest apart (0.3 m or more) give the heading,
+    also standing still. How far their lever arms are wrong is found where the car drives and kept where it
+    stands. With one antenna the heading is held through standstill with a growing sigma; a track that comes
+    back the way it went is taken for reversing. Pitch is the climb of the track (0 ± 2.5° if the car never
+    moved), roll is 0 ± 1.2° but for what antennas side by side show. The pose is that of the rig's origin on
+    the ground. Fixes that do not fit lose their weight. Lever arms that are all zero make the antenna, or the
+    middle of several, the rig's origin; how several lie to the car is then found from the course.
 
     Parameters
     ----------
@@ -240,14 +233,8 @@ def trajectory_from_gnss(
     kept, dropped = _without_jumps(fixes)
     levers = [np.asarray(rig_antennas[f.antenna], dtype=np.float64) for f in kept]
     knot_ns = common_epochs([f.epoch_ns for f in kept], max_gap_s)
-    tracks = []
-    for one in kept:
-        sigma = sigma_of_quality(one.quality)
-        own = antenna_track(one.epoch_ns, one.latitude_deg, one.longitude_deg, one.height_m, sigma)
-        tracks.append(resampled(own, one.epoch_ns, knot_ns, max_gap_s))
-    names = [f.antenna for f in kept]
     return Trajectory(
-        knots=rig_poses(knot_ns, names, tracks, levers),
+        knots=rig_poses(kept, levers, knot_ns, max_gap_s),
         fixes=raw_poses(kept, levers, max_gap_s),
         host_ns=kept[0].host_ns,
         max_gap_s=max_gap_s,
@@ -275,8 +262,11 @@ def trajectory_from_poses(track: PoseTrack, *, max_gap_s: float = MAX_GAP_S) -> 
     t_s = seconds(one.epoch_ns)
     east, north = metres_per_degree(one.latitude_deg, one.height_m)
     columns = {field.name: getattr(one, field.name) for field in fields(PoseTrack)}
+    tilt_sigma = columns.pop("sigma_roll_pitch_deg")
     knots = Poses(
         **columns,
+        sigma_roll_deg=tilt_sigma,
+        sigma_pitch_deg=tilt_sigma,
         speed_mps=np.hypot(tangents(t_s, one.longitude_deg) * east, tangents(t_s, one.latitude_deg) * north),
         valid=np.ones(t_s.size, dtype=bool),
         reason=np.full(t_s.size, "", dtype="U1"),

@@ -17,12 +17,11 @@ from email.utils import parsedate_to_datetime
 from typing import Any
 from urllib.parse import urlsplit
 
+import msgspec
+
 from nvdb.errors import HttpStatusError, NotJsonError, RateLimitedError, TruncatedBodyError
 
 _MAX_DETAIL_CHARS = 200
-_LIST_FIRST = re.compile(r'\s*\{\s*"(objekter|vegobjekter)"\s*:\s*\[\s*(?=\{)')
-"""How a page of objects begins."""
-_SEPARATOR = re.compile(r"\s*([,\]])\s*")
 _CURES = {
     400: "check the parameters and that X-Client is set",
     401: "this object type needs a login, leave it out",
@@ -38,12 +37,24 @@ class JsonObject(dict[str, Any]):
 
     Attributes
     ----------
-    text : str
-        As sent, so that an object can be kept to the last character, and without writing it anew.
+    text : bytes
+        As sent (UTF-8), so that an object can be kept to the last character, and without writing it anew.
     """
 
     __slots__ = ("text",)
-    text: str
+    text: bytes
+
+
+class _Page(msgspec.Struct, forbid_unknown_fields=True):
+    """All that a page of objects has."""
+
+    objekter: list[msgspec.Raw] | msgspec.UnsetType = msgspec.UNSET
+    vegobjekter: list[msgspec.Raw] | msgspec.UnsetType = msgspec.UNSET
+    metadata: Any = msgspec.UNSET
+
+
+_PAGE_DECODER = msgspec.json.Decoder(_Page)
+_VALUE_DECODER = msgspec.json.Decoder()
 
 
 def place(url: str) -> str:
@@ -67,11 +78,10 @@ def json_from_body(body: bytes, where: str, content_type: str) -> dict[str, Any]
         msg = f"{where} answered with an empty body: try again later."
         raise TruncatedBodyError(msg)
     try:
-        text = body.decode("utf-8-sig")
-        with _no_cycle_search():
-            document = _page_of_objects(text)
-        if document is None:
-            document = _DECODER.decode(text)
+        with without_cycle_search():
+            document = _page_of_objects(body)
+            if document is None:
+                document = _DECODER.decode(body.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise _unparsable(body, where, content_type, error) from error
     if not isinstance(document, dict | list):
@@ -81,8 +91,8 @@ def json_from_body(body: bytes, where: str, content_type: str) -> dict[str, Any]
 
 
 @contextmanager
-def _no_cycle_search() -> Iterator[None]:
-    """Parsed JSON has no cycles: to look for them in a growing page takes as long as to parse it."""
+def without_cycle_search() -> Iterator[None]:
+    """Parsed JSON has no cycles: to look for them in growing pages takes as long as to parse them."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -92,33 +102,33 @@ def _no_cycle_search() -> Iterator[None]:
             gc.enable()
 
 
-def _page_of_objects(text: str) -> dict[str, Any] | None:
-    """Parse a page that begins with its list of objects; None for every other text, also one with a fault."""
-    begin = _LIST_FIRST.match(text)
-    if begin is None:
-        return None
-    objects: list[Any] = []
-    at = begin.end()
+def _page_of_objects(body: bytes) -> dict[str, Any] | None:
+    """Parse a page of objects; None for every other body, also one with a fault or a lone surrogate.
+
+    msgspec is as strict as `_DECODER` and three times as fast, but takes no lone surrogate and says less
+    about a fault.
+    """
+    document: dict[str, Any] = {}
     try:
-        while True:
-            value, end = _DECODER.raw_decode(text, at)
-            if type(value) is dict:
-                value = JsonObject(value)
-                value.text = text[at:end]
-            objects.append(value)
-            after = _SEPARATOR.match(text, end)
-            if after is None:
-                return None
-            at = after.end()
-            if after[1] == "]":
-                break
-        rest = _DECODER.decode("{" + text[at + 1 :]) if text[at : at + 1] == "," else None
-    except (ValueError, RecursionError):
+        page = _PAGE_DECODER.decode(body)
+        for name in ("objekter", "vegobjekter"):
+            items = getattr(page, name)
+            if items is not msgspec.UNSET:
+                document[name] = [_json_object(bytes(item)) for item in items]
+    except (ValueError, TypeError, RecursionError):
         return None  # the plain way meets the same fault, and says where in the text it is
-    if not rest:
-        return None
-    name = begin[1]
-    return rest if name in rest else {name: objects, **rest}
+    if page.metadata is not msgspec.UNSET:
+        document["metadata"] = page.metadata
+    return document
+
+
+def _json_object(text: bytes) -> Any:
+    value = _VALUE_DECODER.decode(text)
+    if type(value) is not dict:
+        return value
+    made = JsonObject(value)
+    made.text = text
+    return made
 
 
 def _unparsable(

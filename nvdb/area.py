@@ -3,52 +3,74 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Final
 
 from nvdb.errors import AreaError
 from nvdb.geometri import NORWAY_UTM33
 
+_COUNTRY: Final = "the whole country"
+_UTM33: Final = "(UTM33)"
+
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """Kommuner, a box, or (neither given) the whole country.
+    """Kommuner, fylker, kontraktsområder, a box, or (none of them given) the whole country.
 
     Attributes
     ----------
     kommuner : tuple of int
         Kommune numbers: 301 is 0301 Oslo. Kept sorted, each once.
+    fylker : tuple of int
+        Fylke numbers: 50 is Trøndelag. Kept sorted, each once.
+    kontraktsomrader : tuple of str
+        Whole names, or ids, of operation contracts. Kept sorted, each once.
     bbox : (min east, min north, max east, max north) or None
-        EPSG:25833, metres.
+        EPSG:25833, metres, to the millimetre.
 
     Raises
     ------
     AreaError
-        Both given, a number that cannot be a kommune, or a box that is empty or outside Norway.
+        More than one given, a number that cannot be a kommune or fylke, a name that cannot be asked for, or a
+        box that is empty or outside Norway.
     """
 
     kommuner: tuple[int, ...] = ()
+    fylker: tuple[int, ...] = ()
+    kontraktsomrader: tuple[str, ...] = ()
     bbox: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.kommuner and self.bbox is not None:
-            msg = "An area is either kommuner or a box: give one of them."
+        if sum(map(bool, (self.kommuner, self.fylker, self.kontraktsomrader, self.bbox is not None))) > 1:
+            msg = "An area is either kommuner, fylker, kontraktsområder or a box: give one of them."
             raise AreaError(msg)
-        for number in self.kommuner:
-            if isinstance(number, bool) or not isinstance(number, int) or not 101 <= number <= 9999:
-                msg = f"{number!r} is no kommune number: give four digits, such as 5001 or 0301."
-                raise AreaError(msg)
+        _check_numbers(self.kommuner, range(101, 10_000), "kommune number: give four digits, such as 5001")
+        _check_numbers(self.fylker, range(1, 100), "fylke number: give two digits, such as 50")
+        names = tuple(name.strip() if isinstance(name, str) else "" for name in self.kontraktsomrader)
+        if not all(name and "," not in name for name in names):
+            msg = f"{self.kontraktsomrader} are no kontraktsområder: give names without commas, or ids."
+            raise AreaError(msg)
         object.__setattr__(self, "kommuner", tuple(sorted(set(self.kommuner))))
+        object.__setattr__(self, "fylker", tuple(sorted(set(self.fylker))))
+        object.__setattr__(self, "kontraktsomrader", tuple(sorted(set(names))))
         if self.bbox is not None:
             object.__setattr__(self, "bbox", _checked_box(self.bbox))
 
     @classmethod
     def from_kommuner_text(cls, text: str) -> Area:
         """Read ``5001,0301``."""
-        parts = [part.strip() for part in text.split(",")]
-        if not all(part.isascii() and part.isdigit() and len(part) <= 4 for part in parts):
-            msg = f"{text!r} is not a list of kommuner: give numbers with commas between, such as 5001,0301."
-            raise AreaError(msg)
-        return cls(kommuner=tuple(int(part) for part in parts))
+        return cls(kommuner=_numbers(text, 4, "kommuner", "5001,0301"))
+
+    @classmethod
+    def from_fylker_text(cls, text: str) -> Area:
+        """Read ``50,03``."""
+        return cls(fylker=_numbers(text, 2, "fylker", "50,03"))
+
+    @classmethod
+    def from_kontraktsomrader_text(cls, text: str) -> Area:
+        """Read ``9503 Midtre Hålogaland 2021-2026``: names or ids, with commas between."""
+        return cls(kontraktsomrader=tuple(text.split(",")))
 
     @classmethod
     def from_bbox_text(cls, text: str) -> Area:
@@ -62,21 +84,94 @@ class Area:
             raise AreaError(msg)
         return cls(bbox=(numbers[0], numbers[1], numbers[2], numbers[3]))
 
+    @classmethod
+    def from_text(cls, text: str) -> Area:
+        """Read what :meth:`text` wrote."""
+        kind, _, rest = text.partition(" ")
+        if text == _COUNTRY:
+            return cls()
+        if kind == "kommune":
+            return cls.from_kommuner_text(rest)
+        if kind == "fylke":
+            return cls.from_fylker_text(rest)
+        if kind == "kontraktsområde":
+            return cls.from_kontraktsomrader_text(rest)
+        if kind == "box":
+            return cls.from_bbox_text(rest.removesuffix(_UTM33))
+        msg = f"{text!r} names no area: say it anew."
+        raise AreaError(msg)
+
+    @property
+    def is_administrative(self) -> bool:
+        """Whether kommuner, fylker or kontraktsområder are given."""
+        return bool(self.kommuner or self.fylker or self.kontraktsomrader)
+
     def params(self) -> dict[str, str]:
         """Query parameters of API Les V4; coordinates there are UTM33 for every UTM srid."""
         if self.kommuner:
             return {"kommune": ",".join(map(str, self.kommuner))}
+        if self.fylker:
+            return {"fylke": ",".join(map(str, self.fylker))}
+        if self.kontraktsomrader:
+            return {"kontraktsomrade": ",".join(self.kontraktsomrader)}
         if self.bbox is not None:
             return {"kartutsnitt": ",".join(f"{number:.3f}" for number in self.bbox)}
         return {}
 
     def text(self) -> str:
-        """In words, for people and for the store."""
+        """In words, for people and for the store; areas that differ have different words."""
         if self.kommuner:
             return "kommune " + ", ".join(f"{number:04d}" for number in self.kommuner)
+        if self.fylker:
+            return "fylke " + ", ".join(f"{number:02d}" for number in self.fylker)
+        if self.kontraktsomrader:
+            return "kontraktsområde " + ", ".join(self.kontraktsomrader)
         if self.bbox is not None:
-            return "box " + ", ".join(f"{number:.0f}" for number in self.bbox) + " (UTM33)"
-        return "the whole country"
+            shown = (f"{number:.3f}".rstrip("0").rstrip(".") for number in self.bbox)
+            return f"box {', '.join(shown)} {_UTM33}"
+        return _COUNTRY
+
+    def excludes(self, lokasjon: object) -> bool:
+        """Whether an object's ``lokasjon`` of API Les V4 says that it lies elsewhere.
+
+        False for a box, whose measure (own geometry or road) is the API's to know, and for an object without
+        ``lokasjon``. The API leaves ``kontraktsområder`` out where there are none.
+        """
+        if not (self.is_administrative and isinstance(lokasjon, Mapping)):
+            return False
+        if self.kontraktsomrader:
+            wanted = {name.casefold() for name in self.kontraktsomrader}
+            return wanted.isdisjoint(_names(lokasjon.get("kontraktsområder")))
+        name, numbers = ("kommuner", self.kommuner) if self.kommuner else ("fylker", self.fylker)
+        found = lokasjon.get(name)
+        return isinstance(found, list) and set(numbers).isdisjoint(found)
+
+
+def _check_numbers(numbers: tuple[int, ...], possible: range, what: str) -> None:
+    for number in numbers:
+        if isinstance(number, bool) or not isinstance(number, int) or number not in possible:
+            msg = f"{number!r} is no {what}."
+            raise AreaError(msg)
+
+
+def _numbers(text: str, digits: int, what: str, example: str) -> tuple[int, ...]:
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isascii() and part.isdigit() and len(part) <= digits for part in parts):
+        msg = f"{text!r} is not a list of {what}: give numbers with commas between, such as {example}."
+        raise AreaError(msg)
+    return tuple(int(part) for part in parts)
+
+
+def _names(kontraktsomrader: object) -> set[str]:
+    """What kontraktsområder are called: id, number and name of each."""
+    items: list[Any] = kontraktsomrader if isinstance(kontraktsomrader, list) else []
+    return {
+        str(item[name]).casefold()
+        for item in items
+        if isinstance(item, Mapping)
+        for name in ("id", "nummer", "navn")
+        if name in item
+    }
 
 
 def _checked_box(bbox: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
@@ -85,7 +180,7 @@ def _checked_box(bbox: tuple[float, float, float, float]) -> tuple[float, float,
     if len(bbox) != 4 or not all(math.isfinite(number) for number in bbox):
         msg = f"The box {text} needs four finite numbers: minE,minN,maxE,maxN in UTM33 metres."
         raise AreaError(msg)
-    min_east, min_north, max_east, max_north = (float(number) for number in bbox)
+    min_east, min_north, max_east, max_north = (round(float(number), 3) for number in bbox)
     if all(abs(number) <= 180 for number in bbox):
         msg = f"The box {text} looks like degrees: give minE,minN,maxE,maxN in UTM33 metres."
         raise AreaError(msg)

@@ -19,9 +19,10 @@ from nvdb.area import Area
 from nvdb.client import NvdbClient
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT, Datakatalog, snapshot
 from nvdb.errors import BodyError, HttpStatusError, RequestError, SchemaError
-from nvdb.paging import RawObject, iter_pages
+from nvdb.paging import RawObject, follow, iter_pages
 from nvdb.skilt import skilt_from_les_v4
 from nvdb.sources import (
+    FEW_UNREADABLE,
     MAX_PAGE,
     ChangePage,
     FeedTooOldError,
@@ -30,7 +31,6 @@ from nvdb.sources import (
     Reading,
     SourcePage,
     batches,
-    follow,
     page_parts,
     sign_types,
 )
@@ -85,6 +85,8 @@ class LesV4Source:
         self._page_size = page_size
         self._katalog = katalog or snapshot()
         self._clock = clock
+        self._known: set[tuple[int, int | None]] = set()
+        """Properties and enum ids that the datakatalog has been seen to know: a page repeats them."""
 
     @property
     def url(self) -> str:
@@ -117,8 +119,9 @@ class LesV4Source:
         path, params = self.first_request(type_id, area)
         for page in iter_pages(self._client, path, params, start):
             reading = Reading()
-            self._read(page.objects, type_id, reading)
+            left_out = self._read(page.objects, type_id, area, reading)
             reading.check_any(type_id)
+            _check_selection(left_out, reading, area)
             cursor = page.next_cursor or _cursor(page.objects[-1])
             yield reading.page(type_id, cursor, len(page.objects))
 
@@ -152,22 +155,34 @@ class LesV4Source:
             params: dict[str, str | int] = {**_PARAMS, **area.params(), "antall": MAX_PAGE}
             params["ider"] = ",".join(map(str, batch))
             for page in iter_pages(self._client, f"/vegobjekter/{type_id}", params):
-                self._read(page.objects, type_id, reading)
+                self._read(page.objects, type_id, area, reading)
         return reading.result(ids)
 
-    def _read(self, objects: Sequence[RawObject], type_id: int, reading: Reading) -> None:
+    def _read(
+        self, objects: Sequence[RawObject], type_id: int, area: Area, reading: Reading
+    ) -> list[RawObject]:
+        """Read objects; return those left out since they say that they lie outside the area."""
+        left_out = []
         for raw in objects:
             try:
                 skilt = skilt_from_les_v4(raw, type_id)
             except SchemaError as error:
                 reading.refuse(raw, error)
                 continue
+            if area.is_administrative and area.excludes(raw.get("lokasjon")):
+                left_out.append(raw)
+                continue
             reading.objects.append(skilt)
             for item in raw.get("egenskaper") or ():
                 number, enum_id = item["id"], item.get("enum_id")
+                if (number, enum_id) in self._known:
+                    continue
                 if self._katalog.is_unknown(number, enum_id):
                     known = number in self._katalog.egenskapstyper
                     reading.unknown[number, enum_id if known else None] += 1
+                else:
+                    self._known.add((number, enum_id))
+        return left_out
 
     def _feed_page(
         self, kinds: Sequence[int], start: str
@@ -188,6 +203,20 @@ class LesV4Source:
                 changed.setdefault(kind, set()).add(object_id)
         page = {kind: frozenset(found) for kind, found in changed.items()}
         return (page, len(events)), events, following or (_after(events) if events else None)
+
+
+def _check_selection(left_out: Sequence[RawObject], reading: Reading, area: Area) -> None:
+    """Name the objects of a page that lie outside the area; raise if there are no others."""
+    if len(left_out) >= FEW_UNREADABLE and not reading.objects:
+        msg = (
+            f"The API was asked for {area.text()} and sent signs that all lie elsewhere: check the area's "
+            "number or name, or take another way to say it (kommune, fylke, box)."
+        )
+        raise SchemaError(msg)
+    reading.problems += [
+        f"Vegobjekt {raw.get('id')} came for {area.text()}, but says that it lies elsewhere: left out."
+        for raw in left_out
+    ]
 
 
 def _cursor(raw: RawObject) -> str:

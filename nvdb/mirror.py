@@ -16,6 +16,7 @@ from datetime import UTC, datetime
 from typing import Final
 
 from nvdb import datakatalog
+from nvdb.ahead import one_ahead, rare_cycle_search
 from nvdb.area import Area
 from nvdb.errors import NvdbError
 from nvdb.mirror_states import Applied, Backfill, Following, Ids, MirrorStore
@@ -284,12 +285,14 @@ def _fetch_pages(
     notes.expected[type_id] = expected = source.count(type_id, area)
     done = store.count_aside(type_id) if start is not None else 0
     notes.tell(name, done, expected)
-    for page in source.pages(type_id, area, start):
-        store.save_page(page)
-        notes.read(page)
-        notes.received += page.received
-        done += len(page.objects)
-        notes.tell(name, done, expected)
+    with rare_cycle_search() as page_done:
+        for page in one_ahead(source.pages(type_id, area, start)):
+            store.save_page(page)
+            notes.read(page)
+            notes.received += page.received
+            done += len(page.objects)
+            notes.tell(name, done, expected)
+            page_done()
 
 
 def _lacking(store: MirrorStore, following: Following, notes: _Notes) -> dict[int, int]:
@@ -373,6 +376,7 @@ def _fetch_changed(
     """Fetch changed objects, keep them aside, and return the ids that are gone and those unreadable."""
     missing: set[int] = set()
     unreadable: set[int] = set()
+    done = 0
     for batch in batches(ids):
         result = source.fetch(type_id, batch, area)
         store.save_changes(result)
@@ -380,7 +384,8 @@ def _fetch_changed(
         notes.received += len(result.objects)
         missing |= result.missing
         unreadable |= result.unreadable
-        notes.tell(f"changed {_NAME[type_id]}", notes.received, None)
+        done += len(batch)
+        notes.tell(f"changed {_NAME[type_id]}", done, len(ids))
     return frozenset(missing), frozenset(unreadable)
 
 

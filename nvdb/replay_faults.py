@@ -20,12 +20,13 @@ FaultKind = Literal[
     "redirect_loop",
     "repeat_cursor",
     "repeat_page",
+    "empty_page",
     "garbage",
     "damaged_gzip",
     "disconnect",
 ]
 
-OF_CONTENT: Final = frozenset({"repeat_cursor", "repeat_page"})
+OF_CONTENT: Final = frozenset({"repeat_cursor", "repeat_page", "empty_page"})
 """Faults of what a page says, and not of how it comes over the wire."""
 
 LOOP_PATH: Final = "/replay/redirect-loop"
@@ -47,6 +48,8 @@ class Fault:
         ``redirect_loop``: a redirect to an address that redirects to itself.
         ``repeat_cursor``: a good page whose cursor leads back to itself.
         ``repeat_page``: the first page's objects again, under the cursor of the page that was asked for.
+        ``empty_page``: a page of vegobjekter without any, whose cursor leads on to those that it should hold
+        (in worlds without an `order_seed`).
         ``garbage``: status 200 with random-looking bytes, declared as JSON.
         ``damaged_gzip``: the right answer, compressed, with bytes changed on the way.
         ``disconnect``: end of connection without any answer.

@@ -14,12 +14,12 @@ from typing import Any, Final
 
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
 from nvdb.errors import ReplaySourceError
-from nvdb.replay_source import QueryError, Record, neste, record_from_raw
+from nvdb.replay_source import PLACES, QueryError, Record, neste, record_from_raw
 from nvdb.replay_templates import FIRST_ID, ID_STEP, Item, item_maker
 from nvdb.replay_uberiket import numbers, page_document, page_size, uberiket_from_les_v4
 from nvdb.replay_world import ReplayWorld
 
-_REFUSED: Final = {"kommune", "kartutsnitt", "polygon", "dato"}
+_REFUSED: Final = {*PLACES, "kartutsnitt", "polygon", "dato"}
 
 
 class GeneratedWorld(ReplayWorld):

@@ -92,7 +92,7 @@ class Routes:
         base : str
             ``http://host``, for the addresses in the answer.
         fault : str, optional
-            ``repeat_cursor`` or ``repeat_page``, which are faults of the content and not of the wire.
+            ``repeat_cursor``, ``repeat_page`` or ``empty_page``: faults of the content and not of the wire.
         """
         for pattern, make in self._routes:
             match = pattern.fullmatch(path)
@@ -119,13 +119,20 @@ class Routes:
         found: Mapping[str, int],
         fault: str,
     ) -> Answer:
-        """Make the good page lead back to itself, or show the first page's objects in its place."""
+        """Make the good page lead back to itself, come empty, or show the first page's objects."""
         document = json.loads(good.body)
         metadata = document.get("metadata")
         if not isinstance(metadata, dict):
             return good
         if fault == "repeat_cursor":
             metadata["neste"] = neste(url, query, query.get("start", "0:0"))
+            return json_answer(200, document)
+        if fault == "empty_page":
+            name, sign = ("vegobjekter", "-") if "vegobjekter" in document else ("objekter", ":")
+            first_id = (document.get(name) or [{}])[0].get("id")
+            if first_id is not None:
+                metadata["neste"] = neste(url, query, f"{first_id - 1}{sign}{10**9 - 1}")
+                document[name], metadata["returnert"] = [], 0
             return json_answer(200, document)
         first = make({name: text for name, text in query.items() if name != "start"}, url, **found)
         return json_answer(200, {**json.loads(first.body), "metadata": metadata})

@@ -29,6 +29,13 @@ log = logging.getLogger(__name__)
 MAX_PAGE: Final = 1000
 """Most objects that V4 puts on one page."""
 
+PLACES: Final[Mapping[str, str]] = {
+    "kommune": "kommuner",
+    "fylke": "fylker",
+    "kontraktsomrade": "kontraktsområder",
+}
+"""Filter → the list in ``lokasjon`` that it looks into."""
+
 _SUFFIXES: Final = (".json", ".ndjson", ".jsonl", ".json.gz", ".ndjson.gz", ".jsonl.gz")
 VEGNETT_PREFIX: Final = "vegnett"
 """Files of a recorded folder whose names begin so hold segments of the road network."""
@@ -36,6 +43,8 @@ _TYPE_IN_PAGE_HREF = re.compile(r"/vegobjekter/(\d+)")
 _CURSOR = re.compile(r"(\d{1,18}):(\d{1,9})")
 
 Generated = Mapping[int, Sequence[RawObject]]
+Places = frozenset[tuple[str, str]]
+"""Filter and value, such as ``("fylke", "50")``, for each area that an object lies in."""
 
 
 class QueryError(ValueError):
@@ -51,7 +60,7 @@ class Record:
     versjon: int
     raw: RawObject
     recorded: bool
-    kommuner: frozenset[int]
+    places: Places
     position: Position | None
 
     @property
@@ -101,14 +110,14 @@ class ReplaySource:
         return {type_id: len(self._records.get(type_id, ())) for type_id in sorted(self.types)}
 
     def select(self, type_id: int, query: Mapping[str, str]) -> list[Record]:
-        """Objects that pass the filters ``ider``, ``kommune`` and ``kartutsnitt``, ordered by id."""
+        """Objects that pass ``ider``, ``kartutsnitt`` and the filters of `PLACES`, ordered by id."""
         records = self._records.get(type_id, [])
         if "ider" in query:
             ids = set(read_integers(query["ider"], "ider"))
             records = [record for record in records if record.id in ids]
-        if "kommune" in query:
-            kommuner = set(read_integers(query["kommune"], "kommune"))
-            records = [record for record in records if record.kommuner & kommuner]
+        for name in PLACES.keys() & query.keys():
+            places = read_places(name, query[name])
+            records = [record for record in records if record.places & places]
         if "kartutsnitt" in query:
             box = read_box(query["kartutsnitt"])
             records = [record for record in records if _inside(record.position, box)]
@@ -215,6 +224,24 @@ def read_integers(text: str, name: str) -> list[int]:
         raise QueryError(msg) from None
 
 
+def read_places(name: str, text: str) -> Places:
+    """Read a filter of `PLACES`: numbers, or names of kontraktsområder; QueryError if it is neither."""
+    if name == "kontraktsomrade":
+        return frozenset((name, part.strip()) for part in text.split(","))
+    return frozenset((name, str(number)) for number in read_integers(text, name))
+
+
+def places_of(lokasjon: object) -> Places:
+    """Kommuner, fylker, and ids and names of kontraktsområder that ``lokasjon`` lists."""
+    found = set()
+    for name, listed in PLACES.items():
+        items = lokasjon.get(listed) if isinstance(lokasjon, Mapping) else None
+        for item in items if isinstance(items, list) else ():
+            values = (item.get("id"), item.get("navn")) if isinstance(item, Mapping) else (item,)
+            found |= {(name, str(value)) for value in values if value is not None}
+    return frozenset(found)
+
+
 def read_box(text: str) -> list[float]:
     """Read ``kartutsnitt``; QueryError if it is not four numbers."""
     try:
@@ -234,22 +261,22 @@ def _inside(position: Position | None, box: Sequence[float]) -> bool:
 
 
 def _newest(records: Iterable[Record]) -> list[Record]:
-    """One record an object, of its highest version, in V4's order; the kommuner of its copies are joined."""
+    """One record an object, of its highest version, in V4's order; the places of its copies are joined."""
     newest: dict[tuple[int, int], Record] = {}
     for record in records:
         key = (record.type_id, record.id)
         other = newest.get(key, record)
         best = max(other, record, key=lambda r: r.versjon)
-        newest[key] = replace(best, kommuner=other.kommuner | record.kommuner)
+        newest[key] = replace(best, places=other.places | record.places)
     return [newest[key] for key in sorted(newest)]
 
 
 def record_from_raw(raw: RawObject, type_id: int) -> Record:
     """Make a record of one object in V4's form; ReplaySourceError if it has no id."""
-    return _record(raw, type_id, recorded=False, kommuner=frozenset())
+    return _record(raw, type_id, recorded=False)
 
 
-def _record(raw: RawObject, type_id: int | None, recorded: bool, kommuner: frozenset[int]) -> Record:
+def _record(raw: RawObject, type_id: int | None, recorded: bool, asked: Places = frozenset()) -> Record:
     """Read what the filters need. An object that breaks V4's form is served too: clients must survive it."""
     kind, position = type_id, None
     try:
@@ -259,13 +286,13 @@ def _record(raw: RawObject, type_id: int | None, recorded: bool, kommuner: froze
         versjon = metadata.get("versjon") if isinstance(metadata, Mapping) else None
     else:
         kind, position, versjon = vegobjekt.type_id, vegobjekt.position, vegobjekt.versjon
-        kommuner = frozenset(vegobjekt.kommuner) or kommuner
     object_id = raw.get("id")
     if kind is None or not isinstance(object_id, int):
         msg = "has neither a type nor an id"
         raise ReplaySourceError(msg)
+    places = places_of(raw.get("lokasjon")) or asked
     return Record(
-        kind, object_id, versjon if isinstance(versjon, int) else 1, raw, recorded, kommuner, position
+        kind, object_id, versjon if isinstance(versjon, int) else 1, raw, recorded, places, position
     )
 
 
@@ -273,7 +300,7 @@ def _from_memory(source: Generated) -> Iterator[Record]:
     for type_id, objects in source.items():
         for number, raw in enumerate(objects):
             try:
-                yield _record(raw, type_id, recorded=False, kommuner=frozenset())
+                yield _record(raw, type_id, recorded=False)
             except ReplaySourceError as error:
                 msg = f"Object {number} of type {type_id} {error}: give every object an integer id."
                 raise ReplaySourceError(msg) from error
@@ -302,10 +329,10 @@ def _is_data(path: Path) -> bool:
 def _from_file(path: Path) -> Iterator[Record]:
     """Records of one file: a page, a list of objects, or one object a line. Anything else is passed over."""
     for document in _documents(path):
-        objects, type_id, kommuner = _page_facts(document)
+        objects, type_id, asked = _page_facts(document)
         for raw in objects:
             try:
-                yield _record(raw, type_id, recorded=True, kommuner=kommuner)
+                yield _record(raw, type_id, recorded=True, asked=asked)
             except ReplaySourceError as error:
                 if isinstance(document, Mapping) and "objekter" in document:
                     msg = f"An object of {path.name} in {path.parent} {error}: record the page again."
@@ -314,8 +341,8 @@ def _from_file(path: Path) -> Iterator[Record]:
                 log.info("%s: an entry that is no vegobjekt is passed over", path.name)
 
 
-def _page_facts(document: object) -> tuple[list[RawObject], int | None, frozenset[int]]:
-    """Objects of a document, and the type and kommuner that the page's own ``neste`` tells."""
+def _page_facts(document: object) -> tuple[list[RawObject], int | None, Places]:
+    """Objects of a document, and the type and places that the page's own ``neste`` tells."""
     if isinstance(document, list):
         return [item for item in document if isinstance(item, Mapping)], None, frozenset()
     if not isinstance(document, Mapping):
@@ -327,13 +354,21 @@ def _page_facts(document: object) -> tuple[list[RawObject], int | None, frozense
     href = following.get("href") if isinstance(following, Mapping) else None
     parts = urlsplit(href if isinstance(href, str) else "")
     match = _TYPE_IN_PAGE_HREF.search(parts.path)
-    kommuner = ",".join(parse_qs(parts.query).get("kommune", [])).split(",")
+    query = parse_qs(parts.query)
     objects = document["objekter"]
     return (
         [item for item in objects if isinstance(item, Mapping)] if isinstance(objects, list) else [],
         int(match.group(1)) if match else None,
-        frozenset(int(number) for number in kommuner if number.isdigit()),
+        frozenset(place for name in PLACES for text in query.get(name, []) for place in _asked(name, text)),
     )
+
+
+def _asked(name: str, text: str) -> Places:
+    """Places of a recorded address; none where it cannot be read."""
+    try:
+        return read_places(name, text)
+    except QueryError:
+        return frozenset()
 
 
 def _documents(path: Path) -> Iterator[object]:

@@ -47,8 +47,11 @@ _TAIL_V4 = (
     '"relativPosisjon":%(posisjon)s,"retning":"%(retning)s","kjørefelt":["1"],"sideposisjon":"%(side)s",'
     '"kortform":"%(posisjon)s@%(lenke)s"}],"geometri":{"wkt":"%(net)s","srid":5973}},"geometri":{"wkt":'
     '"GEOMETRI","srid":5973,"egengeometri":OWN},"vegsegmenter":[{"veglenkesekvensid":%(lenke)s,'
-    '"startposisjon":%(posisjon)s,"sluttposisjon":%(posisjon)s,"lengde":0.0,"retning":"%(retning)s",'
-    '"detaljnivå":"Vegtrase","typeVeg":"Enkel bilveg","kommune":%(kommune)d,"fylke":%(fylke)d}]}'
+    '"relativPosisjon":%(posisjon)s,"startdato":"%(startdato)s","retning":"%(retning)s","detaljnivå":'
+    '"Vegtrase","typeVeg":"Enkel bilveg","geometri":{"wkt":"%(net)s","srid":5973},"kommune":%(kommune)d,'
+    '"fylke":%(fylke)d,"vegsystemreferanse":{"vegsystem":{"vegkategori":"F","fase":"V","nummer":%(veg)d},'
+    '"strekning":{"strekning":1,"delstrekning":1,"arm":false,"adskilte_løp":"Nei","trafikantgruppe":"K",'
+    '"retning":"%(retning)s","meter":%(meter)d},"kortform":"FV%(veg)d S1D1 m%(meter)d"}}]}'
 )
 _GEOMETRY_V4 = (
     ',{"id":GEOMID,"navn":"Geometri, punkt","verdi":"%(wkt)s","kvalitet":{"datafangstmetode":"%(metode)s",'

@@ -1,8 +1,9 @@
 """The segmented road network of a replayed world, as API Les V4 filters it and cuts it into pages.
 
-Filters: ``kommune``, ``kartutsnitt`` (by the bounds of a segment), ``tidspunkt`` and ``historisk``. How V4
-writes the cursor of this address is not documented: here it is the last segment's ``referanse``, and the end
-is an empty page that repeats it, as V4's recorded pages of vegobjekter end.
+Filters: ``kommune``, ``fylke``, ``kontraktsomrade``, ``kartutsnitt`` (by the bounds of a segment),
+``tidspunkt`` and ``historisk``. How V4 writes the cursor of this address is not documented: here it is the
+last segment's ``referanse``, and the end is an empty page that repeats it, as V4's recorded pages of
+vegobjekter end.
 """
 
 from __future__ import annotations
@@ -12,7 +13,15 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Final
 
-from nvdb.replay_source import QueryError, read_box, read_integers, read_page_size
+from nvdb.replay_source import (
+    PLACES,
+    Places,
+    QueryError,
+    places_of,
+    read_box,
+    read_page_size,
+    read_places,
+)
 from nvdb.vegobjekt import RawObject
 
 _UTM33: Final = frozenset({"5973", "UTM33"})
@@ -46,9 +55,9 @@ def select_segments(links: Sequence[RawObject], query: Mapping[str, str], today:
     found = list(links)
     if query.get("historisk", "").lower() != "true":
         found = [link for link in found if _valid(link, query.get("tidspunkt", today))]
-    if "kommune" in query:
-        kommuner = set(read_integers(query["kommune"], "kommune"))
-        found = [link for link in found if link.get("kommune") in kommuner]
+    for name in PLACES.keys() & query.keys():
+        places = read_places(name, query[name])
+        found = [link for link in found if places & _places(link)]
     if "kartutsnitt" in query:
         box = read_box(query["kartutsnitt"])
         found = [link for link in found if _touches(link, box)]
@@ -78,6 +87,12 @@ def _key(link: RawObject) -> Key:
 
 def _numbers(text: str) -> Key:
     return tuple(int(number) for number in _NUMBER.findall(text))
+
+
+def _places(link: RawObject) -> Places:
+    """A segment has one kommune and one fylke, but a list of kontraktsområder."""
+    lists = {PLACES[name]: [link.get(name)] for name in ("kommune", "fylke")}
+    return places_of({**lists, PLACES["kontraktsomrade"]: link.get(PLACES["kontraktsomrade"])})
 
 
 def _valid(link: RawObject, day: str) -> bool:

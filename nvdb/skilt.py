@@ -17,7 +17,7 @@ from nvdb.vegobjekt import (
     Vegobjekt,
     vegobjekt_from_les_v4,
 )
-from nvdb.vegobjekt_usual import UsualParts, usual_parts
+from nvdb.vegobjekt_usual import UsualEgenskap, UsualParts, usual_parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,38 +163,37 @@ def skilt_from_les_v4(raw: RawObject, type_id: int) -> Skiltpunkt | Skiltplate:
 def _usual_skilt(parts: UsualParts, type_id: int) -> Skiltpunkt | Skiltplate | None:
     """View an object in its usual form; None where there is something to tell about it."""
     if type_id == datakatalog.SKILTPUNKT:
-        plates = parts.related("barn", datakatalog.SKILTPLATE)
-        return Skiltpunkt(**parts.shared, plate_ids=plates)
-    nummer = parts.egenskaper.get(datakatalog.SKILTNUMMER, _NONE)
-    side = parts.egenskaper.get(datakatalog.ANSIKTSSIDE, _NONE)
-    nummer_text, side_text = nummer.get("verdi"), side.get("verdi")
-    text = parts.egenskaper.get(datakatalog.TEKST, _NONE).get("verdi")
-    code = parts.egenskaper.get(datakatalog.PLASSERINGSKODE, _NONE).get("verdi")
-    points = set(parts.related("foreldre", datakatalog.SKILTPUNKT))
+        return Skiltpunkt(**parts.shared, plate_ids=parts.barn(datakatalog.SKILTPLATE))
+    get = parts.egenskaper.get
+    nummer, side = get(datakatalog.SKILTNUMMER), get(datakatalog.ANSIKTSSIDE, _NONE)
+    text = get(datakatalog.TEKST, _NONE).verdi
+    code = get(datakatalog.PLASSERINGSKODE, _NONE).verdi
+    points = set(parts.foreldre(datakatalog.SKILTPUNKT))
     usual = (
-        type(nummer_text) is str
-        and (side_text is None or type(side_text) is str)
+        nummer is not None
+        and type(nummer.verdi) is str
+        and (side.verdi is None or type(side.verdi) is str)
         and (text is None or type(text) is str)
         and (code is None or (type(code) is int and code in INT64))
         and len(points) <= 1
     )
-    skiltnummer = _known_code(nummer_text) if usual else None
-    if skiltnummer is None:
+    skiltnummer = _known_code(nummer.verdi) if nummer is not None and usual else None
+    if nummer is None or skiltnummer is None:
         return None
     return Skiltplate(
         **parts.shared,
         point_id=next(iter(points), None),
         skiltnummer=skiltnummer,
-        skiltnummer_text=nummer_text,
-        enum_id=nummer.get("enum_id"),
-        ansiktsside=side_text,
-        ansiktsside_enum_id=side.get("enum_id"),
+        skiltnummer_text=nummer.verdi,
+        enum_id=nummer.enum_id,
+        ansiktsside=side.verdi,
+        ansiktsside_enum_id=side.enum_id,
         text=text,
         plasseringskode=code,
     )
 
 
-_NONE: dict[str, Any] = {}
+_NONE = UsualEgenskap(id=0)
 
 
 @lru_cache(maxsize=4096)

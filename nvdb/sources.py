@@ -11,13 +11,13 @@ the same object differs only where the APIs do: see :mod:`nvdb.uberiket`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Final, Protocol
 
 from nvdb.area import Area
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
-from nvdb.errors import NvdbError, PagingError, RequestError, SchemaError
+from nvdb.errors import NvdbError, RequestError, SchemaError
 from nvdb.skilt import Skiltplate, Skiltpunkt
 
 FETCH_BATCH: Final = 100
@@ -34,7 +34,6 @@ Unknown = tuple[int, int | None]
 """A property id, or a property id and an enum id, that the datakatalog at hand does not know."""
 
 Raw = dict[str, Any]
-T = TypeVar("T")
 
 
 class FeedTooOldError(NvdbError):
@@ -214,58 +213,6 @@ def sign_types(type_ids: Iterable[int]) -> list[int]:
         msg = f"Only the types {SKILTPUNKT} and {SKILTPLATE} can be mirrored, not {kinds}: ask for these."
         raise RequestError(msg)
     return kinds
-
-
-def follow(
-    ask: Callable[[str | None], tuple[T, Sequence[Raw], str | None]], start: str | None, what: str
-) -> Iterator[tuple[T, str | None]]:
-    """Follow cursors to the end.
-
-    Parameters
-    ----------
-    ask : callable
-        Cursor → page, the items on it as received, next cursor (None where the answer names none).
-    start : str or None
-    what : str
-        What is paged through, for messages.
-
-    Yields
-    ------
-    page, next_cursor
-        Pages that hold items. The end is a page without a next cursor (Uberiket), or an empty page that does
-        not lead on (Les V4).
-
-    Raises
-    ------
-    PagingError
-        A page with items that leads to a cursor that has been used, or that holds exactly the items of an
-        earlier page: to stop or to go on silently would lose what should have been there.
-    """
-    cursor, used = start, {start}
-    contents: set[int] = set()
-    while True:
-        page, items, following = ask(cursor)
-        if not items and (following is None or following in used):
-            return
-        content = hash(tuple(_fingerprint(item) for item in items))
-        if items and (following in used - {None} or content in contents):
-            msg = (
-                f"The page of {what} after cursor {cursor or 'none'} leads back to where it came from "
-                f"(next cursor {following}): start the sync again."
-            )
-            raise PagingError(msg)
-        if items:
-            yield page, following
-        if following is None:
-            return
-        contents.add(content)
-        used.add(following)
-        cursor = following
-
-
-def _fingerprint(item: Raw) -> str:
-    """What tells an item of a page from others: an object's id and version, or an event's."""
-    return ":".join(str(item.get(name)) for name in ("id", "versjon", "tidspunkt", "hendelseId"))
 
 
 def page_parts(body: object, names: Sequence[str], what: str) -> tuple[list[list[Raw]], str | None]:

@@ -32,6 +32,7 @@ from nvdb.area import Area
 from nvdb.client import NvdbClient
 from nvdb.datakatalog import Datakatalog, snapshot
 from nvdb.errors import AreaError, BodyError, HttpStatusError, RequestError, SchemaError
+from nvdb.paging import follow
 from nvdb.skilt import Skiltplate, Skiltpunkt
 from nvdb.sources import (
     MAX_PAGE,
@@ -42,7 +43,6 @@ from nvdb.sources import (
     Reading,
     SourcePage,
     batches,
-    follow,
     page_parts,
     sign_types,
 )
@@ -59,8 +59,9 @@ geometry or at the road; which signs are inside is decided here."""
 class UberiketSource:
     """Skiltpunkt and Skiltplate from Uberiket V1; see :class:`nvdb.sources.Source`.
 
-    Selects the whole country or a box. There is no filter for kommune; and in a box only signs with own
-    geometry can be found, since the others have no coordinates in Uberiket (each is named in ``problems``).
+    Selects the whole country or a box. There is no filter for kommune, fylke or kontraktsområde; and in a box
+    only signs with own geometry can be found, since the others have no coordinates in Uberiket (each is named
+    in ``problems``).
 
     Parameters
     ----------
@@ -98,8 +99,8 @@ class UberiketSource:
         return self._client.api_url
 
     def check(self, area: Area) -> None:
-        """Raise AreaError for kommuner."""
-        if area.kommuner:
+        """Raise AreaError for kommuner, fylker and kontraktsområder."""
+        if area.is_administrative:
             msg = (
                 f"Uberiket cannot select {area.text()}: take the source les-v4, or give a box or the whole "
                 "country."

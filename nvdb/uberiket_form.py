@@ -17,6 +17,7 @@ from nvdb.datakatalog import Datakatalog
 from nvdb.fields import Fields
 from nvdb.geometri import Position, position_from_wkt
 from nvdb.skilt import Skiltplate, Skiltpunkt, skiltplate_from_vegobjekt, skiltpunkt_from_vegobjekt
+from nvdb.uberiket_usual import usual_skilt
 from nvdb.vegobjekt import (
     Egenskap,
     Geometri,
@@ -114,6 +115,14 @@ def vegobjekt_from_uberiket(
 
 def skilt_from_uberiket(raw: RawObject, type_id: int, katalog: Datakatalog) -> Skiltpunkt | Skiltplate:
     """Parse one object of an answer for `type_id` 95 or 96; SchemaError as above or for another type."""
+    usual = usual_skilt(raw, type_id, katalog)
+    if usual is not None:
+        return usual
+    return careful_skilt(raw, type_id, katalog)
+
+
+def careful_skilt(raw: RawObject, type_id: int, katalog: Datakatalog) -> Skiltpunkt | Skiltplate:
+    """Parse an object that may be unusual, and say what is wrong with it."""
     vegobjekt = vegobjekt_from_uberiket(raw, katalog, _VIEWED.get(type_id))
     if type_id == datakatalog.SKILTPUNKT:
         return skiltpunkt_from_vegobjekt(vegobjekt)

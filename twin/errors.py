@@ -7,6 +7,7 @@
     ├── StoreError          the store is missing, locked, or written by a newer version
     ├── ConfigError         a setting that cannot be
     ├── TruthError          a truth file for ``evaluate`` that cannot be read
+    ├── TerrainError        a ground raster that cannot be read or used
     └── RefusedError        doing it would lose or overwrite something
         └── ExportRefusedError  … in an export folder
 
@@ -34,6 +35,10 @@ class ConfigError(TwinError):
 
 class TruthError(TwinError):
     """A truth file that cannot be read."""
+
+
+class TerrainError(TwinError):
+    """A ground raster that cannot be read or used; the message names the file and the cure."""
 
 
 class RefusedError(TwinError):

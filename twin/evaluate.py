@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sqlalchemy as sa
@@ -19,10 +19,15 @@ from twin.errors import TruthError
 from twin.folders import make_folder
 from twin.store import Store
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]
 
 _REQUIRED = ("object", "easting", "northing")
+ONE_FRAME = ("single-frame", "paper")
+"""Methods whose single sightings are positions of their own; `adjusted` only ever places whole objects."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +52,8 @@ class MethodResult:
         Share of the truths inside the 95 % ellipse.
     objects_by_range, sightings_by_range : list of dict
         The same statistics by distance: of the estimates by that of their nearest sighting, and of single
-        sightings. ``from_m``, ``to_m`` (None: no limit), n … rmse, ``coverage95``.
+        sightings; the latter empty for `adjusted`, whose sightings are no positions by themselves.
+        ``from_m``, ``to_m`` (None: no limit), n … rmse, ``coverage95``.
     not_estimated : tuple of str
         Truth objects that this method has no estimate of.
     """
@@ -66,9 +72,11 @@ class Evaluation:
 
     methods: tuple[MethodResult, ...]
     sightings: dict[str, dict[str, FloatArray]]
-    """method → ``range_m``, ``speed_mps`` and ``error_m`` of every located sighting of a truth object."""
+    """Method of one frame → ``range_m``, ``speed_mps``, ``error_m`` of every located sighting of a truth
+    object."""
     estimates: dict[str, dict[str, FloatArray]]
-    """method → ``range_m`` (nearest sighting) and ``error_m`` of every estimate."""
+    """method → ``range_m`` (nearest sighting), ``speed_mps`` (the car's mean while it saw the object) and
+    ``error_m`` of every estimate."""
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return the numbers without the arrays."""
@@ -126,21 +134,30 @@ def evaluate(store: Store, truths: Sequence[Truth]) -> Evaluation:
     """
     known = {(truth.drive_id, truth.object): truth for truth in truths}
     estimates = store.rows(sa.select(schema.estimate).order_by(schema.estimate.c.estimate_id))
-    sightings = store.rows(
-        sa.select(schema.sighting).where(
-            schema.sighting.c.rejected == "", schema.sighting.c.east_m.is_not(None)
-        )
-    )
+    sightings = store.rows(sa.select(schema.sighting).where(schema.sighting.c.rejected == ""))
+    speed = _mean_speeds(sightings)
     results: list[MethodResult] = []
     sighting_arrays: dict[str, dict[str, FloatArray]] = {}
     estimate_arrays: dict[str, dict[str, FloatArray]] = {}
     for method in store.methods():
-        own = [(e, t) for e in estimates if e["method"] == method and (t := _find(known, e)) is not None]
-        seen = [(s, t) for s in sightings if s["method"] == method and (t := _find(known, s)) is not None]
+        own = [
+            ({**e, "speed_mps": speed.get(_key(e))}, t)
+            for e in estimates
+            if e["method"] == method and (t := _find(known, e)) is not None
+        ]
         if not own:
             continue
+        seen = [
+            (s, t)
+            for s in sightings
+            if s["method"] == method in ONE_FRAME
+            and s["east_m"] is not None
+            and (t := _find(known, s)) is not None
+        ]
         objects, singles = _errors(own, "range_min_m"), _errors(seen, "range_m")
-        estimate_arrays[method], sighting_arrays[method] = objects.arrays(), singles.arrays()
+        estimate_arrays[method] = objects.arrays()
+        if seen:
+            sighting_arrays[method] = singles.arrays()
         found = {row["object"] for row, _ in own}
         results.append(
             MethodResult(
@@ -161,6 +178,19 @@ def evaluate(store: Store, truths: Sequence[Truth]) -> Evaluation:
             "object must hold the annotator's track ids as `twin export` shows them."
         )
     return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
+
+
+def _key(row: Row) -> tuple[str, str, str]:
+    return row["method"], row["drive_id"], row["object"]
+
+
+def _mean_speeds(sightings: Sequence[Row]) -> dict[tuple[str, str, str], float]:
+    """(method, drive, object) → the car's mean speed over the sightings that took part."""
+    speeds: dict[tuple[str, str, str], list[float]] = {}
+    for row in sightings:
+        if row["speed_mps"] is not None:
+            speeds.setdefault(_key(row), []).append(row["speed_mps"])
+    return {key: float(np.mean(values)) for key, values in speeds.items()}
 
 
 def _find(known: Mapping[tuple[str, str], Truth], row: Row) -> Truth | None:
@@ -213,53 +243,73 @@ def _errors(pairs: Sequence[tuple[Row, Truth]], range_name: str) -> _Errors:
 
 
 def plot(evaluation: Evaluation, folder: Path | str) -> list[Path]:
-    """Draw error against distance and against speed, every method in each, like the paper's figures.
+    """Draw error against distance and against speed, every method in each, as the paper does.
+
+    Filled marks are objects: at the distance of their nearest sighting, or at the car's mean speed while it
+    saw them. Faint dots are single sightings of the methods of one frame. The errors' axis is logarithmic:
+    methods are a factor of ten and more apart.
 
     Returns
     -------
     list of Path
-        ``error_distance.png`` (the paper's figures 9 and 11) and ``error_speed.png``.
+        ``error_distance.png`` and ``error_speed.png``.
     """
+    folder = make_folder(folder)
+    return [
+        _figure(evaluation, folder / name, column, label, scale)
+        for name, column, label, scale in (
+            ("error_distance.png", "range_m", "distance from camera to object [m]", 1.0),
+            ("error_speed.png", "speed_mps", "speed of the car [km/h], methods side by side", 3.6),
+        )
+    ]
+
+
+_LOOKS = {"adjusted": ("#009e73", "o"), "single-frame": ("#0072b2", "D"), "paper": ("#d55e00", "s")}
+_LEAST_ERROR_M = 0.003
+"""What is smaller is drawn here: a logarithm has no zero."""
+_APART = 0.012
+"""Part of the axis by which methods are drawn beside each other where they share a speed."""
+
+
+def _figure(evaluation: Evaluation, path: Path, column: str, label: str, scale: float) -> Path:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    folder = make_folder(folder)
-    written = []
-    for name, column, label, scale in (
-        ("error_distance.png", "range_m", "distance from camera to object [m]", 1.0),
-        ("error_speed.png", "speed_mps", "speed [km/h]", 3.6),
-    ):
-        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.add_subplot()
-        for (method, arrays), colour in zip(
-            sorted(evaluation.sightings.items()), ("#d55e00", "#0072b2", "#009e73"), strict=False
-        ):
-            n = len(arrays["error_m"])
-            axes.plot(
-                arrays[column] * scale,
-                arrays["error_m"],
-                ".",
-                ms=4,
-                alpha=0.5,
-                color=colour,
-                label=f"{method}, {n} single sightings",
-            )
-            if column == "range_m":
-                objects = evaluation.estimates[method]
-                axes.plot(
-                    objects["range_m"],
-                    objects["error_m"],
-                    "D",
-                    ms=6,
-                    mec="black",
-                    color=colour,
-                    label=f"{method}, {len(objects['error_m'])} objects (at their nearest sighting)",
-                )
-        axes.set(xlabel=label, ylabel="horizontal error [m]", ylim=(0, None))
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
-        path = folder / name
-        figure.savefig(path, dpi=120)
-        written.append(path)
-    return written
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set_yscale("log")
+    methods = [name for name in _LOOKS if name in evaluation.estimates]
+    furthest = _furthest(evaluation, column) * scale
+    # The car has one speed for all methods, but a distance that each of them finds for itself.
+    apart = 0.0 if column == "range_m" else _APART * furthest
+    shift = {method: apart * (k - (len(methods) - 1) / 2) for k, method in enumerate(methods)}
+    for what, drawn in (("objects", evaluation.estimates), ("single sightings", evaluation.sightings)):
+        for method in filter(drawn.__contains__, methods):
+            x = drawn[method][column] * scale + shift[method]
+            _draw(axes, x, drawn[method]["error_m"], method, what)
+    axes.set(xlabel=label, ylabel="horizontal error [m]", xlim=(-0.03 * furthest, 1.03 * furthest))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(alpha=0.3)
+    legend = figure.legend(loc="outside upper center", fontsize=8.5, ncols=2, frameon=False)
+    for handle in legend.legend_handles:
+        if handle is not None:
+            handle.set(alpha=1.0, markersize=7)
+    figure.savefig(path, dpi=120)
+    return path
+
+
+def _draw(axes: Axes, x: FloatArray, error_m: FloatArray, method: str, what: str) -> None:
+    colour, marker = _LOOKS[method]
+    look: dict[str, Any] = {"marker": marker, "ms": 7, "mec": "black", "mew": 0.7, "alpha": 0.9, "zorder": 3}
+    if what != "objects":
+        look = {"marker": ".", "ms": 4, "mew": 0, "alpha": 0.35, "zorder": 2}
+    name = f"{method}, {error_m.size:,} {what}, median {np.median(error_m):.2f} m"
+    axes.plot(x, np.maximum(error_m, _LEAST_ERROR_M), ls="", color=colour, label=name, **look)
+
+
+def _furthest(evaluation: Evaluation, column: str) -> float:
+    """Largest distance or speed that is drawn; 1 where all are zero or unknown."""
+    drawn = [*evaluation.estimates.values(), *evaluation.sightings.values()]
+    values = np.concatenate([arrays[column] for arrays in drawn])
+    return float(np.max(values[np.isfinite(values)], initial=0.0)) or 1.0

@@ -12,16 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.combine import Combined, combine
-from geoloc.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.adjust import OUTLIER
+from geoloc.geodesy import utm33_from_geographic
 from geoloc.ground import stands_far_away
 from geoloc.locate import ErrorBudget
+from geoloc.terrain import Terrain
 from geoloc.trajectory import Poses, Trajectory
 from twin import __version__
-from twin.drives.drive import Annotations, Drive
+from twin.drives.drive import Drive
+from twin.drives.identify import id_warnings, with_objects
 from twin.drives.read import read_drive
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
+from twin.estimates import corrections, estimate_rows, positions_of, sighting_rows
 from twin.match import METHODS, blob_from_poses
 from twin.plausible import annotation_warnings, check_track
 from twin.sighted import SightedObjects, in_euref89, locate_annotations, trajectory_of
@@ -75,8 +78,10 @@ def ingest_drive(
     store: Store,
     path: Path | str,
     *,
-    method: str = "single-frame",
+    method: str = METHODS[0],
     budget: ErrorBudget | None = None,
+    terrain: Path | str | None = None,
+    terrain_heights: str | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> IngestReport:
     """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
@@ -88,13 +93,17 @@ def ingest_drive(
     store : Store
     path : Path or str
         The drive's folder.
-    method : {"single-frame", "paper"}
+    method : {"adjusted", "single-frame", "paper"}
     budget : ErrorBudget, optional
         One-sigma noise of each source.
+    terrain : Path or str, optional
+        Raster of the ground (GeoTIFF) to use instead of the plane of the road.
+    terrain_heights : {"NN2000", "ellipsoidal"}, optional
+        What its heights are, where it does not say so itself.
 
     Raises
     ------
-    DriveError, GeolocError
+    DriveError, TerrainError, GeolocError
         The drive cannot be read or located; the store is unchanged.
     """
     if method not in METHODS:
@@ -105,33 +114,57 @@ def ingest_drive(
     say("building the trajectory")
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
+    drive = with_objects(drive, trajectory)
+    ground = _ground(terrain, terrain_heights, trajectory, method)
     say(f"locating {len(drive.annotations.frame):,} annotations by {method}")
-    sighted = locate_annotations(drive, trajectory, method=method, budget=budget, datum_sigma_m=datum_sigma_m)
-    estimates, n_outliers = _estimates(drive, sighted, method)
+    sighted = locate_annotations(
+        drive, trajectory, method=method, budget=budget, datum_sigma_m=datum_sigma_m, terrain=ground
+    )
+    positions = positions_of(drive, sighted)
+    estimates = estimate_rows(drive, sighted, positions, method)
+    n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
     line, length_m = _line(trajectory)
     warnings = (
         *drive.warnings,
         *warnings,
-        *annotation_warnings(drive, int(sighted.located.valid.sum())),
+        *id_warnings(drive, trajectory),
+        *annotation_warnings(drive, n_located),
         *_unplaced_warning(drive, n_unplaced),
     )
     row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(warnings)}
-    store.save_drive(row, method, _sighting_rows(drive, sighted, method), estimates, n_unplaced)
+    found = corrections(sighted.adjusted)
+    store.save_drive(row, method, sighting_rows(drive, sighted, method), estimates, n_unplaced, found)
     return IngestReport(
         drive_id=drive.drive_id,
         name=drive.name,
         method=method,
         n_annotations=len(drive.annotations.frame),
         n_sightings=len(sighted.index),
-        n_located=int(sighted.located.valid.sum()),
+        n_located=n_located,
         n_objects=len(np.unique(drive.annotations.object)),
         n_estimates=len(estimates),
         length_m=length_m,
         delay_ms=row["delay_ms"],
         fix_quality=row["fix_quality"],
         warnings=warnings,
-        skipped=_skipped(drive, trajectory, sighted, n_outliers),
+        skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
+    )
+
+
+def _ground(
+    path: Path | str | None, heights: str | None, trajectory: Trajectory, method: str
+) -> Terrain | None:
+    """Read the terrain around the drive."""
+    if path is None:
+        return None
+    if method == "paper":
+        raise DriveError("The paper's method knows no terrain: leave --terrain out, or use another --method.")
+    from twin.terrain import read_terrain
+
+    knots = trajectory.knots
+    return read_terrain(
+        path, *utm33_from_geographic(knots.latitude_deg, knots.longitude_deg), heights=heights
     )
 
 
@@ -154,59 +187,6 @@ def _drive_row(drive: Drive, trajectory: Trajectory) -> dict[str, Any]:
         "software": f"nvdb-twin {__version__}",
         "content_sha256": drive.content_sha256,
         "fix_quality": _fix_quality(drive),
-    }
-
-
-def _estimates(drive: Drive, sighted: SightedObjects, method: str) -> tuple[list[dict[str, Any]], int]:
-    """One row an object that has at least one position, and the number of outliers left out."""
-    valid = sighted.located.valid
-    names, group = np.unique(drive.annotations.object[sighted.index], return_inverse=True)
-    if not valid.any():
-        return [], 0
-    combined = combine(sighted.located, group)
-    east, north = utm33_from_geographic(combined.latitude_deg, combined.longitude_deg)
-    covariance = utm33_covariance_from_enu(
-        combined.covariance_m2, combined.latitude_deg, combined.longitude_deg
-    )
-    rows = []
-    for g, name in enumerate(names):
-        if combined.n_used[g] == 0:
-            continue
-        member = np.flatnonzero((group == g) & combined.used)
-        rows.append(
-            {
-                "estimate_id": f"{drive.drive_id}:{name}:{method}",
-                "drive_id": drive.drive_id,
-                "object": str(name),
-                "method": method,
-                "east_m": float(east[g]),
-                "north_m": float(north[g]),
-                "height_m": float(combined.height_m[g]),
-                "cov_ee_m2": float(covariance[g, 0, 0]),
-                "cov_en_m2": float(covariance[g, 0, 1]),
-                "cov_nn_m2": float(covariance[g, 1, 1]),
-                "range_min_m": float(combined.range_min_m[g]),
-                "flags": _flags(combined, g),
-                **_summary(drive.annotations, sighted, member),
-            }
-        )
-    return rows, int(combined.n_rejected.sum())
-
-
-def _summary(annotations: Annotations, sighted: SightedObjects, member: IntArray) -> dict[str, Any]:
-    """Label, code and counts of the sightings that one object's position comes from."""
-    rows = sighted.index[member]
-    cameras = sorted({str(camera) for camera in annotations.camera[rows]})
-    return {
-        "label": _commonest(annotations.label[rows]),
-        "skiltnummer": _commonest(annotations.skiltnummer[rows]),
-        "n_sightings": len(member),
-        # Cameras that run side by side show the same instant in frames of their own.
-        "n_frames": len({(annotations.camera[i], annotations.frame[i]) for i in rows}),
-        "n_cameras": len(cameras),
-        "cameras": cameras,
-        "first_ns": int(sighted.epoch_ns[member].min()),
-        "last_ns": int(sighted.epoch_ns[member].max()),
     }
 
 
@@ -240,56 +220,6 @@ def _fix_quality(drive: Drive) -> dict[str, int]:
     quality = np.concatenate([np.empty(0, np.int64), *(fixes.quality for fixes in drive.gnss)])
     values, counts = np.unique(quality, return_counts=True)
     return {_QUALITY.get(int(q), f"quality {q}"): int(n) for q, n in zip(values, counts, strict=True)}
-
-
-def _commonest(values: NDArray[np.str_]) -> str:
-    """The most frequent value; of equals the first in alphabetical order, so that runs agree."""
-    unique, counts = np.unique(values, return_counts=True)
-    return str(unique[np.argmax(counts)])
-
-
-def _flags(combined: Combined, g: int) -> str:
-    flags = []
-    if combined.n_used[g] == 1:
-        flags.append("one sighting")
-    if combined.range_min_m[g] > 15.0:
-        flags.append("never nearer than 15 m")
-    if combined.n_rejected[g]:
-        flags.append(f"{combined.n_rejected[g]} outliers left out")
-    return ";".join(flags)
-
-
-def _sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[dict[str, Any]]:
-    located = sighted.located
-    east, north = utm33_from_geographic(located.latitude_deg, located.longitude_deg)
-    covariance = utm33_covariance_from_enu(located.covariance_m2, located.latitude_deg, located.longitude_deg)
-    notes = drive.annotations
-    return [
-        {
-            "drive_id": drive.drive_id,
-            "method": method,
-            "number": k,
-            "object": str(notes.object[i]),
-            "camera": str(notes.camera[i]),
-            "frame": int(notes.frame[i]),
-            "epoch_ns": int(sighted.epoch_ns[k]),
-            "u_px": float(notes.pixel_px[i, 0]),
-            "v_px": float(notes.pixel_px[i, 1]),
-            "east_m": _finite(east[k]),
-            "north_m": _finite(north[k]),
-            "cov_ee_m2": _finite(covariance[k, 0, 0]),
-            "cov_en_m2": _finite(covariance[k, 0, 1]),
-            "cov_nn_m2": _finite(covariance[k, 1, 1]),
-            "range_m": _finite(located.range_m[k]),
-            "speed_mps": _finite(sighted.poses.speed_mps[k]),
-            "rejected": str(located.rejected[k]),
-        }
-        for k, i in enumerate(sighted.index)
-    ]
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _line(trajectory: Trajectory) -> tuple[bytes, float]:
@@ -341,11 +271,12 @@ def _skipped(
         add(f"{skipped.what}: {skipped.reason}", skipped.count)
     for count, reason in trajectory.dropped:
         add(f"GNSS fixes: {reason}", count)
-    boxes = int((drive.annotations.kind == "box").sum())
-    add("boxes: they show the face, not the foot (annotate the foot as a point)", boxes)
-    reasons, numbers = np.unique(sighted.located.rejected, return_counts=True)
+    if sighted.adjusted is None:
+        boxes = int((drive.annotations.kind == "box").sum())
+        add("boxes: they show the face, not the foot (use --method adjusted)", boxes)
+    reasons, numbers = np.unique(sighted.reasons, return_counts=True)
     for reason, number in zip(reasons, numbers, strict=True):
-        if reason:
+        if reason and reason != OUTLIER:
             add(f"sightings: {_NUMBER.sub('', reason)}", int(number))
     add("sightings: outliers among those of the same object", n_outliers)
     return counts

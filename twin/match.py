@@ -30,7 +30,7 @@ from twin.store import Snapshot, Store, utc_now
 Row = Mapping[str, Any]
 IntArray = NDArray[np.int64]
 
-METHODS = ("single-frame", "paper")
+METHODS = ("adjusted", "single-frame", "paper")
 """Geolocation methods, best first."""
 
 
@@ -73,7 +73,7 @@ def match(
     ----------
     store : Store
     method : str, optional
-        Default: the best that drives were ingested by (``single-frame`` before ``paper``).
+        Default: the best that drives were ingested by, in the order of `METHODS`.
     config : MatchConfig, optional
 
     Raises

@@ -1,8 +1,8 @@
 """How the store keeps an object as received: its own text, deflated with a dictionary of what all share.
 
 A sign's JSON is 2 kB, of which nine tenths are names of fields and values that every sign has. A preset
-dictionary (RFC 1950, FDICT) lets an object be kept for itself, at an eighth of its size, in two thirds of the
-time that deflating it without one takes.
+dictionary (RFC 1950, FDICT) lets an object be kept for itself, at a ninth of its size. zlib-ng writes it in
+half the time that zlib takes; the form is the same, and zlib reads it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import json
 import zlib
 from collections.abc import Mapping
 from typing import Any, Final
+
+from zlib_ng import zlib_ng
 
 _DICTIONARY: Final = (
     '{"id":1588,"navn":"Høyde, egen","verdi":1400,"enhet":{"id":4,"navn":"Millimeter","kortnavn":"mm"},'
@@ -89,20 +91,22 @@ _WINDOW_BITS: Final = 13
 _MEMORY_LEVEL: Final = 4
 """A small state is quick to copy."""
 
-_FRESH: Final = zlib.compressobj(
+_FRESH: Final[Any] = zlib_ng.compressobj(
     _LEVEL, zlib.DEFLATED, _WINDOW_BITS, _MEMORY_LEVEL, zlib.Z_DEFAULT_STRATEGY, _DICTIONARY
 )
-"""A compressor that has read the dictionary: to copy it is quicker than to read the dictionary again."""
+"""A compressor that has read the dictionary: to copy it is quicker than to read the dictionary again.
+(Any: the stubs of zlib-ng leave `copy` out.)"""
 
 
 def packed(raw: Mapping[str, Any]) -> bytes:
     """An object as the store keeps it: the text that it was read from, or else its JSON."""
     text = getattr(raw, "text", None)
-    if not isinstance(text, str):
-        text = json.dumps(raw, ensure_ascii=False, separators=(",", ":"))
+    if not isinstance(text, bytes):
+        # A lone surrogate has no UTF-8, but JSON may hold one.
+        text = json.dumps(raw, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogatepass")
     compressor = _FRESH.copy()
-    # A lone surrogate has no UTF-8, but JSON may hold one.
-    return compressor.compress(text.encode("utf-8", "surrogatepass")) + compressor.flush()
+    made: bytes = compressor.compress(text) + compressor.flush()
+    return made
 
 
 def raw_text(stored: bytes) -> str:

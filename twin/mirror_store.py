@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
-from functools import lru_cache
 from typing import Any
 
 import sqlalchemy as sa
@@ -13,9 +12,10 @@ import sqlalchemy as sa
 from nvdb.mirror_states import Applied, Backfill, Following, Ids
 from nvdb.skilt import Skiltplate, Skiltpunkt
 from nvdb.sources import FetchResult, SourcePage
-from nvdb.vegobjekt import Stedfesting
 from twin import schema
-from twin.mirror_raw import packed, raw_object, same_object
+from twin.mirror_counts import Counts, Kind, counted, counts_from_document, document_from_counts
+from twin.mirror_raw import raw_object, same_object
+from twin.mirror_rows import mirror_row
 from twin.store import Store, utc_now
 
 __all__ = ["StoreMirror", "raw_object"]
@@ -24,10 +24,10 @@ _FACT = "mirror"
 _BACKFILL = "mirror_backfill"
 _ENDS = "mirror_ends"
 """Type → the first end date in the visible mirror: to look for it at every sync would read all of it."""
+_COUNTS = "mirror_counts"
+"""The visible mirror's :data:`twin.mirror_counts.Counts`."""
 _ID_CHUNK = 500
 """Ids in one statement: SQLite of some systems takes no more than 999 parameters."""
-_NOWHERE = (None, None, None)
-_to_json = json.JSONEncoder(ensure_ascii=False).encode
 
 
 class StoreMirror:
@@ -58,11 +58,26 @@ class StoreMirror:
 
     def count(self, type_id: int, ids: Iterable[int] | None = None) -> int:
         """Objects in the visible mirror."""
-        table = schema.MIRROR[type_id].visible
         if ids is None:
-            return self._store.count(table)
+            return self.counts()[type_id].total()
+        table = schema.MIRROR[type_id].visible
         chosen = (sa.select(sa.func.count().label("n")).where(table.c.nvdb_id.in_(c)) for c in _chunks(ids))
         return sum(self._store.rows(statement)[0]["n"] for statement in chosen)
+
+    def counts(self) -> dict[int, Counter[Kind]]:
+        """Objects in the visible mirror by type and kind."""
+        fact = self._store.fact(_COUNTS)
+        if fact is not None:
+            return counts_from_document(fact)
+        made = self.recounted()  # a store from before counts were kept
+        with self._store.transaction() as connection:
+            self._store.put_fact(connection, _COUNTS, document_from_counts(made))
+        return made
+
+    def recounted(self) -> dict[int, Counter[Kind]]:
+        """What :meth:`counts` says, from the objects themselves: reads the whole mirror."""
+        with self._store.transaction() as connection:
+            return {type_id: counted(connection, t.visible) for type_id, t in schema.MIRROR.items()}
 
     def count_aside(self, type_id: int) -> int:
         """Objects kept aside."""
@@ -118,18 +133,23 @@ class StoreMirror:
     def publish(self, following: Following) -> Applied:
         """Swap the visible tables for those aside."""
         now = utc_now()
-        created, changed, deleted, total = {}, {}, {}, {}
+        before, after = self.counts(), {}
+        created, changed, deleted = {}, {}, {}
         with self._store.transaction() as connection:
             for type_id, tables in schema.MIRROR.items():
-                _settle_spelling(connection, tables)
-                created[type_id], changed[type_id], deleted[type_id] = _compare(connection, tables)
-                _keep_history(connection, tables, now)
-                _keep_fetch_time(connection, tables)
+                after[type_id] = counted(connection, tables.aside)
+                n_both = changed[type_id] = 0
+                if before[type_id]:
+                    _settle_spelling(connection, tables)
+                    n_both, changed[type_id] = _compare(connection, tables)
+                    _keep_history(connection, tables, now)
+                    _keep_fetch_time(connection, tables)
+                created[type_id] = after[type_id].total() - n_both
+                deleted[type_id] = before[type_id].total() - n_both
                 _swap(connection, tables)
-                total[type_id] = _count(connection, tables.visible)
             self._store.drop_fact(connection, _BACKFILL)
-            applied = Applied(created, changed, deleted, total)
-            self._publish_fact(connection, following, applied, now)
+            applied = Applied(created, changed, deleted, _totals(after))
+            self._publish_facts(connection, following, applied, after, now)
             ends = {str(type_id): _first_end(connection, t.visible) for type_id, t in schema.MIRROR.items()}
             self._store.put_fact(connection, _ENDS, ends)
         return applied
@@ -152,20 +172,25 @@ class StoreMirror:
     def apply(self, following: Following, deleted: Ids) -> Applied:
         """Bring changes in and take deleted objects out, in one transaction."""
         now = utc_now()
-        created, changed, removed, total = {}, {}, {}, {}
+        counts = self.counts()
+        created, changed, removed = {}, {}, {}
         with self._store.transaction() as connection:
             coming = {type_id: _first_end(connection, t.aside) for type_id, t in schema.MIRROR.items()}
             for type_id, tables in schema.MIRROR.items():
                 _settle_spelling(connection, tables)
-                created[type_id], changed[type_id], _ = _compare(connection, tables)
-                removed[type_id] = _delete(connection, tables, deleted.get(type_id, frozenset()), now)
+                n_both, changed[type_id] = _compare(connection, tables)
+                gone = _delete(connection, tables, deleted.get(type_id, frozenset()), now)
+                new = counted(connection, tables.aside)
+                created[type_id], removed[type_id] = new.total() - n_both, gone.total()
+                counts[type_id].subtract(gone)
+                counts[type_id].subtract(counted(connection, tables.visible, _is_aside(tables)))
+                counts[type_id].update(new)
                 _keep_changed_history(connection, tables, now)
                 _keep_fetch_time(connection, tables)
                 _upsert_aside(connection, tables)
-                total[type_id] = _count(connection, tables.visible)
             self._note_ends(connection, coming, now[:10])
-            applied = Applied(created, changed, removed, total)
-            self._publish_fact(connection, following, applied, now)
+            applied = Applied(created, changed, removed, _totals(counts))
+            self._publish_facts(connection, following, applied, counts, now)
         return applied
 
     def _note_ends(self, connection: sa.Connection, coming: dict[int, str | None], today: str) -> None:
@@ -178,14 +203,15 @@ class StoreMirror:
             ends[str(type_id)] = _first_end(connection, tables.visible) if late else first
         self._store.put_fact(connection, _ENDS, ends)
 
-    def _publish_fact(
-        self, connection: sa.Connection, following: Following, applied: Applied, now: str
+    def _publish_facts(
+        self, connection: sa.Connection, following: Following, applied: Applied, counts: Counts, now: str
     ) -> None:
         known = self._store.fact(_FACT) or {}
         # From when on this area's states were observed; before it only their own dates speak.
         since = known.get("since", now) if known.get("area") == following.area else now
         fact = {**_document(following), "since": since, "synced_at": now}
         self._store.put_fact(connection, _FACT, fact)
+        self._store.put_fact(connection, _COUNTS, document_from_counts(counts))
         if any((*applied.created.values(), *applied.changed.values(), *applied.deleted.values())):
             self._store.touch(connection)
 
@@ -215,8 +241,8 @@ def _chunks(ids: Iterable[int]) -> Iterator[list[int]]:
         yield wanted[start : start + _ID_CHUNK]
 
 
-def _count(connection: sa.Connection, table: sa.Table) -> int:
-    return int(connection.execute(sa.select(sa.func.count()).select_from(table)).scalar_one())
+def _totals(counts: Counts) -> dict[int, int]:
+    return {type_id: kinds.total() for type_id, kinds in counts.items()}
 
 
 def _names(table: sa.Table) -> str:
@@ -231,71 +257,28 @@ def _insert(connection: sa.Connection, type_id: int, objects: Sequence[Skiltpunk
     # Past SQLAlchemy's parameter handling: a country has 1.7 million rows.
     connection.exec_driver_sql(
         f"INSERT OR REPLACE INTO {table.name} ({_names(table)}) VALUES ({marks})",  # noqa: S608  # our own names
-        [_row(skilt, now) for skilt in objects],
+        [mirror_row(skilt, now) for skilt in objects],
     )
 
 
-def _row(skilt: Skiltpunkt | Skiltplate, now: str) -> tuple[Any, ...]:
-    """One row in the order of the table's columns."""
-    position = skilt.position
-    shared = (
-        skilt.nvdb_id,
-        skilt.version,
-        skilt.start_date,
-        skilt.end_date,
-        skilt.last_modified,
-        *((position.east_m, position.north_m, position.height_m) if position else _NOWHERE),
-        skilt.own_geometry,
-        skilt.accuracy_cm,
-        skilt.capture_method,
-        skilt.road_reference,
-        _kommuner(skilt.kommuner),
-        f"[{', '.join([_place_json(place) for place in skilt.stedfesting])}]",
-        _to_json(skilt.problems) if skilt.problems else "[]",
-        packed(skilt.raw),
-        now,
-    )
-    if isinstance(skilt, Skiltpunkt):
-        return (*shared, str(list(skilt.plate_ids)))
-    return (
-        *shared,
-        skilt.point_id,
-        skilt.skiltnummer,
-        skilt.skiltnummer_text,
-        skilt.enum_id,
-        skilt.ansiktsside,
-        skilt.text,
-        skilt.plasseringskode,
-    )
+def _in_both(tables: schema.MirrorTables) -> sa.Join:
+    """Aside and visible states of the objects that are in both.
+
+    SQLite looks up the inner table's rows by id, and takes the outer one as it is written: a round of changes
+    must not read the whole mirror.
+    """
+    return tables.aside.join(tables.visible, tables.aside.c.nvdb_id == tables.visible.c.nvdb_id)
 
 
-def _place_json(place: Stedfesting) -> str:
-    """``json.dumps(asdict(place))``, six times faster; every object has one."""
-    numbers = place.relativ_posisjon, place.startposisjon, place.sluttposisjon
-    relativ, start, slutt = ["null" if number is None else repr(number) for number in numbers]
-    return (
-        f'{{"type": {_known_json(place.type)}, "veglenkesekvensid": {_known_json(place.veglenkesekvensid)}, '
-        f'"nodeid": {_known_json(place.nodeid)}, "relativ_posisjon": {relativ}, "startposisjon": {start}, '
-        f'"sluttposisjon": {slutt}, "retning": {_known_json(place.retning)}, '
-        f'"kjorefelt": {_known_json(place.kjorefelt)}, "sideposisjon": {_known_json(place.sideposisjon)}, '
-        f'"kortform": {_to_json(place.kortform)}}}'
-    )
-
-
-@lru_cache(maxsize=4096)
-def _known_json(value: object) -> str:
-    return _to_json(value)
-
-
-@lru_cache(maxsize=1024)
-def _kommuner(numbers: tuple[int, ...]) -> str:
-    return str(list(numbers))
+def _is_aside(tables: schema.MirrorTables) -> sa.ColumnElement[bool]:
+    """Whether a visible object is aside too: looked up by the ids aside, however SQLite likes to join."""
+    return tables.visible.c.nvdb_id.in_(sa.select(tables.aside.c.nvdb_id))
 
 
 def _settle_spelling(connection: sa.Connection, tables: schema.MirrorTables) -> None:
     """Let an object aside that is only written differently take the visible one's text: it did not change."""
     a, v = tables.aside, tables.visible
-    both = sa.select(a.c.nvdb_id, a.c.raw, v.c.raw).join_from(a, v, a.c.nvdb_id == v.c.nvdb_id)
+    both = sa.select(a.c.nvdb_id, a.c.raw, v.c.raw).select_from(_in_both(tables))
     differing = connection.execute(both.where(a.c.raw != v.c.raw))
     same = [nvdb_id for nvdb_id, ours, theirs in differing if same_object(ours, theirs)]
     for chunk in _chunks(same):
@@ -303,14 +286,12 @@ def _settle_spelling(connection: sa.Connection, tables: schema.MirrorTables) -> 
         connection.execute(known.where(a.c.nvdb_id.in_(chunk)))
 
 
-def _compare(connection: sa.Connection, tables: schema.MirrorTables) -> tuple[int, int, int]:
-    """Count what is new aside, what differs, and what is visible but not aside."""
-    a, v = tables.aside, tables.visible
-    in_both = a.join(v, a.c.nvdb_id == v.c.nvdb_id)
-    both = sa.select(sa.func.count()).select_from(in_both)
-    n_both = int(connection.execute(both).scalar_one())
-    n_changed = int(connection.execute(both.where(a.c.raw != v.c.raw)).scalar_one())
-    return _count(connection, a) - n_both, n_changed, _count(connection, v) - n_both
+def _compare(connection: sa.Connection, tables: schema.MirrorTables) -> tuple[int, int]:
+    """Count what is both aside and visible, and what of it differs."""
+    differs = sa.func.sum(tables.aside.c.raw != tables.visible.c.raw, type_=sa.Integer)
+    statement = sa.select(sa.func.count(), differs).select_from(_in_both(tables))
+    n_both, n_changed = connection.execute(statement).one()
+    return int(n_both), int(n_changed or 0)
 
 
 def _keep_history(connection: sa.Connection, tables: schema.MirrorTables, now: str) -> None:
@@ -323,7 +304,7 @@ def _keep_history(connection: sa.Connection, tables: schema.MirrorTables, now: s
 
 def _keep_changed_history(connection: sa.Connection, tables: schema.MirrorTables, now: str) -> None:
     a, v = tables.aside, tables.visible
-    going = sa.select(*v.columns, sa.literal(now)).select_from(v.join(a, a.c.nvdb_id == v.c.nvdb_id))
+    going = sa.select(*v.columns, sa.literal(now)).select_from(_in_both(tables))
     _into_history(connection, tables, going.where(a.c.raw != v.c.raw))
 
 
@@ -348,14 +329,17 @@ def _swap(connection: sa.Connection, tables: schema.MirrorTables) -> None:
     connection.execute(sa.schema.CreateTable(tables.aside))
 
 
-def _delete(connection: sa.Connection, tables: schema.MirrorTables, ids: frozenset[int], now: str) -> int:
-    """Take objects out, into the history; return how many there were."""
-    v, n = tables.visible, 0
+def _delete(
+    connection: sa.Connection, tables: schema.MirrorTables, ids: frozenset[int], now: str
+) -> Counter[Kind]:
+    """Take objects out, into the history; return how many there were of which kind."""
+    v, gone = tables.visible, Counter[Kind]()
     for chunk in _chunks(ids):
         chosen = v.c.nvdb_id.in_(chunk)
+        gone.update(counted(connection, v, chosen))
         _into_history(connection, tables, sa.select(*v.columns, sa.literal(now)).where(chosen))
-        n += connection.execute(sa.delete(v).where(chosen)).rowcount
-    return n
+        connection.execute(sa.delete(v).where(chosen))
+    return gone
 
 
 def _upsert_aside(connection: sa.Connection, tables: schema.MirrorTables) -> None:

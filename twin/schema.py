@@ -8,7 +8,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-VERSION = 2
+VERSION = 3
 """Raised with every change of the tables: a store of another version is refused, never guessed at."""
 
 metadata = sa.MetaData()
@@ -21,10 +21,14 @@ meta = sa.Table(
 )
 
 
+ROWID = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+"""An id that SQLite keeps rows by: INTEGER PRIMARY KEY needs no index of its own, BIGINT would."""
+
+
 def _nvdb_columns() -> list[sa.Column[Any]]:
     """Make the columns that both object types carry."""
     return [
-        sa.Column("nvdb_id", sa.BigInteger, primary_key=True, autoincrement=False),
+        sa.Column("nvdb_id", ROWID, primary_key=True, autoincrement=False),
         sa.Column("version", sa.Integer),
         sa.Column("start_date", sa.String),
         sa.Column("end_date", sa.String),
@@ -160,6 +164,7 @@ drive_method = sa.Table(
     sa.Column("method", sa.String, primary_key=True),
     # Annotated objects without a position that may stand near: no sign can be called missing beside them.
     sa.Column("n_unplaced", sa.Integer, nullable=False),
+    sa.Column("corrections", sa.JSON, nullable=False),  # what the adjustment found out about the car
 )
 
 sighting = sa.Table(
@@ -172,6 +177,7 @@ sighting = sa.Table(
     sa.Column("camera", sa.String, nullable=False),
     sa.Column("frame", sa.Integer, nullable=False),
     sa.Column("epoch_ns", sa.BigInteger, nullable=False),
+    sa.Column("kind", sa.String, nullable=False),  # foot or box
     sa.Column("u_px", sa.Float, nullable=False),
     sa.Column("v_px", sa.Float, nullable=False),
     sa.Column("east_m", sa.Float),
@@ -181,6 +187,10 @@ sighting = sa.Table(
     sa.Column("cov_nn_m2", sa.Float),
     sa.Column("range_m", sa.Float),
     sa.Column("speed_mps", sa.Float),
+    sa.Column("residual_u_px", sa.Float),  # seen minus expected; the adjustment's alone
+    sa.Column("residual_v_px", sa.Float),
+    sa.Column("eye_east_m", sa.Float),  # the camera's place, EPSG:25833
+    sa.Column("eye_north_m", sa.Float),
     sa.Column("rejected", sa.String, nullable=False),
 )
 
@@ -196,6 +206,7 @@ estimate = sa.Table(
     sa.Column("east_m", sa.Float, nullable=False),
     sa.Column("north_m", sa.Float, nullable=False),
     sa.Column("height_m", sa.Float, nullable=False),
+    sa.Column("sigma_height_m", sa.Float),
     sa.Column("cov_ee_m2", sa.Float, nullable=False),  # grid east and grid north
     sa.Column("cov_en_m2", sa.Float, nullable=False),
     sa.Column("cov_nn_m2", sa.Float, nullable=False),
@@ -206,7 +217,9 @@ estimate = sa.Table(
     sa.Column("first_ns", sa.BigInteger, nullable=False),
     sa.Column("last_ns", sa.BigInteger, nullable=False),
     sa.Column("range_min_m", sa.Float, nullable=False),
+    sa.Column("n_rejected", sa.Integer, nullable=False),
     sa.Column("flags", sa.String, nullable=False),
+    sa.Column("budget", sa.JSON, nullable=False),  # source → covariance, true east and north
 )
 
 change = sa.Table(

@@ -1,26 +1,39 @@
-"""A drive's annotated feet → epochs, poses and positions, in EUREF89."""
+"""A drive's annotations → epochs, poses and positions, in EUREF89."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.geodesy import euref89_from_itrf2020
+from geoloc.adjust import Adjusted, adjust
+from geoloc.datum import euref89_from_itrf
 from geoloc.locate import ErrorBudget, Located, Sightings, locate_paper, locate_single_frame
-from geoloc.trajectory import Poses, Trajectory, trajectory_from_gnss, trajectory_from_poses
+from geoloc.locate_terrain import locate_on_terrain
+from geoloc.terrain import Terrain
+from geoloc.trajectory import (
+    GnssFixes,
+    Poses,
+    PoseTrack,
+    Trajectory,
+    trajectory_from_gnss,
+    trajectory_from_poses,
+)
 from twin.drives.drive import Drive
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+_Track = TypeVar("_Track", GnssFixes, PoseTrack)
 
 _NS_PER_S = 1_000_000_000
+ONE_FACE = "a box: one frame cannot say how far away a face is"
 
 
 @dataclass(frozen=True, slots=True)
 class SightedObjects:
-    """The drive's foot points with their epochs and positions.
+    """The drive's sightings with their epochs and positions.
 
     Attributes
     ----------
@@ -30,39 +43,62 @@ class SightedObjects:
         Epoch of exposure.
     poses : Poses (n,)
     located : Located (n,)
+        What each sighting says by itself; a box says nothing.
+    is_foot : bool (n,)
+    adjusted : Adjusted or None
+        What all sightings say together; None for the methods of one frame. Its objects are those of the
+        sightings in alphabetical order.
     """
 
     index: IntArray
     epoch_ns: IntArray
     poses: Poses
     located: Located
+    is_foot: NDArray[np.bool_]
+    adjusted: Adjusted | None = None
+
+    @property
+    def reasons(self) -> NDArray[np.str_]:
+        """Why each sighting took no part; "" where it did."""
+        return self.located.rejected if self.adjusted is None else self.adjusted.rejected
 
 
-def in_euref89(drive: Drive) -> tuple[Drive, float]:
-    """Return the drive with positions in EUREF89, and what the change of datum adds to their sigma.
+def in_euref89(drive: Drive) -> tuple[Drive, tuple[float, float]]:
+    """Return the drive with positions in EUREF89, and what the change of datum adds to their sigmas.
 
-    Positions that are EUREF89 already come back unchanged, with 0.
+    Positions that are EUREF89 already come back unchanged, with 0. Otherwise a warning of the drive says by
+    which transformation they were brought there.
+
+    Returns
+    -------
+    Drive
+    (float, float)
+        One sigma a horizontal axis, and of the height, metres: the same for the whole drive.
     """
     if drive.datum == "EUREF89":
-        return drive, 0.0
-    moved = [_transformed(track) for track in (*drive.gnss, *([drive.poses] if drive.poses else []))]
-    sigma_m = max((sigma for _, sigma in moved), default=0.0)
-    tracks = [track for track, _ in moved]
-    gnss = tuple(tracks[: len(drive.gnss)])
-    return replace(drive, gnss=gnss, poses=tracks[-1] if drive.poses else None), sigma_m
-
-
-def _transformed(track: Any) -> tuple[Any, float]:
-    """ITRF2020 → EUREF89; the plate has moved 2.7 cm a year since 1989, so the epoch matters."""
-    year = 1970.0 + track.epoch_ns / (_NS_PER_S * 86400 * 365.25)
-    result = euref89_from_itrf2020(track.latitude_deg, track.longitude_deg, track.height_m, year)
-    moved = replace(
-        track,
-        latitude_deg=result.latitude_deg,
-        longitude_deg=result.longitude_deg,
-        height_m=result.height_m,
+        return drive, (0.0, 0.0)
+    tracks: list[GnssFixes | PoseTrack] = [*drive.gnss, *([drive.poses] if drive.poses else [])]
+    # All tracks at once: none of them may take another way than the others.
+    lat, lon, height, epoch_ns = (
+        np.concatenate([getattr(track, name) for track in tracks])
+        for name in ("latitude_deg", "longitude_deg", "height_m", "epoch_ns")
     )
-    return moved, result.extra_sigma_m
+    # The plate has moved 2.7 cm a year since 1989, so the epoch matters.
+    year = 1970.0 + epoch_ns / (_NS_PER_S * 86400 * 365.25)
+    result = euref89_from_itrf(drive.datum, lat, lon, height, year)
+    ends = np.cumsum([len(track.epoch_ns) for track in tracks])[:-1]
+    places = list(zip(*(np.split(column, ends) for column in result[:3]), strict=True))
+    moved = replace(
+        drive,
+        gnss=tuple(_placed(track, *place) for track, place in zip(drive.gnss, places, strict=False)),
+        poses=_placed(drive.poses, *places[-1]) if drive.poses else None,
+        warnings=(*drive.warnings, result.how),
+    )
+    return moved, (result.extra_sigma_m, result.extra_sigma_up_m)
+
+
+def _placed(track: _Track, lat: FloatArray, lon: FloatArray, height: FloatArray) -> _Track:
+    return replace(track, latitude_deg=lat, longitude_deg=lon, height_m=height)
 
 
 def trajectory_of(drive: Drive) -> Trajectory:
@@ -79,19 +115,26 @@ def locate_annotations(
     *,
     method: str,
     budget: ErrorBudget | None = None,
-    datum_sigma_m: float = 0.0,
+    datum_sigma_m: tuple[float, float] = (0.0, 0.0),
+    terrain: Terrain | None = None,
 ) -> SightedObjects:
-    """Give every annotated foot its epoch, pose and position.
+    """Give every annotation its epoch, pose and position.
 
-    Boxes show a sign's face, not where its pole meets the ground: one frame cannot locate them.
+    Boxes show a sign's face, not where its pole meets the ground: one frame cannot locate them, only the
+    adjustment can.
 
     Parameters
     ----------
-    datum_sigma_m : float
-        One sigma a horizontal axis that the change of datum adds, the same for the whole drive.
+    method : {"adjusted", "single-frame", "paper"}
+    datum_sigma_m : (float, float)
+        One sigma a horizontal axis and of the height that the change of datum adds, from `in_euref89`.
+    terrain : Terrain, optional
+        Ground to use instead of the plane of the road.
     """
     budget = budget or ErrorBudget()
-    index = np.flatnonzero(drive.annotations.kind == "foot")
+    notes = drive.annotations
+    index = np.flatnonzero((notes.kind == "foot") | (method == "adjusted"))
+    is_foot = notes.kind[index] == "foot"
     camera = drive.annotations.camera[index]
     stamp = _frame_stamps(drive, camera, drive.annotations.frame[index])
     epoch = stamp + drive.camera_offset_ns
@@ -107,13 +150,53 @@ def locate_annotations(
             fix_interval_s=trajectory.interval_s,
             delay_ms=trajectory.delay_ms()[0],
         )
+    elif terrain is not None:
+        located = locate_on_terrain(drive.rig, sightings, poses, terrain, budget)
     else:
         located = locate_single_frame(drive.rig, sightings, poses, budget)
-    return SightedObjects(index, epoch, poses, located)
+    if method != "adjusted":
+        return SightedObjects(index, epoch, poses, located, is_foot)
+    adjusted = adjust(
+        drive.rig,
+        sightings,
+        notes.kind[index],
+        np.unique(notes.object[index], return_inverse=True)[1],
+        epoch,
+        trajectory,
+        budget,
+        size_px=notes.box_px[index, 3] - notes.box_px[index, 1],
+        readout_ms=drive.rolling_shutter_ms,
+        pole_radius_m=drive.pole_radius_m,
+        track_sigma_m=datum_sigma_m[0],
+        terrain=terrain,
+    )
+    return SightedObjects(index, epoch, poses, _without_boxes(located, is_foot), is_foot, adjusted)
 
 
-def _widened(poses: Poses, sigma_m: float) -> Poses:
-    return replace(poses, sigma_horizontal_m=np.hypot(poses.sigma_horizontal_m, sigma_m))
+def _without_boxes(located: Located, is_foot: NDArray[np.bool_]) -> Located:
+    """One frame cannot say where a face is: its ray meets the road somewhere else."""
+
+    def feet(values: FloatArray) -> FloatArray:
+        return np.where(is_foot.reshape(-1, *[1] * (values.ndim - 1)), values, np.nan)
+
+    return replace(
+        located,
+        latitude_deg=feet(located.latitude_deg),
+        longitude_deg=feet(located.longitude_deg),
+        height_m=feet(located.height_m),
+        covariance_m2=feet(located.covariance_m2),
+        range_m=feet(located.range_m),
+        rejected=np.where(is_foot, located.rejected, ONE_FACE),
+    )
+
+
+def _widened(poses: Poses, datum_sigma_m: tuple[float, float]) -> Poses:
+    horizontal, up = datum_sigma_m
+    return replace(
+        poses,
+        sigma_horizontal_m=np.hypot(poses.sigma_horizontal_m, horizontal),
+        sigma_vertical_m=np.hypot(poses.sigma_vertical_m, up),
+    )
 
 
 def _frame_stamps(drive: Drive, camera: NDArray[np.str_], frame: IntArray) -> IntArray:

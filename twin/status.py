@@ -3,61 +3,73 @@
 from __future__ import annotations
 
 import datetime as dt
+import json
 from typing import Any
 
 import sqlalchemy as sa
 
 from twin import schema
-from twin.store import Store
+from twin.store import Snapshot, Store
+
+_FACTS = ("mirror", "mirror_backfill", "vegnett", "last_match")
 
 
 def status(store: Store) -> dict[str, Any]:
-    """Summarise mirror, drives, estimates and findings.
+    """Summarise mirror, drives, estimates and findings: one state of the store, also while a sync is at work.
 
     Returns
     -------
     dict
         ``mirror`` (area, source, position in the change feed, synced_at, age_hours) or None, ``unfinished``
-        (a backfill that was interrupted) or None, ``vegnett`` (the road network) or None, ``drives``,
-        ``estimates`` by method, ``verdicts`` and ``last_match`` (or None).
+        (a backfill that was interrupted, and how many objects it has ``kept``) or None, ``vegnett`` (the road
+        network) or None, ``skiltpunkt``, ``skiltplate``, ``drives``, ``estimates`` by method, ``verdicts``
+        and ``last_match`` (or None).
     """
-    change = schema.change.c
-    verdicts = store.rows(
-        sa.select(change.verdict, sa.func.count().label("n"))
-        .group_by(change.verdict)
-        .order_by(change.verdict)
-    )
-    estimate = schema.estimate.c
-    estimates = store.rows(
-        sa.select(estimate.method, sa.func.count().label("n"))
-        .group_by(estimate.method)
-        .order_by(estimate.method)
-    )
-    drives = store.rows(
-        sa.select(
-            schema.drive.c.drive_id,
-            schema.drive.c.name,
-            schema.drive.c.length_m,
-            schema.drive.c.n_annotations,
-        ).order_by(schema.drive.c.started_ns)
-    )
-    return {
-        "store": str(store.path),
-        "mirror": _mirror(store),
-        "unfinished": store.fact("mirror_backfill"),
-        "vegnett": store.fact("vegnett"),
-        "skiltpunkt": store.count(schema.skiltpunkt),
-        "skiltplate": store.count(schema.skiltplate),
-        "drives": drives,
-        "estimates": {row["method"]: row["n"] for row in estimates},
-        "verdicts": {row["verdict"]: row["n"] for row in verdicts},
-        "last_match": store.fact("last_match"),
-    }
+    drive = schema.drive.c
+    with store.snapshot() as view:
+        facts = _facts(view)
+        return {
+            "store": str(store.path),
+            "mirror": _with_age(facts.get("mirror")),
+            "unfinished": _with_kept(view, facts.get("mirror_backfill")),
+            "vegnett": facts.get("vegnett"),
+            "skiltpunkt": _count(view, schema.skiltpunkt),
+            "skiltplate": _count(view, schema.skiltplate),
+            "drives": view.rows(
+                sa.select(drive.drive_id, drive.name, drive.length_m, drive.n_annotations).order_by(
+                    drive.started_ns
+                )
+            ),
+            "estimates": _counts_by(view, schema.estimate.c.method),
+            "verdicts": _counts_by(view, schema.change.c.verdict),
+            "last_match": facts.get("last_match"),
+        }
 
 
-def _mirror(store: Store) -> dict[str, Any] | None:
-    fact = store.fact("mirror")
-    if fact is None:
+def _facts(view: Snapshot) -> dict[str, Any]:
+    kept = schema.meta.c
+    rows = view.rows(sa.select(kept.key, kept.value).where(kept.key.in_(_FACTS)))
+    return {row["key"]: json.loads(row["value"]) for row in rows}
+
+
+def _count(view: Snapshot, table: sa.Table) -> int:
+    return int(view.rows(sa.select(sa.func.count().label("n")).select_from(table))[0]["n"])
+
+
+def _counts_by(view: Snapshot, column: sa.Column[Any]) -> dict[str, int]:
+    rows = view.rows(sa.select(column, sa.func.count().label("n")).group_by(column).order_by(column))
+    return {row[column.name]: row["n"] for row in rows}
+
+
+def _with_age(mirror: dict[str, Any] | None) -> dict[str, Any] | None:
+    if mirror is None:
         return None
-    age = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(fact["synced_at"])
-    return {**fact, "age_hours": round(age.total_seconds() / 3600, 1)}
+    age = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(mirror["synced_at"])
+    return {**mirror, "age_hours": round(age.total_seconds() / 3600, 2)}
+
+
+def _with_kept(view: Snapshot, backfill: dict[str, Any] | None) -> dict[str, Any] | None:
+    if backfill is None:
+        return None
+    kept = {t.visible.name.capitalize(): _count(view, t.aside) for t in schema.MIRROR.values()}
+    return {**backfill, "kept": kept}

@@ -141,12 +141,14 @@ class Store:
         sightings: Sequence[Row],
         estimates: Sequence[Row],
         n_unplaced: int = 0,
+        corrections: Row | None = None,
     ) -> None:
         """Replace one drive's record and its sightings and estimates by `method`, in one transaction.
 
         Results of another method from files that were since changed are of another recording: they go too.
         """
         drive_id = drive["drive_id"]
+        result = {"drive_id": drive_id, "method": method, "n_unplaced": n_unplaced}
         with self.transaction() as connection:
             known = connection.execute(
                 sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive_id)
@@ -154,7 +156,7 @@ class Store:
             connection.execute(sa.delete(schema.drive).where(schema.drive.c.drive_id == drive_id))
             connection.execute(sa.insert(schema.drive), [dict(drive)])
             results = {
-                schema.drive_method: [{"drive_id": drive_id, "method": method, "n_unplaced": n_unplaced}],
+                schema.drive_method: [{**result, "corrections": dict(corrections or {})}],
                 schema.sighting: sightings,
                 schema.estimate: estimates,
             }

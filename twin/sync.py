@@ -5,10 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
-
-import sqlalchemy as sa
 
 from nvdb.area import Area
 from nvdb.client import NvdbClient
@@ -18,9 +17,9 @@ from nvdb.les_v4 import LesV4Source
 from nvdb.mirror import MAX_DELETED_SHARE, SKILT_TYPES, SyncProgress, SyncReport, sync
 from nvdb.sources import Source
 from nvdb.uberiket import UberiketSource
-from twin import schema
 from twin.errors import RefusedError
 from twin.lock import exclusive
+from twin.mirror_counts import Counts, by_accuracy, by_capture_method, without_own_geometry
 from twin.mirror_store import StoreMirror
 from twin.store import Store
 
@@ -85,22 +84,54 @@ class SyncResult:
     datakatalog_news: tuple[str, ...]
 
 
-def area_from_options(kommune: str | None, bbox: str | None, everything: bool) -> Area:
-    """Read the three ways to name an area; exactly one of them must be given.
+def area_from_options(
+    store: Path,
+    *,
+    kommune: str | None = None,
+    fylke: str | None = None,
+    kontraktsomrade: str | None = None,
+    bbox: str | None = None,
+    everything: bool = False,
+) -> Area:
+    """Read the ways to name an area; with none of them it is the one that the store mirrors.
+
+    Parameters
+    ----------
+    store : Path
+        Asked for the area of its mirror, or of its unfinished backfill, if no other option is given.
+    kommune, fylke, kontraktsomrade, bbox : str, optional
+        As typed: values with commas between.
+    everything : bool
+        The whole country.
 
     Raises
     ------
     AreaError
-        None or more than one was given, or it cannot be read.
+        More than one was given, it cannot be read, or none was given and there is no mirror yet.
     """
-    given = [value for value in (kommune, bbox, everything or None) if value]
-    if len(given) != 1:
+    readers = (
+        (kommune, Area.from_kommuner_text),
+        (fylke, Area.from_fylker_text),
+        (kontraktsomrade, Area.from_kontraktsomrader_text),
+        (bbox, Area.from_bbox_text),
+    )
+    found = [read(text) for text, read in readers if text is not None] + [Area()] * everything
+    known = None if found else _known_area(store)
+    if len(found) > 1 or (not found and known is None):
         raise AreaError(
-            "Say which signs: one of --kommune 5001, --bbox minE,minN,maxE,maxN (UTM33) or --all."
+            "Say which signs: one of --kommune 5001, --fylke 50, --kontraktsomrade NAME, "
+            "--bbox minE,minN,maxE,maxN (UTM33) or --all."
         )
-    if kommune:
-        return Area.from_kommuner_text(kommune)
-    return Area.from_bbox_text(bbox) if bbox else Area()
+    return known or found[0]
+
+
+def _known_area(path: Path) -> Area | None:
+    """The area of a store's mirror, or of its unfinished backfill."""
+    if not path.exists():
+        return None
+    with Store.open(path, create=False) as store:
+        fact = store.fact("mirror") or store.fact("mirror_backfill")
+    return None if fact is None else Area.from_text(fact["area"])
 
 
 def sync_nvdb(
@@ -195,9 +226,10 @@ def _sync(
             progress(now.what, now.done, now.expected)
 
     katalog, news = _katalog(client, store)
+    mirror = StoreMirror(store)
     report = sync(
         _source(source, client, katalog),
-        StoreMirror(store),
+        mirror,
         area,
         fresh=fresh,
         confirm_deletions=confirm_deletions,
@@ -207,7 +239,7 @@ def _sync(
     if news:
         with store.transaction() as connection:
             store.put_fact(connection, _KATALOG, katalog.to_document())
-    return _result(store, report, katalog, news)
+    return _result(store, mirror.counts(), report, katalog, news)
 
 
 def _source(name: str, client: NvdbClient, katalog: Datakatalog) -> Source:
@@ -236,7 +268,9 @@ def _check_area(store: Store, area: Area, replace: bool) -> None:
         )
 
 
-def _result(store: Store, report: SyncReport, katalog: Datakatalog, news: list[str]) -> SyncResult:
+def _result(
+    store: Store, counts: Counts, report: SyncReport, katalog: Datakatalog, news: list[str]
+) -> SyncResult:
     fact = store.fact("mirror") or {}
     applied = report.applied
     return SyncResult(
@@ -252,9 +286,9 @@ def _result(store: Store, report: SyncReport, katalog: Datakatalog, news: list[s
         changed=sum(applied.changed.values()),
         deleted=sum(applied.deleted.values()),
         n_events=report.n_events,
-        without_own_geometry=_grouped(store, "own_geometry").get("False", 0),
-        by_accuracy=_grouped(store, "accuracy_cm", own=True),
-        by_capture_method=_grouped(store, "capture_method", own=True),
+        without_own_geometry=without_own_geometry(counts),
+        by_accuracy=by_accuracy(counts),
+        by_capture_method=by_capture_method(counts),
         n_problems=report.n_problems,
         problems=report.problems,
         unknown={_unknown(key): n for key, n in sorted(report.unknown.items(), key=str)},
@@ -265,17 +299,3 @@ def _result(store: Store, report: SyncReport, katalog: Datakatalog, news: list[s
 
 def _unknown(key: tuple[int, int | None]) -> str:
     return str(key[0]) if key[1] is None else f"{key[0]}={key[1]}"
-
-
-def _grouped(store: Store, name: str, *, own: bool = False) -> dict[str, int]:
-    """Count the objects of both types by a column's value, most frequent first."""
-    counts: dict[str, int] = {}
-    for tables in schema.MIRROR.values():
-        column = tables.visible.c[name]
-        statement = sa.select(column, sa.func.count().label("n")).group_by(column)
-        if own:
-            statement = statement.where(tables.visible.c.own_geometry)
-        for row in store.rows(statement):
-            key = "not stated" if row[name] is None else str(row[name])
-            counts[key] = counts.get(key, 0) + row["n"]
-    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))

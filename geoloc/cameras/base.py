@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,38 @@ BoolArray = NDArray[np.bool_]
 
 def on_image(pixel_px: FloatArray, width_px: int, height_px: int) -> BoolArray:
     """Whether pixels ``(..., 2)`` lie on the image, edges of the outermost pixels included; false for NaN."""
-    u, v = pixel_px[..., 0], pixel_px[..., 1]
-    return np.asarray((u >= -0.5) & (u <= width_px - 0.5) & (v >= -0.5) & (v <= height_px - 0.5))
+    return inside_image(pixel_px[..., 0], pixel_px[..., 1], width_px, height_px)
+
+
+def inside_image(u_px: FloatArray, v_px: FloatArray, width_px: int, height_px: int) -> BoolArray:
+    """`on_image` of columns and rows ``(...)``."""
+    across = (u_px >= -0.5) & (u_px <= width_px - 0.5)
+    return np.asarray(across & (v_px >= -0.5) & (v_px <= height_px - 0.5))
 
 
 def nan_where_not(mask: BoolArray, vectors: FloatArray) -> FloatArray:
     """Vectors ``(..., k)`` with NaN in the rows whose mask ``(...)`` is false."""
     return np.where(mask[..., np.newaxis], vectors, np.nan)
+
+
+class Columns(NamedTuple):
+    """Vectors of the camera frame (RDF), one array ``(...)`` a component."""
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+
+
+class Rays(NamedTuple):
+    """Unit rays by component: the form in which a million of them are worked on."""
+
+    ray: Columns
+    """Undefined, not NaN, where `inside` is false."""
+    by_u: Columns | None
+    """Derivative by the pixel's column; None where not asked for."""
+    by_v: Columns | None
+    inside: BoolArray
+    """True inside the model's domain and on the image."""
 
 
 @runtime_checkable
@@ -66,5 +91,15 @@ class CameraModel(Protocol):
         """Unit rays ``(..., 3)`` (RDF) of pixels ``(..., 2)`` with a mask ``(...)``.
 
         The mask is true where the pixel lies on the image and inside the model's domain.
+        """
+        ...
+
+    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
+        """Give the rays of `camera_ray_from_pixel` by component, with their derivatives by pixel if asked.
+
+        Parameters
+        ----------
+        u_px, v_px : float64 (...)
+        slopes : bool
         """
         ...

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.cameras.base import BoolArray, FloatArray, nan_where_not, on_image
-from geoloc.cameras.monotonic import invert_rising_polynomial, polynomial, reach, rising_limit
+from geoloc.angles import sin_cos
+from geoloc.cameras.base import BoolArray, Columns, FloatArray, Rays, inside_image, nan_where_not, on_image
+from geoloc.cameras.monotonic import derivative, invert_rising_polynomial, polynomial, reach, rising_limit
 from geoloc.errors import CalibrationError
 
 # A constant term below this (about a thousandth of a pixel) is rounding in a file, above it another model.
@@ -16,6 +17,7 @@ _CONSTANT_TOLERANCE = {"theta_from_r": 1e-6, "r_from_theta": 1e-3}
 _MAX_DISAGREEMENT_PX = 2.0
 # No calibration means anything farther out than this many diagonals of its image.
 _MAX_DIAGONALS = 10.0
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +141,42 @@ class FThetaCamera:
         ray = nan_where_not(inside, np.stack([stretch * x, stretch * y, np.cos(theta)], axis=-1))
         return ray, inside & on_image(pixel, self.width_px, self.height_px)
 
+    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
+        """Give the rays of `camera_ray_from_pixel` by component, with their derivatives by pixel if asked.
+
+        With ``k = sin θ / r`` and a dash for the derivative by r, the ray ``(k x, k y, cos θ)`` changes by x
+        as ``(k + m x², m x y, -k θ' x)``, where ``m = k' / r = (θ' cos θ - k) / r²``; by y in the same way.
+        """
+        x, y = self._plane_from_offset(u_px - self.cx_px, v_px - self.cy_px)
+        # The smallest number keeps the axis, where x = y = 0, from being divided by 0; elsewhere it is lost.
+        square = x * x + y * y + _TINY
+        radius = np.sqrt(square)
+        inside = (radius <= self.r_max_px) & inside_image(u_px, v_px, self.width_px, self.height_px)
+        theta = self._theta_from_radius(radius)
+        sin, cos = sin_cos(theta)
+        k = sin / radius
+        ray = Columns(k * x, k * y, cos)
+        if not slopes:
+            return Rays(ray, None, None, inside)
+        slope = self._theta_slope(radius, theta)
+        m, down = (slope * cos - k) / square, -k * slope
+        by_x = Columns(k + m * x * x, cross := m * x * y, down * x)
+        by_y = Columns(cross, k + m * y * y, down * y)
+        return Rays(ray, *self._by_pixel(by_x, by_y), inside)
+
+    def _by_pixel(self, by_x: Columns, by_y: Columns) -> tuple[Columns, Columns]:
+        """Derivatives by u and v from those by x and y, which differ by the linear terms."""
+        if self.c == 1.0 and self.d == 0.0 and self.e == 0.0:
+            return by_x, by_y
+        determinant = self.c - self.d * self.e
+        pairs = list(zip(by_x, by_y, strict=True))
+        by_u = Columns(*((x - self.e * y) / determinant for x, y in pairs))
+        by_v = Columns(*((self.c * y - self.d * x) / determinant for x, y in pairs))
+        return by_u, by_v
+
     def _plane_from_offset(self, du_px: FloatArray, dv_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+        if self.c == 1.0 and self.d == 0.0 and self.e == 0.0:
+            return du_px, dv_px
         determinant = self.c - self.d * self.e
         return (du_px - self.d * dv_px) / determinant, (self.c * dv_px - self.e * du_px) / determinant
 
@@ -147,6 +184,12 @@ class FThetaCamera:
         if self.theta_from_r is not None:
             return polynomial(self.theta_from_r, radius_px)
         return invert_rising_polynomial(self.r_from_theta or (), radius_px, self.theta_max_rad)
+
+    def _theta_slope(self, radius_px: FloatArray, theta_rad: FloatArray) -> FloatArray:
+        """Derivative of the angle by the radius, at a pair of both."""
+        if self.theta_from_r is not None:
+            return polynomial(derivative(self.theta_from_r), radius_px)
+        return 1.0 / polynomial(derivative(self.r_from_theta or ()), theta_rad)
 
     def _radius_from_theta(self, theta_rad: FloatArray) -> FloatArray:
         if self.theta_from_r is not None:

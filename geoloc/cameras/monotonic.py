@@ -24,10 +24,13 @@ _MAX_ITERATIONS = 100
 
 def polynomial(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
     """Horner's scheme; coefficients in ascending order."""
-    value = np.zeros_like(x)
-    for coefficient in reversed(coefficients):
-        value = value * x + coefficient
-    return value
+    if len(coefficients) < 2:
+        return np.full_like(x, coefficients[0] if coefficients else 0.0)
+    value = np.asarray(x * coefficients[-1])
+    for coefficient in reversed(coefficients[1:-1]):
+        value += coefficient
+        value *= x
+    return value if coefficients[0] == 0.0 else value + coefficients[0]
 
 
 def derivative(coefficients: Sequence[float]) -> tuple[float, ...]:
@@ -117,7 +120,8 @@ def invert_rising(
     inside = (y >= bounds[0]) & (y <= bounds[1])
     target = np.where(inside, y, bounds[0])
     low, high = np.zeros_like(target), np.full_like(target, upper)
-    x = upper * (target - bounds[0]) / (bounds[1] - bounds[0])
+    # The minimum: at the upper end rounding may take the quotient past it.
+    x = np.minimum(upper * (target - bounds[0]) / (bounds[1] - bounds[0]), upper)
     for _ in range(_MAX_ITERATIONS):
         residual = function(x) - target
         low, high = np.where(residual < 0.0, x, low), np.where(residual > 0.0, x, high)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from geoloc.cameras.base import BoolArray, FloatArray, nan_where_not, on_image
+from geoloc.cameras.base import BoolArray, Columns, FloatArray, Rays, inside_image, nan_where_not, on_image
 from geoloc.cameras.monotonic import (
     MIN_SLOPE_RATIO,
     derivative,
@@ -137,6 +137,32 @@ class PinholeCamera:
         ray = nan_where_not(inside, ray / np.linalg.norm(ray, axis=-1, keepdims=True))
         return ray, inside & on_image(pixel, self.width_px, self.height_px)
 
+    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
+        """Give the rays of `camera_ray_from_pixel` by component, with their derivatives by pixel if asked.
+
+        The ray ``(x, y, 1) / n`` moves by ``(dx, dy, 0) / n`` less its part along itself; (dx, dy) a pixel is
+        the inverse Jacobian of the distortion.
+        """
+        distorted = np.stack([(u_px - self.cx_px) / self.fx_px, (v_px - self.cy_px) / self.fy_px], axis=-1)
+        plane, inside = self._undistort(distorted)
+        inside &= inside_image(u_px, v_px, self.width_px, self.height_px)
+        x, y = plane[..., 0], plane[..., 1]
+        forward = 1.0 / np.sqrt(1.0 + x * x + y * y)
+        ray = Columns(x * forward, y * forward, forward)
+        if not slopes:
+            return Rays(ray, None, None, inside)
+        jacobian = self._distort(plane)[1]
+        determinant = _determinant(jacobian)
+        by_u = (
+            jacobian[..., 1, 1] / (determinant * self.fx_px),
+            -jacobian[..., 1, 0] / (determinant * self.fx_px),
+        )
+        by_v = (
+            -jacobian[..., 0, 1] / (determinant * self.fy_px),
+            jacobian[..., 0, 0] / (determinant * self.fy_px),
+        )
+        return Rays(ray, _turned(ray, *by_u), _turned(ray, *by_v), inside)
+
     def _radius(self, r: FloatArray) -> FloatArray:
         """Distorted radius of an undistorted one, tangential part left out."""
         numerator, denominator = self._radial
@@ -205,6 +231,12 @@ class PinholeCamera:
         distorted, jacobian = self._distort(plane)
         solved = (np.abs(target - distorted) <= 10.0 * _NEWTON_TOLERANCE).all(-1)
         return plane, wanted & solved & _one_to_one(jacobian)
+
+
+def _turned(ray: Columns, dx: FloatArray, dy: FloatArray) -> Columns:
+    """Move of the unit ray when its plane coordinates move by (dx, dy)."""
+    along = ray.x * dx + ray.y * dy
+    return Columns(ray.z * (dx - along * ray.x), ray.z * (dy - along * ray.y), -ray.z * along * ray.z)
 
 
 def _determinant(jacobian: FloatArray) -> FloatArray:

@@ -43,6 +43,8 @@ class Scenario:
         The cameras whose frames were annotated.
     annotate_every : int
         Every n-th frame carries annotations: 3 is 10 Hz, as annotators set key frames.
+    annotate_from_s : float
+        Frames before carry none: seconds since the first frame.
     range_m : (float, float)
         Horizontal distance from the camera within which a foot is annotated: nearer it is below the image,
         farther an annotator no longer sees where the pole meets the ground.
@@ -56,6 +58,7 @@ class Scenario:
     noise: NoiseSpec = field(default_factory=NoiseSpec)
     cameras: tuple[str, ...] = ALL_CAMERAS
     annotate_every: int = 3
+    annotate_from_s: float = 0.0
     range_m: tuple[float, float] = (5.0, 40.0)
     start_utc_ns: int = START_UTC_NS
 
@@ -66,8 +69,9 @@ def scenario(name: str, speed_kmh: float | None = None, seed: int = 0) -> Scenar
     Parameters
     ----------
     name : str
-        ``sample`` (the drive in ``data/``), ``still`` (standing, objects at 9.0, 11.8 and 19.3 m as in the
-        paper), ``approach`` (one object, 15 to 6 m), ``urban`` (13 poles) or ``highway`` (16 poles).
+        ``sample`` (the drive in ``data/``), ``still`` (drives up to a flat yard and stands: objects at 9.0,
+        11.8 and 19.3 m as in the paper), ``approach`` (one object, 15 to 6 m), ``urban`` (13 poles) or
+        ``highway`` (16 poles).
     speed_kmh : float, optional
         Default: the scenario's own (sample 40, approach 15, urban 25, highway 60). Ignored for ``still``.
     seed : int
@@ -112,19 +116,41 @@ def _sample(speed_mps: float, _seed: int) -> Scenario:
 
 
 def _still(_speed_mps: float, _seed: int) -> Scenario:
-    """Standing on a straight road; distances are from the rig's origin."""
+    """Drive 57 m across a yard at 20 km/h, stop smoothly, and stand for 4 s; annotated only then.
+
+    What a road lab does: nobody appears out of nowhere, and a car that stands knows its heading from having
+    driven there. The yard is paved flat (no hills, no kerbs, a crossfall for the rain, a surface of class A)
+    since the paper's own rule of the ground is a flat floor. Distances are from the rig's origin where the
+    car stands.
+    """
+    speed_mps, cruise_s, brake_s, rest_s, stand_s = 20.0 / 3.6, 7.2, 6.0, 0.5, 4.0
+    stop_m = speed_mps * (cruise_s + brake_s / 2.0)
+    stopped_s = cruise_s + brake_s
+    motion = MotionSpec(
+        duration_s=stopped_s + rest_s + stand_s,
+        speed=((cruise_s, speed_mps), (stopped_s, 0.0)),
+        wander_m=0.0,
+    )
+    yard = RoadSpec(
+        length_m=stop_m + 40.0,
+        grade_percent=0.0,
+        hills=(),
+        roughness_m3=16e-6,
+        crossfall_percent=0.3,
+        kerb_share=0.0,
+        verge_sigma_m=0.01,
+    )
     places = ((9.0, -14.0), (11.8, 12.0), (19.3, -9.0))
-    motion = MotionSpec(duration_s=4.0, speed=((0.0, 0.0),), wander_m=0.0)
     poles = tuple(
         PoleSpec(
             f"P{i:02d}",
             "362.50",
-            distance * math.cos(math.radians(bearing)),
+            stop_m + distance * math.cos(math.radians(bearing)),
             motion.lane_offset_m + distance * math.sin(math.radians(bearing)),
         )
         for i, (distance, bearing) in enumerate(places, start=1)
     )
-    return Scenario("still", RoadSpec(length_m=60.0), motion, poles)
+    return Scenario("still", yard, motion, poles, annotate_from_s=stopped_s + rest_s)
 
 
 def _approach(speed_mps: float, _seed: int) -> Scenario:

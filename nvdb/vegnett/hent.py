@@ -31,7 +31,7 @@ def hent_vegnett(
     ----------
     client : NvdbClient
     area : Area
-        Kommuner, a box, or the whole country.
+        Any: the API selects by kommune, fylke, kontraktsområde and box.
     tidspunkt : date, optional
         The network as it was on that day; today's if left out.
     historisk : bool

@@ -1,4 +1,4 @@
-"""Points, directions and datums on the ellipsoid."""
+"""Points and directions on the ellipsoid."""
 
 from __future__ import annotations
 
@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pyproj import CRS
-from pyproj.exceptions import CRSError
-from pyproj.transformer import TransformerGroup
+from pyproj import Geod
 
 from geoloc import geodesy
-from geoloc.errors import GeolocError
 
 LATITUDE = st.floats(57.0, 72.0)
 LONGITUDE = st.floats(4.0, 32.0)
@@ -204,55 +201,6 @@ def test_rotation_comes_back_from_its_angles(roll: float, pitch: float, yaw: flo
     np.testing.assert_allclose(again, rotation, rtol=0, atol=1e-11)
 
 
-def test_euref89_from_itrf2020_agrees_with_the_official_shift() -> None:
-    """Trondheim 2026.9: 4.5 cm horizontally and 12 cm vertically from the NKG2020 grids' ENU shift.
-
-    Official, computed with Kartverket's grids: -0.510 -0.667 -0.160 m.
-    """
-    lat, lon, height, extra = geodesy.euref89_from_itrf2020(63.42, 10.40, 80.0, 2026.9)
-    east, north = geodesy.enu_offset(63.42, 10.40, lat, lon)
-    assert math.hypot(east + 0.510, north + 0.667) < 0.046
-    assert height - 80.0 == pytest.approx(-0.160, abs=0.125)
-    assert extra == 0.05
-
-
-def test_euref89_from_itrf2020_agrees_with_proj() -> None:
-    """PROJ's own database route by ETRF2000 gives the same coordinates, where it knows ITRF2020."""
-    try:
-        group = TransformerGroup(CRS("EPSG:9989"), CRS("EPSG:7931"), always_xy=True, allow_ballpark=False)
-    except CRSError:
-        pytest.skip("this PROJ database does not know ITRF2020")
-    if not group.transformers:
-        pytest.skip("this PROJ database has no ITRF2020 to ETRF2000")
-    lon, lat, height, _ = group.transformers[0].transform(10.4, 63.42, 80.0, 2024.3)
-    ours = geodesy.euref89_from_itrf2020(63.42, 10.4, 80.0, 2024.3)
-    np.testing.assert_allclose(ours[:2], (lat, lon), rtol=0, atol=1e-11)
-    # A height comes out of geocentric coordinates of 6e6 m.
-    assert ours.height_m == pytest.approx(height, abs=1e-8)
-
-
-def test_euref89_from_itrf2020_grows_with_the_epoch() -> None:
-    """Norway drifts 2.7 cm a year against ITRF: the epoch is used, row by row."""
-    moved = geodesy.euref89_from_itrf2020(63.42, 10.40, 80.0, [2010.0, 2026.9])
-    _, shift = geodesy.inverse(63.42, 10.40, moved.latitude_deg, moved.longitude_deg)
-    assert (shift[1] - shift[0]) / 16.9 == pytest.approx(0.027, abs=0.006)
-
-
-def test_euref89_from_itrf2020_keeps_nan_rows_apart() -> None:
-    """A NaN fix is NaN in all three coordinates and does not stop the others."""
-    lat, lon, height, _ = geodesy.euref89_from_itrf2020([63.42, np.nan], 10.4, [80.0, 80.0], 2024.0)
-    for values in (lat, lon, height):
-        assert np.isnan(values).tolist() == [False, True]
-
-
-def test_euref89_from_itrf2020_refuses_a_shift_that_cannot_be() -> None:
-    """An epoch of 1990 (a clock that was never set) moves nothing, and the sentence says so."""
-    with pytest.raises(GeolocError, match=r"epoch 1990\.00.*dates are right"):
-        geodesy.euref89_from_itrf2020(63.42, 10.40, 80.0, 1990.0)
-    with pytest.raises(GeolocError, match="1 of 2 positions"):
-        geodesy.euref89_from_itrf2020(63.42, 10.40, 80.0, [2024.0, 2200.0])
-
-
 def test_functions_of_no_positions_return_none() -> None:
     """Empty arrays come back empty: a drive without a single estimate is no error."""
     none = np.zeros(0)
@@ -268,3 +216,36 @@ def test_functions_of_no_positions_return_none() -> None:
     ):
         assert result.shape == (0,)
     assert geodesy.utm33_covariance_from_enu(np.zeros((0, 2, 2)), none, none).shape == (0, 2, 2)
+
+
+@pytest.mark.parametrize("latitude", [57.0, 60.0, 63.4, 66.0, 69.0, 72.0])
+def test_local_form_agrees_with_the_geodesic(latitude: float) -> None:
+    """Within 60 m, in all directions, the local form and PROJ's geodesic meet within 0.1 µm, both ways."""
+    distance, azimuth = np.meshgrid([0.0, 0.01, 1.0, 20.0, 60.0], np.arange(0.0, 360.0, 5.0))
+    east, north = distance * np.sin(np.radians(azimuth)), distance * np.cos(np.radians(azimuth))
+    lon, lat, _ = Geod(ellps="GRS80").fwd(
+        np.full_like(east, 10.4), np.full_like(east, latitude), azimuth, distance
+    )
+    found = geodesy.geographic_from_enu(latitude, 10.4, east, north)
+    assert geodesy.inverse(lat, lon, *found)[1].max() < 1e-7
+    offset = geodesy.enu_offset(latitude, 10.4, lat, lon)
+    # A degree's last bit is 1 nm of latitude; differences of degrees carry it.
+    np.testing.assert_allclose(offset, (east, north), rtol=0, atol=1e-7)
+
+
+def test_local_form_hands_over_to_the_geodesic_without_a_step() -> None:
+    """On both sides of 100 m, and across the date line, positions are PROJ's to 1 µm."""
+    for distance in (99.999, 100.001, 5_000.0):
+        lat, lon = geodesy.geographic_from_enu([63.4, -30.0], [10.4, 180.0], [distance] * 2, [0.0, 0.0])
+        expected = geodesy.direct([63.4, -30.0], [10.4, 180.0], 90.0, distance)
+        assert geodesy.inverse(lat, lon, *expected)[1].max() < 1e-6
+        back = geodesy.enu_offset([63.4, -30.0], [10.4, 180.0], *expected)
+        np.testing.assert_allclose(back, ([distance] * 2, [0.0, 0.0]), atol=1e-6)
+
+
+def test_local_form_keeps_nan_rows_apart() -> None:
+    """NaN in any argument makes that row NaN in both results and leaves the others alone."""
+    arguments = np.tile(np.array([63.4, 10.4, 5.0, 7.0]), (5, 1))
+    arguments[range(4), range(4)] = np.nan
+    for values in geodesy.geographic_from_enu(*arguments.T):
+        np.testing.assert_array_equal(np.isnan(values), [True] * 4 + [False])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ FloatArray = NDArray[np.float64]
 LAT0, LON0, HEIGHT = 63.4149, 10.3991, 65.7
 WIDE = FThetaCamera(1920, 1208, 951.0, 612.0, theta_from_r=(0.0, 9.9e-4, 2e-9, -1.1e-11))
 NARROW = PinholeCamera(1920, 1208, 1870.0, 1868.0, 948.0, 617.0, (-0.31, 0.12, 1e-4, -2e-4))
-EXACT = ErrorBudget(*([0.0] * 8))
+EXACT = ErrorBudget(*([0.0] * len(fields(ErrorBudget))))
 
 
 def camera(
@@ -63,7 +63,8 @@ def poses_of(n: int, **changes: float) -> Poses:
         "speed_mps": 0.0,
         "sigma_horizontal_m": 0.0,
         "sigma_vertical_m": 0.0,
-        "sigma_roll_pitch_deg": 0.0,
+        "sigma_roll_deg": 0.0,
+        "sigma_pitch_deg": 0.0,
         "sigma_heading_deg": 0.0,
     }
     columns = {name: np.full(n, value) for name, value in (values | changes).items()}
@@ -269,7 +270,7 @@ def test_systematic_columns_equal_disturbed_projections(name: str, source: str) 
         ground_height_m=1.0,
         ground_slope_deg=np.degrees(1.0),
         boresight_deg=np.degrees(1.0),
-        lever_arm_m=1.0,
+        camera_position_m=1.0,
     )
     poses = poses_of(1, heading_deg=world.heading, pitch_deg=world.pitch, roll_deg=world.roll)
     found = locate_single_frame(RIG, Sightings(np.array([name]), world.seen()[None]), poses, budget)
@@ -291,7 +292,9 @@ def test_pose_columns_equal_disturbed_poses(source: str, pose: str, per_unit: fl
     one = RIG.cameras["wide"]
     world = _World(feet_in_view(one, 1, seed=12)[0], one)
     start = {"heading_deg": world.heading, "pitch_deg": world.pitch, "roll_deg": world.roll}
-    poses = poses_of(1, **start, sigma_heading_deg=per_unit, sigma_roll_pitch_deg=per_unit)
+    poses = poses_of(
+        1, **start, sigma_heading_deg=per_unit, sigma_roll_deg=per_unit, sigma_pitch_deg=per_unit
+    )
     found = locate_single_frame(RIG, Sightings(np.array(["wide"]), world.seen()[None]), poses)
     column = found.systematic_m[0, :, found.source.index(source)]
     moved = _shift(world, world.seen(), **{pose: start[pose] + 1e-3}) / 1e-3
@@ -299,10 +302,10 @@ def test_pose_columns_equal_disturbed_poses(source: str, pose: str, per_unit: fl
 
 
 def test_time_moves_the_point_along_the_heading() -> None:
-    """10 ms at 15 m/s are 0.15 m along the heading and nothing across."""
+    """5 ms at 15 m/s are 0.075 m along the heading and nothing across."""
     poses = poses_of(1, heading_deg=90.0, speed_mps=15.0)
     found = locate_single_frame(RIG, Sightings(np.array(["wide"]), np.array([[950.0, 800.0]])), poses)
-    np.testing.assert_allclose(found.systematic_m[0, :, found.source.index("time")], [0.15, 0.0], atol=1e-12)
+    np.testing.assert_allclose(found.systematic_m[0, :, found.source.index("time")], [0.075, 0.0], atol=1e-12)
 
 
 def test_range_sigma_of_pitch_is_the_error_budgets() -> None:
@@ -339,7 +342,7 @@ def test_predicted_covariance_matches_the_spread_of_located_feet(name: str) -> N
             world.seen(
                 boresight=small[1] * d[0:3],
                 body=small[0] * np.array([d[3], d[4], 0.0]),
-                camera_up=budget.lever_arm_m * d[5],
+                camera_up=budget.camera_position_m * d[5],
                 foot_up=0.03 * d[6],
                 slope=np.radians(0.1) * d[7],
                 pixel=budget.pixel_px * d[8:10],

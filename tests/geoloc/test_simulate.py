@@ -389,12 +389,26 @@ def test_scenario_shows_every_pole_to_every_annotated_camera(name: str, poles: i
 
 
 def test_still_objects_stand_at_the_papers_distances() -> None:
-    """The three objects of the standing scenario are 9.0, 11.8 and 19.3 m from the rig's origin, in plan."""
+    """Where the car stands, three objects are 9.0, 11.8 and 19.3 m from the rig's origin, in plan."""
     drive = simulate_drive(without_noise(scenario("still")), 1)
     o, p = drive.objects, drive.poses
-    start = np.full(3, p.longitude_deg[0]), np.full(3, p.latitude_deg[0])
-    distance = pyproj.Geod(ellps="GRS80").inv(*start, o.longitude_deg, o.latitude_deg)[2]
+    stop = np.full(3, p.longitude_deg[-1]), np.full(3, p.latitude_deg[-1])
+    distance = pyproj.Geod(ellps="GRS80").inv(*stop, o.longitude_deg, o.latitude_deg)[2]
     assert distance == pytest.approx([9.0, 11.8, 19.3], abs=1e-3)
+
+
+def test_still_car_drives_up_and_is_annotated_only_where_it_stands() -> None:
+    """The car drives 57 m at up to 20 km/h; all annotated frames, over 4 s, are taken from one place."""
+    world = scenario("still")
+    drive = simulate_drive(world, 1)
+    motion = TrueMotion(Road(world.road, 1), world.motion, world.noise, 1)
+    speed, _, way = motion.speed_mps(np.arange(drive.frame_epoch_ns.size) / 30.0)
+    annotated = np.unique(drive.sightings.frame)
+    assert speed.max() == pytest.approx(20.0 / 3.6)
+    assert way[-1] == pytest.approx(56.67, abs=0.01)
+    assert np.ptp(annotated) / 30.0 == pytest.approx(4.0, abs=0.2)
+    assert np.abs(speed[annotated]).max() == 0.0
+    assert np.ptp(way[annotated]) < 1e-9
 
 
 def test_scenarios_refuse_nonsense() -> None:

@@ -49,6 +49,7 @@ def drive(n: int, seed: int = 1) -> Poses:
         np.full(n, 0.1),
         np.full(n, 0.1),
         np.full(n, 0.1),
+        np.full(n, 0.1),
         valid,
         np.where(valid, "", "a gap"),
     )

@@ -11,7 +11,8 @@ import pytest
 from nvdb.area import Area
 from nvdb.errors import SchemaError
 from nvdb.les_v4 import HEAD_OVERLAP, LesV4Source
-from nvdb.replay import Fault
+from nvdb.replay import Fault, RequestInfo
+from nvdb.replay_source import PLACES
 from nvdb.replay_world import ReplayWorld
 from nvdb.sources import FeedTooOldError
 
@@ -78,12 +79,61 @@ def test_feed_without_its_lists_is_refused(api: Any, world: ReplayWorld) -> None
         list(source.changes((96,), NOW.isoformat()))
 
 
-def test_object_that_leaves_the_area_is_missing(api: Any, world: ReplayWorld, plate: Any) -> None:
-    """An area goes with the ids, so that a sign that moved out of it is missing and one inside comes back."""
-    world.update(502, lokasjon={"kommuner": [301]})
-    result = make(api, world).fetch(96, [501, 502], Area(kommuner=(5001,)))
+AREAS: dict[str, tuple[Area, dict[str, Any]]] = {
+    "kommune": (Area(kommuner=(5001,)), {"kommuner": [5001], "fylker": [50]}),
+    "fylke": (Area(fylker=(50, 15)), {"kommuner": [5001], "fylker": [50]}),
+    "kontraktsomrade": (
+        Area(kontraktsomrader=("9503 Midtre Hålogaland 2021-2026",)),
+        {"kontraktsområder": [{"id": 17, "nummer": 9503, "navn": "9503 Midtre Hålogaland 2021-2026"}]},
+    ),
+    "kontraktsomrade by id": (
+        Area(kontraktsomrader=("17",)),
+        {"kontraktsområder": [{"id": 17, "nummer": 9503, "navn": "9503 Midtre Hålogaland 2021-2026"}]},
+    ),
+}
+ELSEWHERE: dict[str, Any] = {"kommuner": [301], "fylker": [3]}
+
+
+@pytest.mark.parametrize("name", AREAS)
+def test_object_that_leaves_the_area_is_missing(api: Any, name: str, plate: Any) -> None:
+    """Of each kind of area: a sign inside is paged, counted and fetched, one that moved out is missing."""
+    area, inside = AREAS[name]
+    plates = [plate(501, lokasjon=inside), plate(502, lokasjon=inside), plate(503, lokasjon=ELSEWHERE)]
+    world = ReplayWorld({96: plates}, clock=lambda: NOW)
+    source = make(api, world)
+    (page,) = source.pages(96, area)
+    assert [skilt.nvdb_id for skilt in page.objects] == [501, 502]
+    assert source.count(96, area) == 2
+    world.update(502, lokasjon=ELSEWHERE)
+    result = source.fetch(96, [501, 502, 503], area)
     assert [skilt.nvdb_id for skilt in result.objects] == [501]
-    assert result.missing == {502}
+    assert result.missing == {502, 503}
+
+
+@pytest.mark.parametrize("name", AREAS)
+def test_filter_that_the_api_does_not_apply_is_found_out(api: Any, name: str, plate: Any) -> None:
+    """Where a filter is passed over, an object's own ``lokasjon`` keeps what lies elsewhere out."""
+    area, inside = AREAS[name]
+    plates = [plate(501, lokasjon=inside), *(plate(number, lokasjon=ELSEWHERE) for number in (502, 503, 504))]
+    world = ReplayWorld({96: plates}, clock=lambda: NOW)
+    source = make(api, world, faults=lambda info: _unfiltered(world, info))
+    (page,) = source.pages(96, area)
+    assert [skilt.nvdb_id for skilt in page.objects] == [501]
+    assert page.problems == tuple(
+        f"Vegobjekt {number} came for {area.text()}, but says that it lies elsewhere: left out."
+        for number in (502, 503, 504)
+    )
+    result = source.fetch(96, [501, 502], area)
+    assert ([skilt.nvdb_id for skilt in result.objects], result.missing) == ([501], {502})
+    world.remove(501)
+    with pytest.raises(SchemaError, match="sent signs that all lie elsewhere"):
+        list(source.pages(96, area))
+
+
+def _unfiltered(world: ReplayWorld, info: RequestInfo) -> Fault:
+    """The answer to the same question without its filters of area."""
+    query = {name: text for name, text in info.query.items() if name not in PLACES}
+    return Fault("status", 200, body=world.page_body(96, query, f"http://localhost{info.path}"))
 
 
 def test_closed_object_is_missing(api: Any, world: ReplayWorld) -> None:

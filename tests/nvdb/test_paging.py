@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from nvdb.errors import PagingError, SchemaError
-from nvdb.paging import iter_pages
+from nvdb.paging import MAX_EMPTY_PAGES, follow, iter_pages
 from nvdb.replay import Fault, RequestInfo
 
 PATH = "/vegobjekter/96"
@@ -146,6 +146,34 @@ def test_paging_finds_a_repeated_cursor_of_the_server(api: Any, plate: Any, firs
     client, _ = api.serve({96: [plate(number) for number in range(501, 508)]}, faults)
     with pytest.raises(PagingError):
         list(iter_pages(client, PATH, META | {"antall": 3}))
+
+
+@pytest.mark.parametrize("start", [None, "503:2"], ids=["from the beginning", "resumed"])
+@pytest.mark.parametrize("empty", [{0}, {1}, {0, 2}, {1, 3, 5}], ids=str)
+def test_paging_goes_on_after_an_empty_page_that_leads_on(
+    api: Any, plate: Any, empty: set[int], start: str | None
+) -> None:
+    """Pages may come empty at the beginning, in the middle and before the last: no object is lost."""
+    client, _ = api.serve(
+        {96: [plate(number) for number in range(501, 511)]},
+        lambda info: Fault("empty_page") if info.number in empty else None,
+    )
+    first = 501 if start is None else 504
+    assert _ids(iter_pages(client, PATH, META | {"antall": 3}, start)) == list(range(first, 511))
+
+
+def test_paging_ends_a_row_of_empty_pages_that_never_ends() -> None:
+    """Empty pages that lead on for ever are an error; the count begins anew with each page that is not."""
+
+    def ask(cursor: str | None) -> tuple[int, list[dict[str, Any]], str]:
+        number = int(cursor or 0)
+        items = [{"id": number}] if number == MAX_EMPTY_PAGES - 1 else []
+        return number, items, str(number + 1)
+
+    pages = follow(ask, None, PATH)
+    assert next(pages) == (MAX_EMPTY_PAGES - 1, str(MAX_EMPTY_PAGES))
+    with pytest.raises(PagingError, match="2,000 pages of /vegobjekter/96 in a row are empty"):
+        next(pages)
 
 
 @pytest.mark.parametrize(

@@ -66,6 +66,17 @@ def test_generated_points_and_plates_point_at_each_other(n_points: int, n_plates
     assert all(plate.position == where[plate.point_id] for plate in plates)  # type: ignore[index, union-attr]
 
 
+def test_generated_segments_say_where_they_are() -> None:
+    """Each vegsegment has the object's place, geometry and road reference, as NVDB's own have."""
+    world = GeneratedWorld(20, 50)
+    for raw in (*objects(world, 95), *objects(world, 96)):
+        (segment,), (place,) = raw["vegsegmenter"], raw["lokasjon"]["stedfestinger"]
+        assert segment["vegsystemreferanse"] == raw["lokasjon"]["vegsystemreferanser"][0]
+        assert segment["geometri"] == raw["lokasjon"]["geometri"]
+        for name in ("veglenkesekvensid", "relativPosisjon", "retning"):
+            assert segment[name] == place[name]
+
+
 def test_generated_world_depends_on_its_seed_and_not_on_its_pages() -> None:
     """An object is the same alone, on a small page and on a large one; another seed gives other signs."""
     world = GeneratedWorld(20, 50, seed=1)

@@ -78,6 +78,18 @@ def test_replayed_network_is_filtered_as_asked(api: Any) -> None:
     assert _ids(client, area=Area(bbox=(260_500.0, 6_650_011.0, 262_500.0, 6_650_500.0))) == []
 
 
+def test_replayed_network_is_filtered_by_fylke_and_kontraktsomrade(api: Any) -> None:
+    """A segment lies in one fylke and in any number of kontraktsområder, asked for by name or id."""
+    contracts = [{"id": 17, "nummer": 9503, "navn": "9503 Hålogaland"}, {"id": 18, "navn": "Elektro"}]
+    links = [_segment(1, fylke=3), _segment(2, fylke=50), _segment(3, kontraktsområder=contracts)]
+    client, _ = api.serve(ReplayWorld(vegnett=links, clock=lambda: NOW))
+    assert _ids(client, area=Area(fylker=(3,))) == [5001]
+    assert _ids(client, area=Area(fylker=(3, 50))) == [5001, 5002]
+    assert _ids(client, area=Area(fylker=(15,))) == []
+    for name in ("17", "9503 Hålogaland", "Elektro"):
+        assert _ids(client, area=Area(kontraktsomrader=(name,))) == [5003]
+
+
 def test_replayed_network_counts_when_asked(api: Any) -> None:
     """``inkluderAntall`` gives the number of all segments that pass the filters, not of those on the page."""
     client, _ = api.serve(ReplayWorld(vegnett=[_segment(number) for number in range(5)]))

@@ -190,6 +190,13 @@ def test_source_stops_at_a_page_that_leads_back(setup: Setup, world: ReplayWorld
         changed(looping, "2026-06-01T00:00:00Z" if setup.kind == "les-v4" else "0")
 
 
+def test_source_goes_on_after_an_empty_page_that_leads_on(setup: Setup, world: ReplayWorld) -> None:
+    """An empty page is the end only if it does not lead on: none of the nine plates is lost."""
+    empty = Fault("empty_page")
+    source = setup.source(world, [empty, None, None, empty, None, empty], page_size=2)
+    assert ids_of(source) == list(range(501, 510))
+
+
 def test_source_stops_at_a_page_that_comes_again(setup: Setup) -> None:
     """A page with the objects or events of an earlier one, under a good cursor, hides those it replaced."""
     world = GeneratedWorld(10, 2500, clock=setup.clock)

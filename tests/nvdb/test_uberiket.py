@@ -166,11 +166,24 @@ def test_versions_on_both_sides_of_a_page_break_are_weighed_together(
     assert source.fetch(96, [502, 504], COUNTRY).missing == {504}
 
 
-def test_uberiket_refuses_a_kommune_with_the_cure(api: Any, world: ReplayWorld) -> None:
-    """There is no such filter, and guessing would mirror the wrong signs."""
+@pytest.mark.parametrize(
+    "area",
+    [
+        Area(kommuner=(5001,)),
+        Area(fylker=(50,)),
+        Area(kontraktsomrader=("9503 Midtre Hålogaland 2021-2026",)),
+    ],
+    ids=Area.text,
+)
+def test_uberiket_refuses_what_it_cannot_select_with_the_cure(
+    api: Any, world: ReplayWorld, area: Area
+) -> None:
+    """There are no such filters, and guessing would mirror the wrong signs."""
     client, server = api.serve(world)
-    with pytest.raises(AreaError, match=r"cannot select kommune 5001: take the source les-v4"):
-        next(UberiketSource(client).pages(96, Area(kommuner=(5001,))))
+    source = UberiketSource(client)
+    for ask in (lambda: next(source.pages(96, area)), lambda: source.fetch(96, [501], area)):
+        with pytest.raises(AreaError, match=f"cannot select {area.text()}: take the source les-v4"):
+            ask()
     assert server.requests == []
 
 

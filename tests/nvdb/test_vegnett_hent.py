@@ -58,11 +58,10 @@ class _Vegnett(ThreadingHTTPServer):
         start, antall = int(query.get("start", 0)), int(query["antall"])
         links = self.links[:antall] if self.stuck else self.links[start : start + antall]
         following = str(0 if self.broken else start + len(links))
-        neste = {"start": following, "href": f"{self.url}{SEGMENTERT}?start={following}"}
-        return {
-            "objekter": links,
-            "metadata": {"returnert": len(links), "sidestørrelse": antall, "neste": neste},
-        }
+        metadata: dict[str, Any] = {"returnert": len(links), "sidestørrelse": antall}
+        if links or "start" in query:  # V4 names no cursor where nothing is found at all
+            metadata["neste"] = {"start": following, "href": f"{self.url}{SEGMENTERT}?start={following}"}
+        return {"objekter": links, "metadata": metadata}
 
 
 class _Handler(BaseHTTPRequestHandler):

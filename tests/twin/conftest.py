@@ -15,6 +15,7 @@ from nvdb.client import NvdbClient
 from nvdb.replay import ReplayServer
 from twin.cli import run
 from twin.demo import sample_folder
+from twin.match import METHODS
 
 
 @pytest.fixture(scope="session")
@@ -65,11 +66,11 @@ def twin(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
 
 @pytest.fixture(scope="session")
 def matched_store(sample: Path, nvdb_url: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store with the sample synced, ingested by both methods and matched; copy it before writing."""
+    """A store with the sample synced, ingested by every method and matched; copy it before writing."""
     path = tmp_path_factory.mktemp("matched") / "twin.db"
     store = ["--store", str(path), "--json"]
     assert run(["sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, *store]) == 0
-    for method in ("paper", "single-frame"):
+    for method in METHODS:
         assert run(["ingest-drive", str(sample / "trip_trondheim"), "--method", method, *store]) == 0
     assert run(["match", *store]) == 0
     return path

@@ -6,9 +6,11 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +30,7 @@ from nvdb.replay_world import ReplayWorld
 from twin import schema
 from twin.cli import exit_code
 from twin.errors import RefusedError, StoreError, TwinError
-from twin.mirror_store import raw_object
+from twin.mirror_store import StoreMirror, raw_object
 from twin.store import Store
 from twin.sync import SyncResult, sync_nvdb
 
@@ -41,9 +43,10 @@ Raw = dict[str, Any]
 
 
 def visible(path: Path) -> Visible:
-    """The visible mirror, all but when it was fetched; the raw object decoded."""
+    """The visible mirror, all but when it was fetched, the raw object decoded; the kept counts must agree."""
     found: Visible = {}
     with Store.open(path) as store:
+        assert StoreMirror(store).counts() == StoreMirror(store).recounted()
         for tables in schema.MIRROR.values():
             for row in store.rows(sa.select(tables.visible)):
                 found[row["nvdb_id"]] = {**row, "raw": raw_object(row), "synced_at": None}
@@ -468,3 +471,29 @@ def test_mass_deletion(scene: Scene, fresh: bool) -> None:
         assert exit_code(error) == 5
         scene.stays_old()
     scene.gets_new(fresh=fresh, confirm_deletions=True)
+
+
+def test_interrupted_sync_does_not_wait_for_the_page_on_its_way(tmp_path: Path) -> None:
+    """Ctrl-C ends a sync with code 130 although the server is silent; the next run goes on from there."""
+    world = GeneratedWorld(40, 80)
+    world.page_limit = 10
+    silent, ended = threading.Event(), threading.Event()
+
+    def fall_silent(info: RequestInfo) -> None:
+        if "/vegobjekter/96" in info.path and "start" in info.query and not ended.is_set():
+            silent.set()
+            ended.wait(60)
+
+    world.on_request = fall_silent
+    program = "from twin.cli import run; import sys; sys.exit(run(sys.argv[1:]))"
+    with ReplayServer(world) as server:
+        command = ["sync-nvdb", "--all", "--api-url", server.url, "--store", str(tmp_path / "a.db")]
+        with subprocess.Popen([sys.executable, "-c", program, *command], stderr=subprocess.PIPE) as process:
+            assert silent.wait(60)
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30)
+        assert process.returncode == 130
+        ended.set()
+        with Store.open(tmp_path / "a.db") as store:
+            result = sync_nvdb(store, Area(), api_url=server.url)
+        assert (result.mode, result.skiltplate) == ("resumed", 80)

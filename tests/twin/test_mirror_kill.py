@@ -28,7 +28,7 @@ from nvdb.area import Area
 from nvdb.replay import ReplayServer, RequestInfo
 from nvdb.replay_generate import GeneratedWorld
 from twin import schema
-from twin.mirror_store import raw_object
+from twin.mirror_store import StoreMirror, raw_object
 from twin.store import Store
 from twin.sync import sync_nvdb
 
@@ -36,7 +36,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no for
 
 KILLS = int(os.environ.get("TWIN_KILLS", "15"))
 N_POINTS, N_PLATES, PAGE = 60, 140, 25
-STEP = 1000
+STEP = 100
 """Steps of SQLite's virtual machine between two instants inside of a statement."""
 KINDS = ("request", "statement", "publish", "step")
 """Kinds of instants; ``publish`` is a statement, or the commit, of the step that makes a mirror visible."""
@@ -63,8 +63,8 @@ def work(arguments, kill):
     @sa.event.listens_for(sa.Engine, "before_cursor_execute")
     def statement(connection, cursor, text, *_):
         nonlocal publishing
-        # The first thing that is not to be seen half done is that old states go into the history.
-        publishing = publishing or "_history" in text
+        # What is not to be seen half done begins with old states going into the history, or with the swap.
+        publishing = publishing or "_history" in text or text.startswith("DROP TABLE")
         count("publish" if publishing else "statement")
 
     @sa.event.listens_for(sa.Engine, "commit")
@@ -176,10 +176,11 @@ class Stage:
 
 
 def visible(path: Path) -> Visible:
-    """The visible mirror, all but when it was fetched."""
+    """The visible mirror, all but when it was fetched; the counts kept beside it must agree."""
     found: Visible = {}
     if path.exists():
         with Store.open(path) as store:
+            assert StoreMirror(store).counts() == StoreMirror(store).recounted()
             for tables in schema.MIRROR.values():
                 for row in store.rows(sa.select(tables.visible)):
                     found[row["nvdb_id"]] = {**row, "raw": raw_object(row), "synced_at": None}

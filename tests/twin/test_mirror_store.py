@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
+from nvdb.mirror import MassDeletionError
 from nvdb.mirror_states import Backfill, Following
 from nvdb.replay import ReplayServer
 from nvdb.replay_generate import GeneratedWorld
@@ -208,3 +211,73 @@ def test_sync_command_refuses_another_area_and_mass_deletion(
     assert twin(*command, "--all", "--confirm-deletions").code == 0
     with Store.open(tmp_path / "a.db") as store:
         assert ids(store, schema.skiltplate) == world.ids(96, 60, 40)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_kept_counts_are_those_of_the_objects(
+    world: GeneratedWorld, url: str, fresh_store: Store, source: str
+) -> None:
+    """After backfills and rounds of changes, removals and creations the kept counts are the true ones."""
+    rng = random.Random(source)
+    mirror = StoreMirror(fresh_store)
+    for n in range(6):
+        plates = [number for number in world.ids(96, 60) if world.one(96, number) is not None]
+        gone = sorted(set(world.ids(96, 60)) - set(plates))
+        if n:
+            world.touch([*rng.sample(plates, 5), *rng.sample(world.ids(95, 30), 3)])
+            geometry = {"wkt": "POINT Z (270000 7040000 5)", "srid": 5973, "egengeometri": False}
+            world.update(rng.choice(plates), geometri=geometry, egenskaper=[])
+            world.remove(rng.choice(plates))
+            if gone:
+                world.recreate(gone[0])
+        result = sync_nvdb(fresh_store, Area(), api_url=url, source=source, fresh=n == 3)
+        assert mirror.counts() == mirror.recounted()
+        rows = [row for t in (schema.skiltpunkt, schema.skiltplate) for row in fresh_store.rows(sa.select(t))]
+        assert result.skiltpunkt + result.skiltplate == len(rows)
+        assert result.without_own_geometry == sum(not row["own_geometry"] for row in rows)
+        own = Counter(row["capture_method"] for row in rows if row["own_geometry"])
+        assert result.by_capture_method == {kind or "not stated": n for kind, n in own.items()}
+
+
+def test_mirror_of_an_older_store_is_counted_once(
+    world: GeneratedWorld, url: str, fresh_store: Store
+) -> None:
+    """A store without kept counts is counted when it is next synced: its guard against deletions holds."""
+    sync_nvdb(fresh_store, Area(), api_url=url)
+    with fresh_store.transaction() as connection:
+        fresh_store.drop_fact(connection, "mirror_counts")
+    for number in world.ids(96, 40):
+        world.remove(number)
+    with pytest.raises(MassDeletionError, match="40 of 60"):
+        sync_nvdb(fresh_store, Area(), api_url=url)
+    assert sync_nvdb(fresh_store, Area(), api_url=url, confirm_deletions=True).skiltplate == 20
+
+
+def test_following_changes_reads_no_visible_table_from_end_to_end(
+    world: GeneratedWorld, url: str, fresh_store: Store
+) -> None:
+    """By SQLite's own plans a round of changes costs what changed, and one without news nothing."""
+    sync_nvdb(fresh_store, Area(), api_url=url)
+    world.touch(world.ids(96, 7))
+    world.remove(world.ids(96, 8)[7])
+    asked: list[tuple[str, Any]] = []
+
+    def note(_c: Any, _cursor: Any, text: str, values: Any, _context: Any, many: bool) -> None:
+        if not many and text.startswith(("SELECT", "INSERT", "UPDATE", "DELETE")):
+            asked.append((text, values))
+
+    sa.event.listen(sa.Engine, "before_cursor_execute", note)
+    try:
+        for _ in range(2):
+            sync_nvdb(fresh_store, Area(), api_url=url)
+    finally:
+        sa.event.remove(sa.Engine, "before_cursor_execute", note)
+    assert any("skiltplate_history" in text for text, _ in asked)
+    with fresh_store.transaction() as connection:
+        for text, values in asked:
+            plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}", values)
+            steps = [row[3] for row in plan]
+            assert not {"SCAN skiltpunkt", "SCAN skiltplate"} & set(steps), text
+            assert not any(step.startswith(("SCAN skiltpunkt U", "SCAN skiltplate U")) for step in steps), (
+                text
+            )

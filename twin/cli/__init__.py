@@ -20,6 +20,8 @@ from collections.abc import Sequence
 
 EXIT_OK, EXIT_BUG, EXIT_USAGE, EXIT_NETWORK, EXIT_DATA, EXIT_REFUSED, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 
+_INTERRUPTED = "Interrupted: what the store shows is as it was; run the command again to go on."
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `twin` and leave with its exit code."""
@@ -40,10 +42,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         code = stop.code if isinstance(stop.code, int) else EXIT_OK
         if code == EXIT_INTERRUPTED:
-            error_line("Interrupted; nothing half-done was kept.")
+            error_line(_INTERRUPTED)
         return code
     except KeyboardInterrupt:
-        error_line("Interrupted; nothing half-done was kept.")
+        error_line(_INTERRUPTED)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         sys.stderr.close()

@@ -31,8 +31,19 @@ JsonOption = Annotated[
 class Method(StrEnum):
     """Geolocation methods, as in :data:`twin.match.METHODS`."""
 
+    ADJUSTED = "adjusted"
     SINGLE_FRAME = "single-frame"
     PAPER = "paper"
+
+
+class ScenarioName(StrEnum):
+    """Worlds to simulate, as in :data:`geoloc.simulate.SCENARIOS`."""
+
+    SAMPLE = "sample"
+    STILL = "still"
+    APPROACH = "approach"
+    URBAN = "urban"
+    HIGHWAY = "highway"
 
 
 class SourceName(StrEnum):
@@ -68,12 +79,17 @@ def sync_nvdb(
     kommune: Annotated[
         str | None, typer.Option(help="Municipality numbers, separated by commas: 5001,5031.")
     ] = None,
+    fylke: Annotated[str | None, typer.Option(help="County numbers, separated by commas: 50,15.")] = None,
+    kontraktsomrade: Annotated[
+        str | None,
+        typer.Option(help="Contract areas, names as in NVDB or ids: '9503 Midtre Hålogaland 2021-2026'."),
+    ] = None,
     bbox: Annotated[
         str | None, typer.Option(help="minE,minN,maxE,maxN in UTM33 (EPSG:25833), metres.")
     ] = None,
     everything: Annotated[bool, typer.Option("--all", help="The whole country.")] = False,
     source: Annotated[
-        SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box only).")
+        SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box).")
     ] = SourceName.LES_V4,
     api_url: Annotated[
         str, typer.Option(envvar="TWIN_API_URL", help="Address of NVDB's APIs.")
@@ -102,12 +118,20 @@ def sync_nvdb(
 ) -> None:
     """Mirror NVDB's signs: Skiltpunkt (95) and Skiltplate (96) of an area, into the store.
 
-    The first run fetches everything, later ones only what changed. One that was interrupted goes on where it
-    stopped.
+    The first run names an area and fetches everything; later ones know it and fetch only what changed. One
+    that was interrupted goes on where it stopped.
     """
     from twin.cli import commands
+    from twin.sync import area_from_options
 
-    area = (kommune, bbox, everything)
+    area = area_from_options(
+        store,
+        kommune=kommune,
+        fylke=fylke,
+        kontraktsomrade=kontraktsomrade,
+        bbox=bbox,
+        everything=everything,
+    )
     if dry_run:
         commands.sync_dry_run(area, source.value, api_url, contact, json_output)
         return
@@ -120,15 +144,24 @@ def sync_nvdb(
 def ingest_drive(
     drive: Annotated[Path, typer.Argument(help="The drive's folder.", metavar="DRIVE")],
     method: Annotated[
-        Method, typer.Option(help="single-frame: the true ray. paper: the baseline, to the letter.")
-    ] = Method.SINGLE_FRAME,
+        Method,
+        typer.Option(
+            help="adjusted: all sightings together. single-frame: each by itself. paper: the baseline."
+        ),
+    ] = Method.ADJUSTED,
+    terrain: Annotated[
+        Path | None, typer.Option(help="Ground raster (GeoTIFF) instead of the plane of the road.")
+    ] = None,
+    terrain_heights: Annotated[
+        str | None, typer.Option(help="NN2000 or ellipsoidal, where the raster does not say.")
+    ] = None,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Locate what was annotated in a recorded drive, and keep it in the store."""
     from twin.cli import commands
 
-    commands.ingest_drive(drive, method, store, json_output)
+    commands.ingest_drive(drive, method, terrain, terrain_heights, store, json_output)
 
 
 @app.command("match", epilog="Example: twin match")
@@ -178,12 +211,65 @@ def evaluate(
     commands.evaluate(truth, plots, store, json_output)
 
 
+@app.command("show", epilog="Example: twin show P01 --out P01.png")
+def show(
+    estimate: Annotated[
+        str,
+        typer.Argument(
+            help="An estimate's id, or an object's where only one drive has it.", metavar="ESTIMATE"
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="Also draw it: a PNG.", metavar="FILE.png")] = None,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Explain one estimate: its position, what its error comes from, the frames that it rests on."""
+    from twin.cli.show import show as run
+
+    run(estimate, out, store, json_output)
+
+
 @app.command("status", epilog="Example: twin status")
 def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) -> None:
     """Say what the store holds: the mirror and its age, drives, estimates, findings."""
     from twin.cli import commands
 
     commands.status(store, json_output)
+
+
+@app.command("simulate", epilog="Example: twin simulate trial --scenario highway --speed 80 --seed 7")
+def simulate(
+    out: Annotated[
+        Path, typer.Argument(help="Where to write the drive: a new or an empty folder.", metavar="OUT")
+    ],
+    scenario: Annotated[
+        ScenarioName,
+        typer.Option(
+            help="still: the paper's standing car. approach: towards one pole. urban, highway: many poles. "
+            "sample: the road of the shipped sample."
+        ),
+    ] = ScenarioName.URBAN,
+    speed: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0, max=130.0, help="km/h, not for still; default: the scenario's own.", metavar="KMH"
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Draws all errors; the same seed, the same drive.")] = 0,
+    antennas: Annotated[int, typer.Option(min=1, max=2, help="GNSS antennas that were recorded.")] = 2,
+    cameras: Annotated[
+        str | None,
+        typer.Option(
+            help="Cameras that were annotated, separated by commas: C2_tricam60,C3_tricam120; "
+            "default: the scenario's own."
+        ),
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Write a simulated drive for ingest-drive, with its truth for evaluate and every source of error."""
+    from twin.cli import commands
+
+    commands.simulate(out, scenario.value, speed, seed, antennas, cameras, json_output)
 
 
 @app.command("demo", epilog="Example: twin demo --out demo-out")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -21,6 +22,7 @@ from twin.cli.output import (
 )
 
 if TYPE_CHECKING:
+    from nvdb.area import Area
     from twin.evaluate import MethodResult
     from twin.ingest import IngestReport
     from twin.store import Store
@@ -44,7 +46,7 @@ def _made_store(path: Path) -> Iterator[Store]:
 
 
 def sync_nvdb(
-    area_options: tuple[str | None, str | None, bool],
+    area: Area,
     source: str,
     api_url: str,
     contact: str | None,
@@ -57,10 +59,9 @@ def sync_nvdb(
 ) -> None:
     """``twin sync-nvdb``."""
     from twin.store import Store
-    from twin.sync import area_from_options
     from twin.sync import sync_nvdb as run
 
-    area, quiet = area_from_options(*area_options), json_output
+    quiet = json_output
     # A store is kept also if the sync fails: a backfill goes on where it stopped.
     with Store.open(store) as opened, log_notes("nvdb", quiet=quiet), bar(quiet=quiet) as progress:
         result = run(
@@ -79,6 +80,8 @@ def sync_nvdb(
         print_json(result)
         return
     print_pairs(f"NVDB: {result.area}", _sync_pairs(result))
+    if not result.skiltpunkt and not result.skiltplate:
+        warn(f"NVDB has no sign in {result.area}: check the area.")
     for news in result.datakatalog_news[:10]:
         note(f"datakatalog: {news}")
     for problem in result.problems[:10]:
@@ -88,51 +91,77 @@ def sync_nvdb(
 
 
 def _sync_pairs(result: SyncResult) -> dict[str, object]:
-    def counted(numbers: Mapping[str, int]) -> str | None:
-        shown = [f"{value}: {n:,}" for value, n in list(numbers.items())[:6]]
-        return ", ".join(shown + ["…"] * (len(numbers) > 6)) or None
+    def held(number: int, expected: int | None) -> str:
+        return f"{number:,}" if expected is None else f"{number:,} (NVDB counts {expected:,})"
 
-    expected = [n for n in result.expected.values() if n is not None]
+    events = {"events since the last sync": result.n_events} if result.mode == "changes" else {}
     return {
-        "Skiltpunkt": result.skiltpunkt,
-        "Skiltplate": result.skiltplate,
-        "counted by the API (statistikk)": sum(expected) if expected else None,
+        "Skiltpunkt": held(result.skiltpunkt, result.expected.get(95)),
+        "Skiltplate": held(result.skiltplate, result.expected.get(96)),
+        **events,
         "new / changed / deleted": f"{result.created:,} / {result.changed:,} / {result.deleted:,}",
-        "events since the last sync": result.n_events if result.mode == "changes" else None,
         "without own geometry": result.without_own_geometry,
-        "stated accuracy, cm": counted(result.by_accuracy),
-        "capture method": counted(result.by_capture_method),
-        "unknown to the datakatalog": counted(result.unknown),
+        "stated accuracy": _tally({_centimetres(key): n for key, n in result.by_accuracy.items()}),
+        "capture method": _tally(result.by_capture_method),
+        "unknown to the datakatalog": _tally(result.unknown),
         "problems": result.n_problems,
-        "how": f"{result.mode}, {result.source}, {result.url}, datakatalog {result.datakatalog}",
+        "how": _HOW[result.mode],
+        "source": f"{result.source} at {result.url}, datakatalog {result.datakatalog}",
     }
 
 
-def sync_dry_run(
-    area_options: tuple[str | None, str | None, bool],
-    source: str,
-    api_url: str,
-    contact: str | None,
-    json_output: bool,
-) -> None:
+def _centimetres(text: str) -> str:
+    """``100.0`` → ``100 cm``; what is no number stays as it is."""
+    return f"{float(text):g} cm" if text.replace(".", "", 1).isdigit() else text
+
+
+_HOW = {
+    "backfill": "everything fetched",
+    "resumed": "the rest of an interrupted backfill fetched",
+    "changes": "changes fetched",
+}
+_MAX_SHOWN = 6
+"""Values that a tally shows; --json has them all."""
+
+
+def _tally(numbers: Mapping[str, int]) -> str | None:
+    shown = [f"{value}: {n:,}" for value, n in list(numbers.items())[:_MAX_SHOWN]]
+    return "  ".join(shown + ["…"] * (len(numbers) > _MAX_SHOWN)) or None
+
+
+def sync_dry_run(area: Area, source: str, api_url: str, contact: str | None, json_output: bool) -> None:
     """``twin sync-nvdb --dry-run``."""
-    from twin.sync import area_from_options, dry_run
+    from twin.sync import dry_run
 
     with log_notes("nvdb", quiet=json_output):
-        found = dry_run(area_from_options(*area_options), api_url=api_url, source=source, contact=contact)
+        found = dry_run(area, api_url=api_url, source=source, contact=contact)
     if json_output:
         print_json(found)
         return
-    counts = {f"objects of type {type_id}": n for type_id, n in found["expected"].items()}
-    print_pairs(f"Would mirror {found['area']}", {"first question": found["first_url"], **counts})
+    counts = {"Skiltpunkt": found["expected"][95], "Skiltplate": found["expected"][96]}
+    print_pairs(f"Would mirror {found['area']}", {**counts, "first question": found["first_url"]})
 
 
-def ingest_drive(drive: Path, method: str, store: Path, json_output: bool) -> None:
+def ingest_drive(
+    drive: Path,
+    method: str,
+    terrain: Path | None,
+    terrain_heights: str | None,
+    store: Path,
+    json_output: bool,
+) -> None:
     """``twin ingest-drive``."""
     from twin.ingest import ingest_drive as run
 
     with _made_store(store) as opened, steps(quiet=json_output) as progress:
-        report = run(opened, drive, method=method, progress=progress)
+        report = run(
+            opened,
+            drive,
+            method=method,
+            terrain=terrain,
+            terrain_heights=terrain_heights,
+            progress=progress,
+        )
     for warning in report.warnings:
         warn(warning)
     if json_output:
@@ -191,6 +220,7 @@ def match(method: str | None, tolerance: float, store: Path, json_output: bool) 
 
 def export(folder: Path, store: Path, json_output: bool) -> None:
     """``twin export``."""
+    from geoloc.heights import nn2000_from_ellipsoidal
     from twin.export import export_findings
     from twin.store import Store
 
@@ -201,6 +231,9 @@ def export(folder: Path, store: Path, json_output: bool) -> None:
         return
     print_paths("Written:", files)
     note("Open twin_utm33.gpkg in QGIS: the layer changes comes coloured by verdict.")
+    geoid = nn2000_from_ellipsoidal([], [], [])
+    if math.isnan(geoid.sigma_m):
+        note(geoid.how)
 
 
 def evaluate(truth: Path, plots: Path | None, store: Path, json_output: bool) -> None:
@@ -240,7 +273,8 @@ def print_errors(methods: tuple[MethodResult, ...]) -> None:
             for m in methods
             for b in getattr(m, kind)
         ]
-        print_table(title, header, by_range)
+        if by_range:
+            print_table(title, header, by_range)
     for m in methods:
         if m.not_estimated:
             warn(f"{m.method}: no estimate of {', '.join(m.not_estimated)}.")
@@ -264,23 +298,82 @@ def status(store: Path, json_output: bool) -> None:
     if json_output:
         print_json(found)
         return
-    mirror = found["mirror"] or {}
     print_pairs(
         f"Store {found['store']}",
         {
-            "NVDB area": mirror.get("area"),
-            "synced": f"{mirror['synced_at']}, {mirror['age_hours']} h ago" if mirror else None,
-            "follows": f"{mirror['source']} from {mirror['position']}" if mirror else None,
-            "unfinished backfill": (found["unfinished"] or {}).get("area"),
-            "Skiltpunkt": found["skiltpunkt"],
-            "Skiltplate": found["skiltplate"],
-            "road network": f"{found['vegnett']['count']:,} links" if found["vegnett"] else None,
+            **_mirror_pairs(found),
             "drives": len(found["drives"]),
             "estimates": ", ".join(f"{n} {m}" for m, n in found["estimates"].items()) or None,
             "last match": (found["last_match"] or {}).get("at"),
             "findings": ", ".join(f"{n} {v}" for v, n in found["verdicts"].items()) or None,
         },
     )
+
+
+def _mirror_pairs(found: Mapping[str, Any]) -> dict[str, object]:
+    mirror, unfinished, vegnett = found["mirror"] or {}, found["unfinished"], found["vegnett"]
+    pairs: dict[str, object] = {
+        "NVDB area": mirror.get("area"),
+        "Skiltpunkt": found["skiltpunkt"],
+        "Skiltplate": found["skiltplate"],
+        "last synced": f"{mirror['synced_at']}, {_ago(mirror['age_hours'])}" if mirror else None,
+        "follows": mirror.get("source"),
+        "position in its change feed": mirror.get("position"),
+    }
+    if unfinished:
+        kept = " and ".join(f"{n:,} {name}" for name, n in unfinished["kept"].items())
+        pairs["unfinished backfill"] = f"{unfinished['area']}: {kept} so far"
+    if vegnett:
+        pairs["road network"] = f"{vegnett['count']:,} links of {vegnett['area']}, {vegnett['fetched_at']}"
+    return pairs
+
+
+def _ago(hours: float) -> str:
+    if hours < 1:
+        return f"{hours * 60:.0f} min ago"
+    return f"{hours:.1f} h ago" if hours < 48 else f"{hours / 24:.0f} days ago"
+
+
+def simulate(
+    out: Path,
+    scenario: str,
+    speed_kmh: float | None,
+    seed: int,
+    antennas: int,
+    cameras: str | None,
+    json_output: bool,
+) -> None:
+    """``twin simulate``."""
+    from twin.simulate import simulate as run
+
+    names = tuple(name.strip() for name in (cameras or "").split(",") if name.strip())
+    with steps(quiet=json_output) as progress:
+        report = run(
+            out,
+            name=scenario,
+            speed_kmh=speed_kmh,
+            seed=seed,
+            antennas=antennas,
+            cameras=names,
+            progress=progress,
+        )
+    if json_output:
+        print_json(report)
+        return
+    print_pairs(
+        f"Simulated drive {report.folder}",
+        {
+            "scenario": f"{report.scenario}, seed {report.seed}",
+            "speed": None if report.scenario == "still" else f"{report.speed_kmh:g} km/h",
+            "recorded": f"{report.duration_s:.1f} s, {report.n_frames:,} frames of each camera",
+            "antennas": len(report.antennas),
+            "annotated": ", ".join(report.cameras),
+            "poles": report.n_objects,
+            "sightings": report.n_sightings,
+        },
+    )
+    print_paths("Written:", report.files)
+    note(f"Next: twin ingest-drive {out}, then twin evaluate {report.files[-2]}")
 
 
 def demo(out: Path, json_output: bool) -> None:
@@ -311,3 +404,4 @@ def demo(out: Path, json_output: bool) -> None:
     )
     print_errors(report.evaluation.methods)
     print_paths("Open these:", report.files)
+    note(f"Why a sign stands where it does: twin show P01 --store {out / 'demo.db'} --out P01.png")

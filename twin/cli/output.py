@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rich.console import Console
+    from rich.progress import Progress, Task
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -55,12 +56,18 @@ def print_json(value: Any) -> None:
 
 
 def print_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], *, right_from: int = 1
+    title: str,
+    columns: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    *,
+    right_from: int = 1,
+    header: bool = True,
 ) -> None:
     """Print a table on stdout; columns from `right_from` on are aligned to the right."""
     from rich.table import Table
 
-    table = Table(title=_escape(title), title_justify="left", title_style="bold", header_style="bold")
+    table = Table(title=_escape(title), title_justify="left", title_style="bold", show_header=header)
+    table.header_style = "bold"
     for number, name in enumerate(columns):
         table.add_column(_escape(name), justify="right" if number >= right_from else "left", overflow="fold")
     for row in rows:
@@ -86,7 +93,7 @@ def print_paths(title: str, paths: Sequence[object]) -> None:
 
 def print_pairs(title: str, pairs: Mapping[str, object]) -> None:
     """Print a table of two columns without a header."""
-    print_table(title, ["", ""], [(key, value) for key, value in pairs.items()])
+    print_table(title, ["", ""], [(key, value) for key, value in pairs.items()], header=False)
 
 
 @contextmanager
@@ -104,23 +111,59 @@ def steps(*, quiet: bool = False) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def bar(*, quiet: bool = False) -> Iterator[Callable[[str, int, int | None], None]]:
-    """Give a function ``(what, done, total)`` that moves a progress bar with rate and time left."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    """Give a function ``(what, done, total)`` that moves a progress bar with rate and time left.
+
+    What is finished shows its mean rate and the time it took.
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    class _TimeLeft(TimeRemainingColumn):
+        def render(self, task: Task) -> Text:
+            shown = super().render(task)
+            return shown if task.finished or not shown.plain.strip("-: ") else shown + Text(" left")
 
     err = console(stderr=True)
     if quiet or not err.is_terminal:
         yield lambda _what, _done, _total: None
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=err) as progress:
-        tasks: dict[str, Any] = {}
+    texts = (TextColumn("{task.fields[count]}"), TextColumn("{task.fields[rate]}"))
+    left = _TimeLeft(elapsed_when_finished=True)
+    with Progress(TextColumn("{task.description}"), BarColumn(), *texts, left, console=err) as progress:
+        bars = _Bars(progress)
+        try:
+            yield bars.show
+        finally:
+            bars.finish()
 
-        def show(what: str, done: int, total: int | None) -> None:
-            if what not in tasks:
-                tasks[what] = progress.add_task(what, total=total)
-            progress.update(tasks[what], completed=done, total=total)
 
-        yield show
+class _Bars:
+    """One line of a progress display for each thing that is being done."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._lines: dict[str, Task] = {}
+
+    def show(self, what: str, done: int, total: int | None) -> None:
+        count = f"{done:,}" if total is None else f"{done:,} of {total:,}"
+        if what not in self._lines:
+            self.finish()
+            number = self._progress.add_task(what, completed=done, total=total, count=count, rate="")
+            line = next(task for task in self._progress.tasks if task.id == number)
+            line.fields["first"] = done
+            self._lines[what] = line
+        line = self._lines[what]
+        self._progress.update(line.id, completed=done, total=total, count=count)
+        # What an interrupted run had fetched before says nothing of this run's rate.
+        fetched, elapsed_s = done - line.fields["first"], line.finished_time or line.elapsed
+        if fetched and elapsed_s:
+            self._progress.update(line.id, rate=f"{fetched / elapsed_s:,.0f}/s")
+
+    def finish(self) -> None:
+        """End what has no known total, whose bar would go on moving."""
+        for line in self._lines.values():
+            if line.total is None:
+                self._progress.update(line.id, total=line.completed)
 
 
 @contextmanager

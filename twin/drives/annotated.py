@@ -12,7 +12,7 @@ Which object it is
     one camera and no ``object`` attributes; otherwise it carries its camera (``C3_tricam120:12``), and its
     file where a camera has several (``C3_tricam120/evening:12``). Image tasks have no tracks: there the
     attribute ``track_id`` counts as one, and a shape without it is an object of its own (``f123.1``: frame
-    123, first such shape).
+    123, first such shape) until :mod:`twin.drives.identify` finds out where it belongs.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ class _Row(NamedTuple):
     """Value of the attribute ``object``, or ""."""
     track: str
     """Track id, or the id of a single shape, unique in its file."""
+    has_id: bool
     file: str
     label: str
     skiltnummer: str
@@ -174,14 +175,17 @@ def _rows(
             continue
         attributes = inherited.get((shape.task, shape.track), {}) | _filled(shape)
         track = shape.track or attributes.get("track_id", "")
+        name = next((attributes[a] for a in OBJECT_ATTRIBUTES if a in attributes), "")
+        has_id = bool(name or track)
         if not track:
             singles[camera.name, frame] += 1
             track = f"f{frame}.{singles[camera.name, frame]}"
         yield _Row(
             camera=camera.name,
             frame=frame,
-            object=next((attributes[a] for a in OBJECT_ATTRIBUTES if a in attributes), ""),
+            object=name,
             track=track,
+            has_id=has_id,
             file=file.where,
             label=shape.label,
             skiltnummer=_codes(attributes.get("skiltnummer", ""), shape.label, codeless),
@@ -273,6 +277,7 @@ def _arrays(rows: list[_Row]) -> Annotations:
         camera=text(row.camera for row in rows),
         frame=np.array([row.frame for row in rows], dtype=np.int64),
         object=text(row.object for row in rows),
+        has_id=np.array([row.has_id for row in rows], dtype=np.bool_),
         label=text(row.label for row in rows),
         skiltnummer=text(row.skiltnummer for row in rows),
         kind=text(row.kind for row in rows),

@@ -40,7 +40,9 @@ class Annotations:
     object : str (n,)
         Unique in the drive: the attribute ``object`` or ``object_id`` as written, which ties one pole
         together across cameras; else the track id, with the camera before it (``C3:12``) where there are
-        several files.
+        several files; else one for each shape (``f123.1``).
+    has_id : bool (n,)
+        Whether the annotator said by an ``object`` attribute or a track which object it is.
     label : str (n,)
         The annotator's label, as written.
     skiltnummer : str (n,)
@@ -57,6 +59,7 @@ class Annotations:
     camera: NDArray[np.str_]
     frame: IntArray
     object: NDArray[np.str_]
+    has_id: NDArray[np.bool_]
     label: NDArray[np.str_]
     skiltnummer: NDArray[np.str_]
     kind: NDArray[np.str_]
@@ -91,9 +94,13 @@ class Drive:
     annotations_complete : bool
         Whether every sign in view was annotated: only then can a sign be missing.
     datum : str
-        ``EUREF89`` or ``ITRF2020``.
+        ``EUREF89``, ``ITRF2014`` or ``ITRF2020``.
     camera_offset_ns : int
-        Added to the frame stamps to get the epoch of exposure (default 0).
+        Added to the frame stamps to get the epoch of exposure of the middle row (default 0).
+    rolling_shutter_ms : float or None
+        From the exposure of the first row to that of the last; None where the drive does not say.
+    pole_radius_m : float
+        From the visible foot, which annotators mark, to the middle of the pole.
     warnings : tuple of str
         What a user should know, one sentence each (e.g. all lever arms are zero).
     skipped : tuple of Skipped
@@ -112,5 +119,7 @@ class Drive:
     annotations_complete: bool
     datum: str
     camera_offset_ns: int
+    rolling_shutter_ms: float | None
+    pole_radius_m: float
     warnings: tuple[str, ...]
     skipped: tuple[Skipped, ...]

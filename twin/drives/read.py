@@ -8,7 +8,7 @@ A ``drive.toml`` with every key::
     name = "E6 Okstad northbound"   # default: the folder's name
     rig = "rig.json"                # DriveWorks rig file
     annotations_complete = true     # every sign in view was annotated (default false)
-    datum = "EUREF89"               # or "ITRF2020"
+    datum = "EUREF89"               # or "ITRF2014", "ITRF2020"
     camera_offset_ms = 0.0          # added to the frame stamps
     pitch_positive = "nose_down"    # of the pose file; "nose_up" as most INS write it
     [gnss]                          # either GNSS recordings, by antenna …
@@ -123,6 +123,8 @@ def read_drive(path: Path | str, *, progress: Progress | None = None) -> Drive:
         annotations_complete=settings.annotations_complete,
         datum=settings.datum,
         camera_offset_ns=settings.camera_offset_ns,
+        rolling_shutter_ms=settings.rolling_shutter_ms,
+        pole_radius_m=settings.pole_radius_m,
         warnings=tuple(notes.warnings),
         skipped=tuple(notes.skipped),
     )

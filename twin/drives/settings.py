@@ -7,13 +7,18 @@ import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
+from geoloc.adjust import POLE_RADIUS_M
 from twin.errors import DriveError
 
 SETTINGS_FILE = "drive.toml"
-DATUMS = ("EUREF89", "ITRF2020")
+_Default = TypeVar("_Default", float, None)
+DATUMS = ("EUREF89", "ITRF2014", "ITRF2020")
 PITCH_SIGNS = ("nose_down", "nose_up")
+LONGEST_READOUT_MS = 200.0
+"""No rolling shutter takes longer than the time between two frames of a slow camera."""
+THICKEST_POLE_M = 0.5
 LONGEST_LEVER_ARM_M = 30.0
 """No car is longer: a larger lever arm is in another unit."""
 
@@ -24,6 +29,8 @@ _KEYS = (
     "annotations_complete",
     "datum",
     "camera_offset_ms",
+    "rolling_shutter_ms",
+    "pole_radius_m",
     "pitch_positive",
     "gnss",
     "poses",
@@ -41,9 +48,13 @@ class DriveSettings:
     name, rig : str or None
     annotations_complete : bool
     datum : str
-        ``EUREF89`` or ``ITRF2020``.
+        One of `DATUMS`.
     camera_offset_ns : int
         Added to the frame stamps.
+    rolling_shutter_ms : float or None
+        From the exposure of the first row to that of the last.
+    pole_radius_m : float
+        From the visible foot to the middle of the pole.
     pitch_nose_up : bool
         Whether positive pitch in the pose file means nose up.
     gnss : mapping of antenna to file, or None
@@ -59,6 +70,8 @@ class DriveSettings:
     annotations_complete: bool = False
     datum: str = "EUREF89"
     camera_offset_ns: int = 0
+    rolling_shutter_ms: float | None = None
+    pole_radius_m: float = POLE_RADIUS_M
     pitch_nose_up: bool = False
     gnss: Mapping[str, str] | None = None
     lever_arms_m: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
@@ -93,8 +106,10 @@ def read_settings(content: bytes) -> DriveSettings:
         name=_text(document, "name"),
         rig=_text(document, "rig"),
         annotations_complete=_flag(document, "annotations_complete"),
-        datum=_choice(document, "datum", DATUMS),
+        datum=_datum(document),
         camera_offset_ns=round(_number(document.get("camera_offset_ms", 0.0), "camera_offset_ms") * 1e6),
+        rolling_shutter_ms=_between(document, "rolling_shutter_ms", None, LONGEST_READOUT_MS),
+        pole_radius_m=_between(document, "pole_radius_m", POLE_RADIUS_M, THICKEST_POLE_M),
         pitch_nose_up=_choice(document, "pitch_positive", PITCH_SIGNS) == "nose_up",
         gnss=files,
         lever_arms_m=_lever_arms(_table(gnss, "lever_arms", "gnss.lever_arms")),
@@ -155,10 +170,31 @@ def _choice(table: Mapping[str, Any], key: str, choices: tuple[str, ...]) -> str
     return str(value)
 
 
+def _datum(document: Mapping[str, Any]) -> str:
+    value = document.get("datum", DATUMS[0])
+    if value not in DATUMS:
+        wanted = (
+            '"EUREF89" (with Norwegian corrections, such as CPOS), "ITRF2014" or "ITRF2020" (without, such as'
+            " PPP); WGS84 alone does not say which of them (docs/datum-and-heights.md)"
+        )
+        raise _wrong("datum", value, wanted)
+    return str(value)
+
+
 def _number(value: object, key: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise _wrong(key, value, "a number")
     return float(value)
+
+
+def _between(document: Mapping[str, Any], key: str, default: _Default, most: float) -> float | _Default:
+    """A number from 0 to `most`, or the default where the file does not say."""
+    if key not in document:
+        return default
+    value = _number(document[key], key)
+    if not 0.0 <= value <= most:
+        raise _wrong(key, value, f"a number from 0 to {most:g}")
+    return value
 
 
 def _files(parent: Mapping[str, Any], key: str, name: str) -> dict[str, str]:

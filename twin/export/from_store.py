@@ -10,6 +10,7 @@ import sqlalchemy as sa
 
 from geoloc.combine import cep95_m, ellipse
 from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.heights import nn2000_from_ellipsoidal
 from twin import schema
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
 from twin.export.verdicts import OPEN
@@ -79,6 +80,7 @@ def _estimates(view: Snapshot, method: str) -> gpd.GeoDataFrame:
     )
     azimuth = (grid_azimuth + grid_convergence_deg(lat, lon)) % 180.0
     cep95 = cep95_m(covariance)
+    nn2000 = nn2000_from_ellipsoidal(lat, lon, np.array([r["height_m"] for r in rows])).height_m
     full = [
         {
             **row,
@@ -88,6 +90,7 @@ def _estimates(view: Snapshot, method: str) -> gpd.GeoDataFrame:
             "sigma_minor_m": minor[k],
             "sigma_azimuth_deg": azimuth[k],
             "cep95_m": cep95[k],
+            "height_nn2000_m": nn2000[k],
         }
         for k, row in enumerate(rows)
     ]

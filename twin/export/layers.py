@@ -79,6 +79,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         Column("last_seen", TIME, "Last seen", "UTC"),
         Column("range_min_m", "float64", "Shortest distance to the camera", "m"),
         Column("height_m", "float64", "Ellipsoidal height", "m"),
+        Column("height_nn2000_m", "float64", "Height in NN2000", "m"),
         Column("sigma_major_m", "float64", "Standard deviation along the error ellipse", "m"),
         Column("sigma_minor_m", "float64", "Standard deviation across the error ellipse", "m"),
         Column("sigma_azimuth_deg", "float64", "Error ellipse from true north", "° clockwise"),
@@ -154,7 +155,8 @@ class ExportLayers:
         seen. ``drive_ids`` is joined by ",".
     estimates : GeoDataFrame of Point
         An annotated object a row. ``sigma_azimuth_deg`` is the direction of the ellipse's major axis,
-        clockwise from true north; ``height_m`` is ellipsoidal; ``flags`` is joined by ";".
+        clockwise from true north; ``height_m`` is ellipsoidal, ``height_nn2000_m`` null where no geoid
+        model is installed (:mod:`geoloc.heights`); ``flags`` is joined by ";".
     nvdb_signs : GeoDataFrame of Point
         An object of NVDB a row. Where ``own_geometry`` is false the point lies on the road's centre line.
     drives : GeoDataFrame of LineString

@@ -47,7 +47,7 @@ _QUIET = ("unchanged", "not_observable")
 
 
 @dataclass(frozen=True, slots=True)
-class _Window:
+class Window:
     """A rectangle of the map, EPSG:25833 metres."""
 
     east_m: float
@@ -104,11 +104,11 @@ def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: 
 
 def _draw_overview(axes: Axes, layers: ExportLayers, letters: Mapping[str, str], title: str) -> None:
     window = _around(_extent(layers), axes)
-    _frame(axes, window)
+    frame_map(axes, window)
     _draw_layers(axes, layers, mark_scale=1.0, sign_scale=1.0)
     _draw_legend(axes, layers)
-    _draw_scale_bar(axes, window)
-    _draw_north(axes, window)
+    draw_scale_bar(axes, window)
+    draw_north(axes, window)
     if title:
         axes.set_title(title, loc="left", fontsize=11)
     changes = layers.changes
@@ -128,14 +128,14 @@ def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], let
     middle = (here + there) / 2 if there is not None else here
     half = max(3.0, 0.8 * float(apart) + 1.0)
     box = axes.get_window_extent()
-    window = _Window(float(middle[0]), float(middle[1]), half, half * box.height / box.width)
-    _frame(axes, window)
+    window = Window(float(middle[0]), float(middle[1]), half, half * box.height / box.width)
+    frame_map(axes, window)
     # NVDB's rings wide enough to show around a mark at the same place.
     _draw_layers(axes, layers, mark_scale=1.3, sign_scale=2.4)
     if there is not None and apart > 0.5:
         arrow = {"arrowstyle": "-|>", "color": verdict.colour, "lw": 1.5, "shrinkA": 8, "shrinkB": 9}
         axes.annotate("", xy=tuple(here), xytext=tuple(there), arrowprops=arrow, zorder=6)
-    _draw_scale_bar(axes, window)
+    draw_scale_bar(axes, window)
     heading = verdict.label
     if np.isfinite(change["distance_m"]) and change["verdict"] == "moved":
         heading += f" {change['distance_m']:.1f} m"
@@ -226,7 +226,7 @@ def _draw_legend(axes: Axes, layers: ExportLayers) -> None:
     legend.set_zorder(20)
 
 
-def _draw_scale_bar(axes: Axes, window: _Window) -> None:
+def draw_scale_bar(axes: Axes, window: Window) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten metres, about a fifth of the width."""
     from matplotlib.patheffects import withStroke
 
@@ -251,7 +251,7 @@ def _draw_scale_bar(axes: Axes, window: _Window) -> None:
     )
 
 
-def _draw_north(axes: Axes, window: _Window) -> None:
+def draw_north(axes: Axes, window: Window) -> None:
     """Point to true north, which the grid of zone 33 misses by up to 12° in Norway."""
     convergence = grid_convergence_deg(*geographic_from_utm33(window.east_m, window.north_m))
     grid_azimuth = np.radians(-float(convergence))
@@ -285,7 +285,7 @@ def _extent(layers: ExportLayers) -> tuple[float, float, float, float]:
     return float(west), float(south), float(east), float(north)
 
 
-def _around(extent: tuple[float, float, float, float], axes: Axes) -> _Window:
+def _around(extent: tuple[float, float, float, float], axes: Axes) -> Window:
     """Window around an extent, shaped like the axes so that a metre is a metre both ways.
 
     With a margin, and in wide axes with a free strip in the east for the legend.
@@ -296,10 +296,11 @@ def _around(extent: tuple[float, float, float, float], axes: Axes) -> _Window:
     wide, high = 0.55 * (east - west) / (1 - strip), 0.55 * (north - south)
     half_width = max(wide, high * box.width / box.height, 10.0)
     middle = (west + east) / 2 + strip * half_width
-    return _Window(middle, (south + north) / 2, half_width, half_width * box.height / box.width)
+    return Window(middle, (south + north) / 2, half_width, half_width * box.height / box.width)
 
 
-def _frame(axes: Axes, window: _Window) -> None:
+def frame_map(axes: Axes, window: Window) -> None:
+    """Set the axes to a window of the map, without ticks."""
     axes.set_xlim(window.east_m - window.half_width_m, window.east_m + window.half_width_m)
     axes.set_ylim(window.north_m - window.half_height_m, window.north_m + window.half_height_m)
     axes.set_xticks([])

@@ -65,6 +65,7 @@ def _estimates() -> gpd.GeoDataFrame:
             "last_seen": moment + pd.Timedelta(seconds=2),
             "range_min_m": 7.5,
             "height_m": 65.7,
+            "height_nn2000_m": [26.3, np.nan, 26.3, 26.3, 26.3],
             "sigma_major_m": 0.5,
             "sigma_minor_m": 0.2,
             "sigma_azimuth_deg": 30.0,

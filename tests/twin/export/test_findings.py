@@ -9,12 +9,16 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyogrio
 import pytest
 import shapely
 import sqlalchemy as sa
 
+from geoloc.geodesy import geographic_from_utm33
+from geoloc.heights import nn2000_from_ellipsoidal
 from twin import schema
+from twin.cli import commands
 from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export import FILES, edited_decisions, export_findings, from_store
 from twin.export.findings import decisions_made_in
@@ -117,6 +121,23 @@ def test_export_findings_writes_the_layers_of_the_last_match(store: Store, out: 
     estimates = pyogrio.read_dataframe(out / UTM33, layer="estimates")
     assert list(estimates["method"]) == [METHOD]
     assert _decisions(out) == {"c-1": "open", "c-2": "open"}
+
+
+def test_layers_from_store_carry_both_heights(store: Store) -> None:
+    """NN2000 is what the geoid model makes of the ellipsoidal height: null where it is not installed."""
+    estimates = layers_from_store(store, METHOD).estimates
+    lat, lon = geographic_from_utm33(EAST, NORTH)
+    expected = nn2000_from_ellipsoidal(lat, lon, estimates["height_m"].to_numpy()).height_m
+    np.testing.assert_array_equal(estimates["height_nn2000_m"].to_numpy(), expected)
+
+
+def test_export_command_says_once_that_the_geoid_model_is_missing(
+    store: Store, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whoever reads null heights has been told why, on stderr, and only where it is so."""
+    commands.export(out, store.path, json_output=False)
+    told = "".join(capsys.readouterr().err.split()).count("HREF2018Bisnotinstalled")
+    assert told == int(np.isnan(nn2000_from_ellipsoidal([], [], []).sigma_m))
 
 
 def test_export_findings_before_a_match_is_an_error(tmp_path: Path, out: Path) -> None:

@@ -1,0 +1,313 @@
+"""Every sighting of every object in every camera of a drive → positions, by one robust least squares.
+
+One frame and flat ground cannot place a sign beyond 15 m to half a metre: a tenth of a degree of pitch is a
+metre there. But a car that passes a sign sees it from many places, and bearings that cross say where it
+stands. `adjust` finds the positions of all objects together with what all sightings share: the boresight of
+each camera, the offset of the camera clock, the rolling shutter, the trajectory's error in roll, pitch and
+heading second by second, and the bounce of the body in each frame. Everything that is unknown has a prior, so
+that one frame, one camera or a car that stands still is solved as well as it can be, and its covariance says
+how well that is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.adjustment.build import Placed, model_of, on_terrain, scene_of
+from geoloc.adjustment.covariance import Spread, spread
+from geoloc.adjustment.model import Model
+from geoloc.adjustment.scene import bodies_at, rays_of, sigma_px_of
+from geoloc.adjustment.solve import Solution, solve
+from geoloc.adjustment.unknowns import READOUT, TIME
+from geoloc.budget import LIKELY_READOUT_MS, ErrorBudget
+from geoloc.combine import ellipse
+from geoloc.geodesy import geographic_from_enu
+from geoloc.locate import Sightings
+from geoloc.rig import Rig
+from geoloc.terrain import Terrain
+from geoloc.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+TextArray = NDArray[np.str_]
+
+NO_CROSSING = "its rays meet nowhere within 150 m, or it was seen from one place only"
+NO_POSITION = "no usable sighting, or its rays meet nowhere"
+TOO_VAGUE = "seen under too small an angle: one sigma is more than 5 m"
+OUTLIER = "does not fit the other sightings of its object"
+POLE_RADIUS_M = 0.03
+"""The ordinary sign pole in Norway is a steel tube of 60 mm."""
+_DEFAULT_BUDGET = ErrorBudget()
+# A bearing alone leaves a position open along the ray: what is worse than this is no position.
+_WORST_SIGMA_M = 5.0
+# A data sheet's readout, and how exposure and line time differ from it.
+_STATED_READOUT_MS = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What the adjustment found out about something that all sightings share."""
+
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class Adjusted:
+    """Positions of objects, one row each in increasing order of `object`, and what else was found.
+
+    Attributes
+    ----------
+    object : int64 (g,)
+    latitude_deg, longitude_deg, height_m : float64 (g,)
+        Foot of the object where feet were sighted, else the middle of its face. `height_m` ellipsoidal. NaN
+        where it has no position: `reason` says why.
+    covariance_m2 : float64 (g, 2, 2)
+        East and true north.
+    sigma_height_m : float64 (g,)
+    by_source : mapping source → float64 (g, 2, 2)
+        Where `covariance_m2` comes from: pixels, boresight, camera position, time, rolling shutter, heading,
+        body, ground, gnss, lever arm. They add up to it.
+    reason : str (g,)
+        "" where there is a position.
+    used : bool (n,)
+        Sightings that took part.
+    rejected : str (n,)
+        Why a sighting did not; "" where it did.
+    residual_px : float64 (n, 2)
+        Seen minus expected; NaN for sightings that could not be tried.
+    range_m : float64 (n,)
+        Horizontal distance from the camera to the object's place.
+    eye_m : float64 (n, 3)
+        The camera's place when it saw, east and north of the object's place and above the ellipsoid.
+    noise : float
+        Factor on the stated sigma of a pixel that the residuals ask for.
+    time_offset_ms, readout_ms : Correction
+        Added to the camera clock; and the readout itself.
+    boresight_deg : mapping camera → tuple of Correction
+        About the camera's own x (pitch), y (yaw) and z (roll).
+    """
+
+    object: IntArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    covariance_m2: FloatArray
+    sigma_height_m: FloatArray
+    by_source: dict[str, FloatArray]
+    reason: TextArray
+    used: BoolArray
+    rejected: TextArray
+    residual_px: FloatArray
+    range_m: FloatArray
+    eye_m: FloatArray
+    noise: float
+    time_offset_ms: Correction
+    readout_ms: Correction
+    boresight_deg: dict[str, tuple[Correction, ...]]
+
+
+def adjust(
+    rig: Rig,
+    sightings: Sightings,
+    kind: TextArray,
+    object_index: IntArray,
+    epoch_ns: IntArray,
+    trajectory: Trajectory,
+    budget: ErrorBudget = _DEFAULT_BUDGET,
+    *,
+    size_px: FloatArray | None = None,
+    readout_ms: float | None = None,
+    pole_radius_m: float = POLE_RADIUS_M,
+    noise: float | None = None,
+    track_sigma_m: float = 0.0,
+    terrain: Terrain | None = None,
+) -> Adjusted:
+    """Adjust a drive.
+
+    Parameters
+    ----------
+    rig : Rig
+    sightings : Sightings (n,)
+    kind : str (n,)
+        ``foot``: the pixel shows where the object meets the ground, so that the road's plane, or the terrain,
+        says something too. Anything else: a bearing alone, such as the middle of a sign's face.
+    object_index : int64 (n,)
+        Which object a sighting belongs to; negative: none.
+    epoch_ns : int64 (n,)
+        UTC of the exposure of the frame's middle row.
+    trajectory : Trajectory
+    budget : ErrorBudget
+        Priors: one sigma of each source.
+    size_px : float64 (n,), optional
+        Height of the box that a sighting is the middle of; NaN for points.
+    readout_ms : float or None
+        Rolling shutter's readout from the first to the last row, good to 1 ms. None: unknown.
+    pole_radius_m : float
+        What annotators mark as the foot is the front of the pole; its middle stands this much behind it.
+    noise : float, optional
+        Factor on every sigma of a pixel. Default: what the residuals ask for.
+    track_sigma_m : float
+        One sigma a horizontal axis that the whole track is off beyond what its poses say (a change of datum).
+    terrain : Terrain, optional
+        Measured ground to use instead of the plane of the road, where it has heights.
+
+    Returns
+    -------
+    Adjusted
+
+    Raises
+    ------
+    CalibrationError
+        If the rig lacks one of the cameras.
+    """
+    n = sightings.camera.size
+    rays = rays_of(rig, sightings)
+    bodies, poses = bodies_at(trajectory, epoch_ns)
+    rejected = np.where(rays.rejected != "", rays.rejected, poses.reason.astype("U160"))
+    rejected[(rejected == "") & ~poses.valid] = "no pose"
+    rejected[(rejected == "") & (object_index < 0)] = "belongs to no object"
+    objects = np.unique(object_index[object_index >= 0])
+    rows = np.flatnonzero(rejected == "")
+    is_foot = np.asarray(kind == "foot")
+    key = 2 * object_index[rows] + ~is_foot[rows]
+    points, point = np.unique(key, return_inverse=True)
+    placed = Placed(
+        rows,
+        point,
+        points // 2,
+        points % 2 == 0,
+        epoch_ns,
+        bodies,
+        rays,
+        sigma_px_of(budget, np.full(n, np.nan) if size_px is None else size_px),
+    )
+    scene = scene_of(rig, sightings.camera, placed)
+    rejected[np.setdiff1d(rows, scene.row)] = NO_CROSSING
+    if scene.point.size == 0:
+        return _nothing(objects, rejected)
+    stated = budget if readout_ms is None else replace(budget, readout_ms=_STATED_READOUT_MS)
+    likely = LIKELY_READOUT_MS if readout_ms is None else readout_ms
+    model, prior = model_of(scene, trajectory, stated, 1e-3 * likely, pole_radius_m)
+    if terrain is not None:
+        model = on_terrain(model, terrain, budget)
+    solution = solve(model, prior, noise)
+    rejected[scene.row[~solution.inlier]] = OUTLIER
+    return _adjusted(objects, rejected, model, solution, spread(model, solution), budget, track_sigma_m)
+
+
+def _adjusted(
+    objects: IntArray,
+    rejected: TextArray,
+    model: Model,
+    solution: Solution,
+    found: Spread,
+    budget: ErrorBudget,
+    track_sigma_m: float,
+) -> Adjusted:
+    """Bring points back to objects, positions to the ellipsoid, and add what no sighting can show."""
+    scene, n, g = model.scene, rejected.size, objects.size
+    points = model.points_m(solution.x)
+    latitude, longitude = geographic_from_enu(
+        scene.anchor_deg[:, 0], scene.anchor_deg[:, 1], points[:, 0], points[:, 1]
+    )
+    index = np.searchsorted(objects, scene.object)
+    chosen = np.full(g, -1)
+    chosen[index[~scene.is_foot]] = np.flatnonzero(~scene.is_foot)
+    chosen[index[scene.is_foot]] = np.flatnonzero(scene.is_foot)
+    by_source = _merged(found.by_source)
+    for source, whole in _of_the_track(model, budget, track_sigma_m).items():
+        by_source[source] = by_source.get(source, 0.0) + whole
+    total = np.sum(list(by_source.values()), axis=0)
+    sigma_major, _, _ = ellipse(total)
+    reason = np.where(chosen < 0, NO_POSITION, "").astype("U160")
+    vague = (chosen >= 0) & ~(sigma_major[chosen] <= _WORST_SIGMA_M)
+    reason[vague] = TOO_VAGUE
+    good = reason == ""
+
+    def of_objects(values: FloatArray) -> FloatArray:
+        result = np.full((g, *values.shape[1:]), np.nan)
+        result[good] = values[chosen[good]]
+        return result
+
+    eye = model.origin_m + np.einsum("nij,nj->ni", scene.body.enu_R_rig, scene.rig_t_camera_m[scene.camera])
+    eye[:, :2] -= points[scene.point, :2]
+    columns = {name: np.full((n, k), np.nan) for name, k in (("residual", 2), ("eye", 3))}
+    columns["residual"][scene.row], columns["eye"][scene.row] = -solution.residual_px, eye
+    shared = np.sqrt(np.diag(found.shared))
+    return Adjusted(
+        object=objects,
+        latitude_deg=of_objects(latitude),
+        longitude_deg=of_objects(longitude),
+        height_m=of_objects(points[:, 2]),
+        covariance_m2=of_objects(total),
+        sigma_height_m=of_objects(np.sqrt(found.covariance_m2[:, 2, 2])),
+        by_source={source: of_objects(value) for source, value in by_source.items()},
+        reason=reason,
+        used=rejected == "",
+        rejected=rejected,
+        residual_px=columns["residual"],
+        range_m=np.hypot(columns["eye"][:, 0], columns["eye"][:, 1]),
+        eye_m=columns["eye"],
+        noise=solution.noise,
+        time_offset_ms=Correction(1e3 * float(solution.x[TIME]), 1e3 * float(shared[TIME])),
+        readout_ms=Correction(
+            1e3 * (model.readout_s + float(solution.x[READOUT])), 1e3 * float(shared[READOUT])
+        ),
+        boresight_deg={
+            name: tuple(
+                Correction(float(np.degrees(solution.x[k])), float(np.degrees(shared[k])))
+                for k in model.layout.boresight(np.array(i))
+            )
+            for i, name in enumerate(scene.cameras)
+        },
+    )
+
+
+def _merged(by_source: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """East and north of each source; what keeps the equations solvable goes to the pixels."""
+    plane = {source: value[:, :2, :2] for source, value in by_source.items()}
+    for technical in ("anywhere", "face beside foot"):
+        if technical in plane:
+            plane["pixels"] = plane["pixels"] + plane.pop(technical)
+    return plane
+
+
+def _of_the_track(model: Model, budget: ErrorBudget, track_sigma_m: float) -> dict[str, FloatArray]:
+    """What moves the car's whole track, and every object with it, so that no sighting can show it."""
+    scene = model.scene
+    count = np.bincount(scene.point)
+    mean = np.bincount(scene.point, weights=scene.body.sigma_horizontal_m**2) / count
+    mean += track_sigma_m**2
+    lever = np.full(count.size, budget.lever_arm_m**2)
+    return {"gnss": mean[:, None, None] * np.eye(2), "lever arm": lever[:, None, None] * np.eye(2)}
+
+
+def _nothing(objects: IntArray, rejected: TextArray) -> Adjusted:
+    """The answer where no sighting can be used."""
+    n, g = rejected.size, objects.size
+    nan = np.full(g, np.nan)
+    unknown = Correction(0.0, np.inf)
+    return Adjusted(
+        objects,
+        nan,
+        nan,
+        nan,
+        np.full((g, 2, 2), np.nan),
+        nan,
+        {},
+        np.full(g, NO_POSITION, dtype="U160"),
+        np.zeros(n, dtype=bool),
+        rejected,
+        np.full((n, 2), np.nan),
+        np.full(n, np.nan),
+        np.full((n, 3), np.nan),
+        1.0,
+        unknown,
+        unknown,
+        {},
+    )

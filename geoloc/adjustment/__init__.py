@@ -1,0 +1,1 @@
+"""Parts of the joint adjustment: scene, start, unknowns, model, solution (see :mod:`geoloc.adjust`)."""

@@ -1,0 +1,145 @@
+"""Covariances of the points from the inverse of the normal matrix, split by source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.adjustment.equations import epochs_of_unknowns, factorised
+from geoloc.adjustment.model import Model
+from geoloc.adjustment.solve import Solution
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# What correlates points other than what all share fades with the attitude's processes, the slowest in 6 s.
+_APART_NS = 60_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Covariances of the points, and where they come from.
+
+    Attributes
+    ----------
+    covariance_m2 : float64 (m, 3, 3)
+    by_source : mapping source → float64 (m, 3, 3)
+        They add up to `covariance_m2`.
+    shared : float64 (g, g)
+        Covariance of the unknowns that all points share: time, readout, cameras.
+    """
+
+    covariance_m2: FloatArray
+    by_source: dict[str, FloatArray]
+    shared: FloatArray
+
+
+def spread(model: Model, solution: Solution) -> Spread:
+    """Covariances of the points, split by source.
+
+    The estimate is a linear function ``-N⁻¹ Jᵀ r`` of independent residuals r of unit variance, so that the
+    part of the covariance that comes from the rows g of J is ``N⁻¹ J_gᵀ J_g N⁻¹``. What the priors and the
+    ground leave is the pixels' part.
+
+    With A the part of N that belongs to one time, B its border and C what is shared, a column of ``N⁻¹`` for
+    a point is ``y + S Σ Sᵀ e`` and ``Σ Sᵀ e``, where ``y = A⁻¹ e``, ``S = -A⁻¹ B`` and Σ is the inverse of
+    ``C - Bᵀ A⁻¹ B``. The y fade within seconds: points a minute apart are solved for in one column.
+    """
+    layout, equations = model.layout, solution.equations
+    n_shared = layout.first_point
+    local = layout.size - n_shared
+    normal = solution.system.normal.tocsc()
+    factor = factorised(normal[:local, :local])
+    border = normal[:local, local:].toarray()
+    to_local = -factor.solve(border)
+    shared = np.linalg.inv(normal[local:, local:].toarray() + border.T @ to_local)
+    quadratic = {source: _quadratic(part, to_local) for source, part in _parts(solution).items()}
+    places = equations.place[layout.point(np.arange(layout.n_points))]
+    # How each point answers to what is shared (m, 3, g), and that times the shared covariance.
+    response = to_local[places]
+    through = response @ shared
+    covariance = through @ np.swapaxes(response, 1, 2)
+    by_source = {
+        source: through @ part.shared @ np.swapaxes(through, 1, 2) for source, part in quadratic.items()
+    }
+    when = np.sort(epochs_of_unknowns(model))[:local]
+    for points in _far_apart(model):
+        columns = np.zeros((local, 3))
+        columns[places[points], np.arange(3)] = 1.0
+        y = factor.solve(columns)
+        covariance[points] += y[places[points]]
+        edges = np.searchsorted(when, _between(model, points))
+        for source, part in quadratic.items():
+            if part.local is None:
+                continue
+            weighed = part.local @ y
+            for point, (low, high) in zip(points, pairwise(edges), strict=True):
+                mine = y[low:high]
+                cross = mine.T @ part.mixed[low:high] @ through[point].T
+                by_source[source][point] += mine.T @ weighed[low:high] + cross + cross.T
+    rest = covariance - np.sum(list(by_source.values()), axis=0)
+    return Spread(covariance, {"pixels": rest, **by_source}, shared)
+
+
+class _Quadratic(NamedTuple):
+    """``Jᵀ J`` of one source's residuals: of the local unknowns, between these and the shared, of the shared.
+
+    `mixed` and `shared` already follow the local unknowns' answer to the shared ones.
+    """
+
+    local: Any
+    mixed: FloatArray
+    shared: FloatArray
+
+
+def _quadratic(part: Any, to_local: FloatArray) -> _Quadratic:
+    local = to_local.shape[0]
+    of_local, of_shared = part[:, :local], part[:, local:].toarray()
+    rows = of_local @ to_local + of_shared
+    touches = of_local.nnz > 0
+    return _Quadratic(of_local.T @ of_local if touches else None, of_local.T @ rows, rows.T @ rows)
+
+
+def _parts(solution: Solution) -> dict[str, Any]:
+    """Derivatives of the residuals of each source but the pixels."""
+    from scipy.sparse import vstack
+
+    equations = solution.equations
+    fixed = equations.fixed.tocsr()
+    sources = equations.prior.source
+    parts = {str(source): fixed[np.flatnonzero(sources == source)] for source in np.unique(sources)}
+    return {**parts, "ground": vstack(equations.ground(solution.x)).tocsr()}
+
+
+def _seen_between(model: Model) -> tuple[IntArray, IntArray]:
+    """First and last epoch (m,) at which each point was seen."""
+    scene, m = model.scene, model.layout.n_points
+    first, last = np.full(m, np.iinfo(np.int64).max), np.full(m, np.iinfo(np.int64).min)
+    np.minimum.at(first, scene.point, scene.epoch_ns)
+    np.maximum.at(last, scene.point, scene.epoch_ns)
+    return first, last
+
+
+def _far_apart(model: Model) -> list[IntArray]:
+    """Sort points into groups, each in the order of time and with a minute between its points."""
+    first, last = _seen_between(model)
+    groups: list[list[int]] = []
+    for point in np.argsort(first, kind="stable").tolist():
+        for group in groups:
+            if first[point] - last[group[-1]] > _APART_NS:
+                group.append(point)
+                break
+        else:
+            groups.append([point])
+    return [np.array(group, dtype=np.int64) for group in groups]
+
+
+def _between(model: Model, points: IntArray) -> FloatArray:
+    """Times half-way between neighbouring points of a group, with both ends open."""
+    first, last = _seen_between(model)
+    middle = 0.5 * (last[points[:-1]].astype(np.float64) + first[points[1:]].astype(np.float64))
+    return np.concatenate([[-np.inf], middle, [np.inf]])

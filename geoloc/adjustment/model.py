@@ -1,0 +1,312 @@
+"""Residuals of rays and ground, and their analytic derivatives by every unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.adjustment.scene import Bodies, Scene
+from geoloc.adjustment.unknowns import READOUT, SLIP, TIME, Layout
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Linear(NamedTuple):
+    """Residuals of unit variance ``(k,)``, their derivatives ``(k, j)`` and by which unknowns ``(k, j)``."""
+
+    residual: FloatArray
+    derivative: FloatArray
+    column: IntArray
+
+
+class _Seen(NamedTuple):
+    """Points as the cameras should see them, and the steps on the way there."""
+
+    ray: FloatArray
+    distance: FloatArray
+    c: FloatArray
+    """In the camera frame."""
+    q: FloatArray
+    """In the rig frame, after all corrections of its attitude."""
+    in_rig: FloatArray
+    """In the rig frame before them."""
+    back: FloatArray
+    camera_R_rig: FloatArray
+    beta: FloatArray
+    attitude: FloatArray
+    turn: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What is known of the ground under the feet.
+
+    Attributes
+    ----------
+    point : int64 (f,)
+    body : Bodies (f,)
+        Where the car stood nearest: its road's plane runs through each foot but for `sigma_m`.
+    origin_m : float64 (f, 3)
+        The rig's origin then, in the point's local frame.
+    sigma_m : float64 (f,)
+    left, share : int64, float64 (f,)
+        Node before that epoch, and how far on the way to the next.
+    """
+
+    point: IntArray
+    body: Bodies
+    origin_m: FloatArray
+    sigma_m: FloatArray
+    left: IntArray
+    share: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredGround:
+    """A measured ground under the feet, instead of the road's plane: linear about each start.
+
+    Attributes
+    ----------
+    point : int64 (f,)
+    height_m : float64 (f,)
+        Ellipsoidal, at the point's start.
+    slope : float64 (f, 2)
+        Rise a metre east and north.
+    sigma_m : float64 (f,)
+    """
+
+    point: IntArray
+    height_m: FloatArray
+    slope: FloatArray
+    sigma_m: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Everything that stays the same while the unknowns change.
+
+    Attributes
+    ----------
+    scene : Scene
+    layout : Layout
+    origin_m : float64 (n, 3)
+        The rig's origin of each sighting in its point's local frame.
+    left, share : int64, float64 (n,)
+        Node before each sighting, and how far on the way to the next.
+    node_ns : int64 (nodes,)
+        Epochs of the nodes.
+    readout_s : float
+        Rolling shutter's readout that the drive states.
+    radius_m : float64 (n,)
+        How far before the point its visible front stands; 0 for faces.
+    eye_m : float64 (n, 2)
+        The camera from the rig's origin, east and north.
+    ground : Ground
+    terrain : MeasuredGround or None
+    """
+
+    scene: Scene
+    layout: Layout
+    origin_m: FloatArray
+    left: IntArray
+    share: FloatArray
+    node_ns: IntArray
+    readout_s: float
+    radius_m: FloatArray
+    eye_m: FloatArray
+    ground: Ground
+    terrain: MeasuredGround | None = None
+
+    def points_m(self, x: FloatArray) -> FloatArray:
+        """Points (m, 3) in their local frames."""
+        places = self.layout.point(np.arange(self.layout.n_points))
+        return self.scene.start_m + x[places]
+
+    def ray_residuals(self, x: FloatArray) -> FloatArray:
+        """Pixels (n, 2) between where rays were seen and where they should be, over `sigma_px`.
+
+        The difference of unit rays, measured in pixels at the ray that was seen: to first order that of
+        pixels, for every camera model alike.
+        """
+        seen = self._seen(x)
+        return np.asarray((self._pixels @ (seen.ray - self.scene.ray)[:, :, None])[:, :, 0])
+
+    def rays(self, x: FloatArray) -> Linear:
+        """`ray_residuals`, two rows a sighting, with their derivatives."""
+        scene, body = self.scene, self.scene.body
+        s = self._seen(x)
+        by_ray = self._pixels
+        residual = (by_ray @ (s.ray - scene.ray)[:, :, None])[:, :, 0]
+        # By the point in the camera frame: what turns the ray, over the distance.
+        along = by_ray @ s.ray[:, :, None]
+        by_c = (by_ray - along * s.ray[:, None, :]) / s.distance[:, None, None]
+        by_beta = by_c @ _rotation_derivative(s.c, s.beta)
+        by_q = by_c @ s.camera_R_rig
+        by_attitude = by_q @ _rotation_derivative(s.q, s.attitude)
+        by_rig = by_q @ s.back
+        enu_R = _turned_matrix(body.enu_R_rig, s.turn)
+        by_point = by_rig @ np.swapaxes(enu_R, 1, 2)
+        drift = -_into(enu_R, body.velocity_mps)
+        drift[:, 0] += body.yaw_rate_radps * s.in_rig[:, 1]
+        drift[:, 1] -= body.yaw_rate_radps * s.in_rig[:, 0]
+        by_time = by_rig @ drift[:, :, None]
+        by_node = np.concatenate([by_attitude, -by_point], axis=2)
+        left, right = (1.0 - self.share)[:, None, None], self.share[:, None, None]
+        derivative = np.concatenate(
+            [
+                by_point,
+                by_node * left,
+                by_node * right,
+                by_attitude,
+                by_time,
+                by_time * scene.readout[:, None, None],
+                by_attitude[:, :, 2:] * body.lateral_mps2[:, None, None],
+                by_beta,
+                -by_q,
+            ],
+            axis=2,
+        )
+        width = derivative.shape[2]
+        return Linear(residual.ravel(), derivative.reshape(-1, width), np.repeat(self._ray_columns(), 2, 0))
+
+    def _ray_columns(self) -> IntArray:
+        """Which unknowns a sighting depends on, in the order of `rays`."""
+        layout, scene = self.layout, self.scene
+        return np.concatenate(
+            [
+                layout.point(scene.point),
+                layout.node(self.left),
+                layout.node(self.left + 1),
+                layout.bounce(scene.instant),
+                np.broadcast_to([TIME, READOUT, SLIP], (scene.point.size, 3)),
+                layout.boresight(scene.camera),
+                layout.camera_position(scene.camera),
+            ],
+            axis=1,
+        )
+
+    @property
+    def _pixels(self) -> FloatArray:
+        """Residuals a unit that the end of a ray moves (n, 2, 3)."""
+        return self.scene.pixel_from_ray / self.scene.sigma_px[:, None, None]
+
+    def _seen(self, x: FloatArray) -> _Seen:
+        """From the unknowns to the unit ray on which each point should be seen."""
+        scene, layout, body = self.scene, self.layout, self.scene.body
+        late = x[TIME] + scene.readout * (self.readout_s + x[READOUT])
+        slow = self._slow(x, self.left, self.share)
+        origin = self.origin_m + late[:, None] * body.velocity_mps + slow[:, 3:]
+        delta = self.points_m(x)[scene.point] - origin
+        sight = delta[:, :2] - self.eye_m
+        away = np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1.0)
+        delta[:, :2] -= (self.radius_m / away)[:, None] * sight
+        turn = late * body.yaw_rate_radps
+        in_rig = _turned_back(_into(body.enu_R_rig, delta), turn)
+        attitude = slow[:, :3] + x[layout.bounce(scene.instant)]
+        attitude[:, 2] += x[SLIP] * body.lateral_mps2
+        back = _rotation_matrix_back(attitude)
+        q = (back @ in_rig[:, :, None])[:, :, 0]
+        # A handful of cameras: their matrices are made once and handed out.
+        cameras = np.arange(layout.n_cameras)
+        beta = x[layout.boresight(cameras)]
+        arm = scene.rig_t_camera_m + x[layout.camera_position(cameras)]
+        camera_R_rig = (_rotation_matrix_back(beta) @ np.swapaxes(scene.rig_R_camera, 1, 2))[scene.camera]
+        c = (camera_R_rig @ (q - arm[scene.camera])[:, :, None])[:, :, 0]
+        distance = np.linalg.norm(c, axis=1)
+        return _Seen(
+            c / distance[:, None],
+            distance,
+            c,
+            q,
+            in_rig,
+            back,
+            camera_R_rig,
+            beta[scene.camera],
+            attitude,
+            turn,
+        )
+
+    def heights(self, x: FloatArray) -> Linear:
+        """Height of each foot above the plane of the road (without the body's bounce), over its sigma."""
+        g = self.ground
+        slow = self._slow(x, g.left, g.share)
+        delta = self.points_m(x)[g.point] - g.origin_m - slow[:, 3:]
+        in_rig = _into(g.body.enu_R_rig, delta)
+        attitude = slow[:, :3]
+        q = _rotated(in_rig, attitude)
+        by_attitude = _rotation_derivative(q, attitude)[:, 2]
+        by_point = np.einsum("nj,nij->ni", _rotation_matrix_back(attitude)[:, 2], g.body.enu_R_rig)
+        by_node = np.concatenate([by_attitude, -by_point], axis=1)
+        derivative = np.concatenate(
+            [by_point, by_node * (1.0 - g.share)[:, None], by_node * g.share[:, None]], axis=1
+        )
+        column = np.concatenate(
+            [self.layout.point(g.point), self.layout.node(g.left), self.layout.node(g.left + 1)], axis=1
+        )
+        return Linear(q[:, 2] / g.sigma_m, derivative / g.sigma_m[:, None], column)
+
+    def terrain_heights(self, x: FloatArray) -> Linear | None:
+        """Height of each foot above the terrain, over its sigma; None without a terrain."""
+        t = self.terrain
+        if t is None:
+            return None
+        offset = x[self.layout.point(t.point)]
+        above = self.scene.start_m[t.point, 2] + offset[:, 2] - t.height_m
+        above = above - np.sum(t.slope * offset[:, :2], axis=1)
+        derivative = np.concatenate([-t.slope, np.ones((t.point.size, 1))], axis=1)
+        return Linear(above / t.sigma_m, derivative / t.sigma_m[:, None], self.layout.point(t.point))
+
+    def _slow(self, x: FloatArray, left: IntArray, share: FloatArray) -> FloatArray:
+        """Corrections (n, 6) between nodes: a rotation vector about the rig's axes, and a shift."""
+        before, after = x[self.layout.node(left)], x[self.layout.node(left + 1)]
+        return np.asarray(before + share[:, None] * (after - before))
+
+
+def _into(rotation: FloatArray, vector: FloatArray) -> FloatArray:
+    """Vectors (n, 3) seen from the frames whose axes are the columns of ``rotation (n, 3, 3)``."""
+    return np.asarray(np.einsum("nji,nj->ni", rotation, vector))
+
+
+def _turned_back(vector: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    """Vectors (n, 3) seen from a body that has turned left by small angles about its z."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    x, y, z = vector.T
+    return np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1)
+
+
+def _turned_matrix(rotation: FloatArray, angle_rad: FloatArray) -> FloatArray:
+    """``rotation @ Rz(angle)``."""
+    cos, sin = np.cos(angle_rad)[:, None], np.sin(angle_rad)[:, None]
+    x, y, z = (rotation[:, :, axis] for axis in range(3))
+    return np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=2)
+
+
+def _rotation_matrix_back(vector: FloatArray) -> FloatArray:
+    """Rotation matrices ``exp(-[v]×)`` (n, 3, 3) by Rodrigues' formula."""
+    angle = np.linalg.norm(vector, axis=1)
+    a = np.sinc(angle / np.pi)
+    b = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    cross = _cross_matrix(vector)
+    return np.asarray(np.eye(3) - a[:, None, None] * cross + b[:, None, None] * (cross @ cross))
+
+
+def _rotated(vector: FloatArray, turn: FloatArray) -> FloatArray:
+    """Vectors seen from frames that have turned by rotation vectors: ``exp(-[turn]×) vector``."""
+    return np.asarray(np.einsum("nij,nj->ni", _rotation_matrix_back(turn), vector))
+
+
+def _rotation_derivative(rotated: FloatArray, turn: FloatArray) -> FloatArray:
+    """Derivative (n, 3, 3) of `_rotated` by the rotation vector, to second order in it."""
+    half = np.eye(3) - 0.5 * _cross_matrix(turn)
+    return np.asarray(_cross_matrix(rotated) @ half)
+
+
+def _cross_matrix(vector: FloatArray) -> FloatArray:
+    """``[v]×`` (n, 3, 3): ``[v]× w = v × w``."""
+    x, y, z = vector.T
+    o = np.zeros_like(x)
+    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=1).reshape(-1, 3, 3)

@@ -1,0 +1,256 @@
+"""What an adjustment starts from: rays, poses and where each object's ground is, as plain arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.geodesy import enu_offset, rotation_enu_from_rig
+from geoloc.interpolation import NANOSECONDS, metres_per_degree, wrap_deg
+from geoloc.locate import ErrorBudget, Sightings
+from geoloc.poses import Poses
+from geoloc.rig import Rig
+from geoloc.sensitivity import ray_by_pixel
+from geoloc.trajectory import Trajectory
+from geoloc.visibility import on_the_car_itself
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+TextArray = NDArray[np.str_]
+
+OUTSIDE = "outside the camera's image or model"
+ON_THE_CAR = "on the car itself"
+_STEP_PX = 0.25
+_RATE_STEP_NS = 50_000_000
+# Frames of cameras that are triggered together carry stamps of their own, a fraction of a frame apart.
+_SAME_INSTANT_NS = 8_000_000
+# A pass over the ground beside an object this long before or after it was seen still tells its height: the
+# slow error of RTK heights lasts for minutes.
+_NEAREST_WITHIN_S = 30.0
+_CHORD_M = 12.0
+# 0.1°: what a paver lays.
+_FLATTEST = 0.0017
+
+
+class Bodies(NamedTuple):
+    """Poses of the rig, and how they change: rows of an adjustment."""
+
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    enu_R_rig: FloatArray
+    velocity_mps: FloatArray
+    """East, north, up: float64 (n, 3)."""
+    yaw_rate_radps: FloatArray
+    """Counter-clockwise about the rig's z."""
+    lateral_mps2: FloatArray
+    """Acceleration to the left that the bend asks for."""
+    sigma_rad: FloatArray
+    """Of roll, pitch and heading: float64 (n, 3)."""
+    sigma_horizontal_m: FloatArray
+    sigma_vertical_m: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """The sightings that can take part, and the ground under each point.
+
+    Rows (n) are sightings, points (m) what is to be found: the foot or the face of an object.
+
+    Attributes
+    ----------
+    row : int64 (n,)
+        Index into what `adjust` was given.
+    point : int64 (n,)
+    camera : int64 (n,)
+        Index into `cameras`.
+    epoch_ns : int64 (n,)
+    instant : int64 (n,)
+        Index into `instant_ns`: sightings of one instant share the body's bounce.
+    ray : float64 (n, 3)
+        Unit ray in the camera frame.
+    pixel_from_ray : float64 (n, 2, 3)
+        Pixels a unit that the ray's end moves.
+    readout : float64 (n,)
+        Row of the pixel as a share of the image's height, from the middle: -0.5 to 0.5.
+    sigma_px : float64 (n,)
+    body : Bodies (n,)
+    cameras : tuple of str
+    rig_R_camera : float64 (c, 3, 3)
+    rig_t_camera_m : float64 (c, 3)
+    instant_ns : int64 (k,)
+    object : int64 (m,)
+        Which object a point belongs to.
+    is_foot : bool (m,)
+    anchor_deg : float64 (m, 2)
+        Latitude and longitude of the point's local frame (east, north, height).
+    start_m : float64 (m, 3)
+        First guess in that frame; its third component is the ellipsoidal height.
+    """
+
+    row: IntArray
+    point: IntArray
+    camera: IntArray
+    epoch_ns: IntArray
+    instant: IntArray
+    ray: FloatArray
+    pixel_from_ray: FloatArray
+    readout: FloatArray
+    sigma_px: FloatArray
+    body: Bodies
+    cameras: tuple[str, ...]
+    rig_R_camera: FloatArray
+    rig_t_camera_m: FloatArray
+    instant_ns: IntArray
+    object: IntArray
+    is_foot: BoolArray
+    anchor_deg: FloatArray
+    start_m: FloatArray
+
+
+class Rays(NamedTuple):
+    """Rays of sightings in their cameras' frames, and why those without one have none."""
+
+    ray: FloatArray
+    pixel_from_ray: FloatArray
+    readout: FloatArray
+    rejected: TextArray
+
+
+def rays_of(rig: Rig, sightings: Sightings) -> Rays:
+    """Turn pixels into rays, a camera at a time.
+
+    `pixel_from_ray` is the pseudo-inverse of the ray's derivative by pixel: what the end of a unit ray moves
+    is so measured in pixels, whatever the lens, and its noise is the annotator's.
+    """
+    n = sightings.camera.size
+    ray, slope = np.full((n, 3), np.nan), np.full((n, 3, 2), np.nan)
+    readout, rejected = np.full(n, np.nan), np.full(n, "", dtype="U160")
+    for name in np.unique(sightings.camera):
+        rows = np.flatnonzero(sightings.camera == name)
+        camera = rig.camera(str(name))
+        pixel = sightings.pixel_px[rows]
+        ray[rows], in_domain = camera.model.camera_ray_from_pixel(pixel)
+        for axis, step in enumerate(np.eye(2) * _STEP_PX):
+            ahead = camera.model.camera_ray_from_pixel(pixel + step)
+            behind = camera.model.camera_ray_from_pixel(pixel - step)
+            slope[rows, :, axis] = ray_by_pixel(ray[rows], ahead, behind, _STEP_PX)
+        height = camera.model.height_px
+        readout[rows] = (pixel[:, 1] - 0.5 * (height - 1)) / height
+        rejected[rows] = np.where(in_domain, "", OUTSIDE)
+        rejected[rows[in_domain & on_the_car_itself(camera, pixel)]] = ON_THE_CAR
+    known = np.isfinite(slope).all(axis=(1, 2))
+    rejected[(rejected == "") & ~known] = OUTSIDE
+    gram = np.swapaxes(slope, 1, 2) @ slope
+    gram[~known] = np.eye(2)
+    return Rays(ray, np.linalg.solve(gram, np.swapaxes(slope, 1, 2)), readout, rejected)
+
+
+def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses]:
+    """Poses at epochs with velocity and yaw rate from the trajectory itself."""
+    poses = trajectory.poses_at(epoch_ns)
+    before, after = (trajectory.poses_at(epoch_ns + step) for step in (-_RATE_STEP_NS, _RATE_STEP_NS))
+    ends = [(p, np.where(p.valid, step, 0)) for p, step in ((before, -1.0), (after, 1.0))]
+    span_s = (ends[1][1] - ends[0][1]) * _RATE_STEP_NS / NANOSECONDS
+    east, north = metres_per_degree(poses.latitude_deg, poses.height_m)
+
+    def rate(name: str, scale: FloatArray | float, *, angle: bool = False) -> FloatArray:
+        here = getattr(poses, name)
+        first, last = (np.where(p.valid, getattr(p, name), here) for p, _ in ends)
+        change = wrap_deg(last - first) if angle else last - first
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(span_s > 0, change * scale / span_s, 0.0)
+
+    yaw_rate = -rate("heading_deg", np.radians(1.0), angle=True)
+    velocity = [rate("longitude_deg", east), rate("latitude_deg", north), rate("height_m", 1.0)]
+    sigma = np.radians(np.stack([poses.sigma_roll_deg, poses.sigma_pitch_deg, poses.sigma_heading_deg], 1))
+    return (
+        Bodies(
+            poses.latitude_deg,
+            poses.longitude_deg,
+            poses.height_m,
+            rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg),
+            np.stack(velocity, axis=1),
+            yaw_rate,
+            yaw_rate * np.hypot(velocity[0], velocity[1]),
+            sigma,
+            poses.sigma_horizontal_m,
+            poses.sigma_vertical_m,
+        ),
+        poses,
+    )
+
+
+def rows_of(bodies: Bodies, rows: IntArray | BoolArray) -> Bodies:
+    """Select rows."""
+    return Bodies(*(column[rows] for column in bodies))
+
+
+def origin_from_anchor(bodies: Bodies, anchor_deg: FloatArray) -> FloatArray:
+    """Rig's origin in each row's local frame: east, north of the anchor, ellipsoidal height."""
+    east, north = enu_offset(anchor_deg[:, 0], anchor_deg[:, 1], bodies.latitude_deg, bodies.longitude_deg)
+    return np.stack([east, north, bodies.height_m], axis=1)
+
+
+def instants(epoch_ns: IntArray) -> tuple[IntArray, IntArray]:
+    """Group epochs that are one instant: index of each, and the instants' epochs."""
+    order = np.argsort(epoch_ns, kind="stable")
+    new = np.diff(epoch_ns[order], prepend=epoch_ns[order[:1]] - 2 * _SAME_INSTANT_NS) > _SAME_INSTANT_NS
+    number = np.empty(epoch_ns.size, dtype=np.int64)
+    number[order] = np.cumsum(new) - 1
+    return number, epoch_ns[order][new]
+
+
+def nearest_knots(
+    trajectory: Trajectory, anchor_deg: FloatArray, first_ns: IntArray, last_ns: IntArray
+) -> IntArray:
+    """Epoch (m,) at which the rig came nearest to each place, near the time when it was seen.
+
+    The road under the car then lies beside the object: what its plane says there is worth more than what it
+    says from afar.
+    """
+    knots = trajectory.knots
+    known = np.flatnonzero(knots.valid)
+    epoch = knots.epoch_ns[known]
+    window = int(_NEAREST_WITHIN_S * NANOSECONDS)
+    low = np.searchsorted(epoch, first_ns - window, side="left")
+    high = np.searchsorted(epoch, last_ns + window, side="right")
+    east, north = metres_per_degree(anchor_deg[:, 0])
+    nearest = np.empty(first_ns.size, dtype=np.int64)
+    for i, (a, b) in enumerate(zip(low, high, strict=True)):
+        rows = known[a:b]
+        across = np.hypot(
+            (knots.longitude_deg[rows] - anchor_deg[i, 1]) * east[i],
+            (knots.latitude_deg[rows] - anchor_deg[i, 0]) * north[i],
+        )
+        nearest[i] = knots.epoch_ns[rows[np.argmin(across)]]
+    return nearest
+
+
+def changes_of_slope(trajectory: Trajectory) -> float:
+    """How much the ground ahead departs from the slope under the car, metres a metre, one sigma.
+
+    From the drive itself: heights at three places `_CHORD_M` apart. Infinite where the car has not driven far
+    enough to tell.
+    """
+    knots = trajectory.knots
+    known = np.flatnonzero(knots.valid)
+    step_s = np.diff(knots.epoch_ns[known], prepend=knots.epoch_ns[known[:1]]) / NANOSECONDS
+    way = np.cumsum(np.nan_to_num(knots.speed_mps[known]) * np.minimum(step_s, trajectory.max_gap_s))
+    if known.size < 2 or way[-1] < 3.0 * _CHORD_M:
+        return np.inf
+    middle = np.arange(_CHORD_M, way[-1] - _CHORD_M, 1.0)
+    before, here, after = (
+        np.interp(middle + offset, way, knots.height_m[known]) for offset in (-_CHORD_M, 0.0, _CHORD_M)
+    )
+    departure = (after - 2.0 * here + before) / _CHORD_M
+    return max(_FLATTEST, float(np.sqrt(np.mean(departure**2))))
+
+
+def sigma_px_of(budget: ErrorBudget, size_px: FloatArray) -> FloatArray:
+    """One sigma of a pixel coordinate; of boxes it grows with their size (NaN: a point)."""
+    return np.hypot(budget.pixel_px, budget.box_share * np.nan_to_num(size_px))

@@ -1,0 +1,166 @@
+"""Robust least squares on sparse normal equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.adjustment.equations import Equations, System, factorised
+from geoloc.adjustment.model import Model
+from geoloc.adjustment.unknowns import Prior
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+# χ² with two degrees of freedom, 99.9 %.
+_GATE = -2.0 * np.log(0.001)
+# Scale of the robust weights, in sigmas, round by round: wide while mounting errors of several pixels are
+# still unknown, then as narrow as noise allows.
+_ANNEALING = (30.0, 10.0, 5.0, 3.0)
+_STEPS_A_SCALE = 3
+_SETTLED_M = 0.02
+_FINAL_ROUNDS = 8
+_TRIES, _LEAST_DAMPING = 8, 1e-4
+_CONVERGED_M = 5e-4
+# A point may move by this part of its distance in one round: bearings are nonlinear in depth.
+_LARGEST_STEP = 0.5
+# The stated noise counts as much as this many residuals against what the residuals say.
+_STATED_WEIGHT = 40.0
+_NOISE_LIMITS = (0.3, 8.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Where the unknowns came to rest.
+
+    Attributes
+    ----------
+    x : float64 (u,)
+    inlier : bool (n,)
+        Sightings that took part in the end.
+    noise : float
+        Factor on every sigma of a pixel that the residuals ask for.
+    residual_px : float64 (n, 2)
+        Expected minus seen.
+    equations : Equations
+    system : System
+        The normal equations there.
+    """
+
+    x: FloatArray
+    inlier: BoolArray
+    noise: float
+    residual_px: FloatArray
+    equations: Equations
+    system: System
+
+
+class _At(NamedTuple):
+    """Where the iteration stands: unknowns, squared residuals of the sightings, damping, last step."""
+
+    x: FloatArray
+    square: FloatArray
+    damping: float
+    moved_m: float
+
+
+def solve(model: Model, prior: Prior, stated_noise: float | None = None) -> Solution:
+    """Find the unknowns that fit all sightings best, whatever some of them say.
+
+    First every sighting weighs by a Cauchy function whose scale shrinks from round to round; then those
+    beyond the 99.9 % limit are left out (never more than half of a point's) and the rest count in full, so
+    that the normal matrix is that of the sightings used.
+
+    Parameters
+    ----------
+    stated_noise : float, optional
+        Factor on every sigma of a pixel. Default: estimated from the residuals.
+    """
+    equations = Equations(model, prior)
+    x = np.zeros(model.layout.size)
+    at = _At(x, equations.squares(x), 0.0, 0.0)
+    for scale in _ANNEALING:
+        for _ in range(_STEPS_A_SCALE):
+            at = _step(equations, at, 1.0 / (1.0 + at.square / scale**2))
+            if at.moved_m < _SETTLED_M:
+                break
+    noise, inlier = stated_noise or _first_noise(at.square), np.zeros(model.scene.point.size, dtype=bool)
+    for _ in range(_FINAL_ROUNDS):
+        previous, inlier = inlier, _inliers(at.square / noise**2, model.scene.point)
+        system = equations.system(at.x, inlier / noise**2)
+        redundancy = 2.0 * inlier.sum() - system.taken_up()
+        at = _step(equations, at, inlier / noise**2, system)
+        noise = stated_noise or _noise(at.square[inlier].sum(), redundancy)
+        if at.moved_m < _CONVERGED_M and np.array_equal(previous, inlier):
+            break
+    residual = model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
+    last = equations.system(at.x, inlier / noise**2)
+    return Solution(at.x, inlier, noise, residual, equations, last)
+
+
+def _step(equations: Equations, at: _At, weight: FloatArray, system: System | None = None) -> _At:
+    """One step of Levenberg and Marquardt.
+
+    Undamped as long as every step lowers the cost, which is what bearings with parallax give.
+    """
+    from scipy.sparse import diags_array
+
+    system = system or equations.system(at.x, weight)
+    cost = float(weight @ at.square) + equations.other_cost(at.x)
+    damping = at.damping
+    for _ in range(_TRIES):
+        factor = system.factor
+        if damping > 0.0:
+            factor = factorised(system.normal + diags_array(damping * system.normal.diagonal()))
+        step = -factor.solve(system.gradient)[equations.place]
+        x, moved = _limited(equations.model, at.x, step)
+        square = equations.squares(x)
+        if float(weight @ square) + equations.other_cost(x) <= cost * (1.0 + 1e-9):
+            return _At(x, square, 0.0 if damping < _LEAST_DAMPING else damping / 10.0, moved)
+        damping = max(10.0 * damping, _LEAST_DAMPING)
+    return _At(at.x, at.square, 0.0, 0.0)
+
+
+def _limited(model: Model, x: FloatArray, step: FloatArray) -> tuple[FloatArray, float]:
+    """Take a step, shortened for points that would leap."""
+    places = model.layout.point(np.arange(model.layout.n_points))
+    far = np.full(model.layout.n_points, np.inf)
+    scene = model.scene
+    away = np.linalg.norm((scene.start_m + x[places])[scene.point] - model.origin_m, axis=1)
+    np.minimum.at(far, scene.point, away)
+    length = np.linalg.norm(step[places], axis=1)
+    shorter = np.minimum(1.0, _LARGEST_STEP * np.maximum(far, 1.0) / np.maximum(length, 1e-12))
+    limited = step.copy()
+    limited[places] *= shorter[:, None]
+    return x + limited, float((length * shorter).max(initial=0.0))
+
+
+def _inliers(square: FloatArray, point: IntArray) -> BoolArray:
+    """Sightings within the gate, and at least the better half of each point's."""
+    order = np.lexsort((square, point))
+    size = np.bincount(point)
+    first = np.cumsum(size) - size
+    rank = np.arange(point.size) - first[point[order]]
+    half = np.zeros(point.size, dtype=bool)
+    half[order] = rank < (size[point[order]] + 1) // 2
+    return np.asarray((square <= _GATE) | half)
+
+
+def _first_noise(square: FloatArray) -> float:
+    """Noise factor from the median of the squared residuals, which wrong pixels cannot move."""
+    stated = 2.0 * np.log(2.0)
+    weight = square.size / (square.size + _STATED_WEIGHT)
+    ratio = max(float(np.median(square)), 1e-3) / stated
+    return float(np.clip(ratio ** (0.5 * weight), 1.0, _NOISE_LIMITS[1]))
+
+
+def _noise(square_sum: float, redundancy: float) -> float:
+    """Noise factor from the inliers' residuals, drawn towards what was stated."""
+    # Cutting at the gate takes the tail's share of the variance with it.
+    full = square_sum / (1.0 - (1.0 + _GATE / 2.0) * np.exp(-_GATE / 2.0))
+    factor = np.sqrt((full + _STATED_WEIGHT) / (max(redundancy, 0.0) + _STATED_WEIGHT))
+    return float(np.clip(factor, *_NOISE_LIMITS))

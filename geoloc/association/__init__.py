@@ -1,0 +1,1 @@
+"""Parts of :mod:`geoloc.associate`: bearings, points seen along them, tracking, merging and joining."""

@@ -1,0 +1,431 @@
+"""The joint adjustment: laws of its equations, truth recovered, and graceful degradation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from geoloc.adjust import NO_POSITION, OUTLIER, Adjusted, adjust
+from geoloc.adjustment.build import Placed, model_of, scene_of
+from geoloc.adjustment.covariance import spread
+from geoloc.adjustment.model import Model
+from geoloc.adjustment.scene import bodies_at, rays_of
+from geoloc.adjustment.solve import solve
+from geoloc.adjustment.unknowns import Prior
+from geoloc.combine import combine
+from geoloc.geodesy import enu_offset
+from geoloc.locate import ErrorBudget, Sightings, locate_single_frame
+from geoloc.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
+from geoloc.trajectory import PoseTrack, Trajectory, trajectory_from_gnss, trajectory_from_poses
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+class Recording(NamedTuple):
+    """A simulated drive in the form that `adjust` takes."""
+
+    drive: SimulatedDrive
+    trajectory: Trajectory
+    camera: NDArray[np.str_]
+    pixel_px: FloatArray
+    object: IntArray
+    epoch_ns: IntArray
+
+    def rows(self, keep: BoolArray | IntArray) -> Recording:
+        """The same recording with some of its sightings."""
+        columns = (self.camera, self.pixel_px, self.object, self.epoch_ns)
+        return Recording(self.drive, self.trajectory, *(column[keep] for column in columns))
+
+    def adjusted(self, **options: object) -> Adjusted:
+        """Adjust it, all sightings being feet."""
+        n = self.camera.size
+        sightings = Sightings(self.camera, self.pixel_px)
+        return adjust(
+            self.drive.rig,
+            sightings,
+            np.full(n, "foot"),
+            self.object,
+            self.epoch_ns,
+            self.trajectory,
+            **options,  # type: ignore[arg-type]
+        )
+
+    def errors_m(self, adjusted: Adjusted) -> FloatArray:
+        """Offsets (g, 2) east and north from the truth."""
+        truth = self.drive.objects
+        east, north = enu_offset(
+            truth.latitude_deg[adjusted.object],
+            truth.longitude_deg[adjusted.object],
+            adjusted.latitude_deg,
+            adjusted.longitude_deg,
+        )
+        return np.stack([east, north], axis=1)
+
+
+def true_poses(drive: SimulatedDrive) -> Trajectory:
+    """The drive's true poses, as an INS with small sigmas would give them."""
+    n = drive.poses.epoch_ns.size
+    track: PoseTrack = replace(
+        drive.poses,
+        sigma_horizontal_m=np.full(n, 0.005),
+        sigma_vertical_m=np.full(n, 0.005),
+        sigma_roll_pitch_deg=np.full(n, 0.02),
+        sigma_heading_deg=np.full(n, 0.02),
+    )
+    return trajectory_from_poses(track)
+
+
+@cache
+def recorded(
+    name: str,
+    speed_kmh: float | None = None,
+    seed: int = 1,
+    *,
+    antennas: int = 2,
+    ins: bool = False,
+    silent: bool = False,
+    **noise: float,
+) -> Recording:
+    """Simulate a drive and bring it into the form that `adjust` takes."""
+    world = scenario(name, speed_kmh, seed)
+    world = without_noise(world) if silent else world
+    drive = simulate_drive(replace(world, noise=replace(world.noise, **noise)), seed)
+    used = drive.gnss[:antennas]
+    arms = {fixes.antenna: drive.rig.antennas[fixes.antenna].rig_t_antenna_m for fixes in used}
+    trajectory = true_poses(drive) if ins else trajectory_from_gnss(used, arms)
+    seen = drive.sightings
+    epoch = np.empty(seen.frame.size, dtype=np.int64)
+    for camera in np.unique(seen.camera):
+        rows = seen.camera == camera
+        epoch[rows] = drive.frame_host_ns[str(camera)][seen.frame[rows]]
+    return Recording(drive, trajectory, seen.camera, seen.pixel_px, seen.object_index, epoch)
+
+
+def length(offset_m: FloatArray) -> FloatArray:
+    """Horizontal errors."""
+    return np.asarray(np.hypot(offset_m[:, 0], offset_m[:, 1]))
+
+
+def single_frame_errors(recording: Recording) -> FloatArray:
+    """Errors of single frames, combined."""
+    poses = recording.trajectory.poses_at(recording.epoch_ns)
+    sightings = Sightings(recording.camera, recording.pixel_px)
+    combined = combine(locate_single_frame(recording.drive.rig, sightings, poses), recording.object)
+    truth = recording.drive.objects
+    east, north = enu_offset(
+        truth.latitude_deg[combined.group],
+        truth.longitude_deg[combined.group],
+        combined.latitude_deg,
+        combined.longitude_deg,
+    )
+    return np.hypot(east, north)
+
+
+def problem(recording: Recording) -> tuple[Model, Prior]:
+    """The model of a recording before it is solved."""
+    sightings = Sightings(recording.camera, recording.pixel_px)
+    rays = rays_of(recording.drive.rig, sightings)
+    bodies, _ = bodies_at(recording.trajectory, recording.epoch_ns)
+    rows = np.flatnonzero(rays.rejected == "")
+    objects, point = np.unique(recording.object[rows], return_inverse=True)
+    feet = np.ones(objects.size, dtype=bool)
+    sigma = np.full(recording.camera.size, 1.5)
+    placed = Placed(rows, point, objects, feet, recording.epoch_ns, bodies, rays, sigma)
+    scene = scene_of(recording.drive.rig, recording.camera, placed)
+    return model_of(scene, recording.trajectory, ErrorBudget(), 0.02)
+
+
+# -- the equations -----------------------------------------------------------------------------------------
+
+
+def test_derivatives_of_rays_and_ground_equal_finite_differences() -> None:
+    """Every analytic derivative agrees with a central difference, away from zero corrections too."""
+    model, _ = problem(recorded("approach"))
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=model.layout.size) * 2e-3
+    for part in (model.rays, model.heights):
+        linear = part(x)
+        dense = np.zeros((linear.residual.size, model.layout.size))
+        np.add.at(dense, (np.arange(len(dense))[:, None], linear.column), linear.derivative)
+        for unknown in range(model.layout.size):
+            step = np.zeros_like(x)
+            step[unknown] = 1e-6
+            numeric = (part(x + step).residual - part(x - step).residual) / 2e-6
+            scale = max(1.0, np.abs(numeric).max())
+            np.testing.assert_allclose(dense[:, unknown], numeric, atol=3e-5 * scale)
+
+
+def test_residual_is_the_difference_of_pixels() -> None:
+    """To first order the residual of a ray is the pixel that was seen minus the one expected, in sigmas."""
+    recording = recorded("approach", ins=True, silent=True)
+    moved = recording._replace(pixel_px=recording.pixel_px + np.array([2.0, -1.0]))
+    model, _ = problem(recording)
+    other, _ = problem(moved)
+    other = replace(
+        other,
+        scene=replace(other.scene, start_m=model.scene.start_m, anchor_deg=model.scene.anchor_deg),
+        origin_m=model.origin_m,
+    )
+    change = other.ray_residuals(np.zeros(other.layout.size)) - model.ray_residuals(
+        np.zeros(model.layout.size)
+    )
+    np.testing.assert_allclose(change * 1.5, np.tile([-2.0, 1.0], (len(change), 1)), atol=0.03)
+
+
+@pytest.mark.parametrize("name", ["approach", "sample"])
+def test_covariance_and_its_sources_equal_those_of_the_dense_inverse(name: str) -> None:
+    """Solving minutes apart in one column gives what the whole inverse gives, source by source."""
+    recording = recorded(name)
+    model, prior = problem(recording.rows(np.arange(0, recording.camera.size, 3)))
+    solution = solve(model, prior)
+    found = spread(model, solution)
+    equations = solution.equations
+    dense = np.linalg.inv(solution.system.normal.toarray())
+    for point in range(model.layout.n_points):
+        places = equations.place[model.layout.point(np.array(point))]
+        exact = dense[np.ix_(places, places)]
+        np.testing.assert_allclose(found.covariance_m2[point], exact, atol=2e-4 * exact.max())
+        for source in np.unique(prior.source):
+            rows = equations.fixed[np.flatnonzero(prior.source == source)].toarray() @ dense[:, places]
+            part = found.by_source[str(source)][point]
+            np.testing.assert_allclose(part, rows.T @ rows, atol=2e-4 * exact.max())
+
+
+def test_sources_add_up_to_the_covariance() -> None:
+    """The error budget is a partition: its parts sum to the covariance, and each is a covariance."""
+    adjusted = recorded("urban").adjusted()
+    np.testing.assert_allclose(np.sum(list(adjusted.by_source.values()), axis=0), adjusted.covariance_m2)
+    for part in adjusted.by_source.values():
+        assert np.linalg.eigvalsh(part).min() > -1e-9
+
+
+def test_order_of_sightings_does_not_matter() -> None:
+    """Sightings may come in any order."""
+    recording = recorded("urban")
+    shuffled = recording.rows(np.random.default_rng(0).permutation(recording.camera.size))
+    one, other = recording.adjusted(), shuffled.adjusted()
+    np.testing.assert_allclose(one.latitude_deg, other.latitude_deg, atol=1e-9)
+    np.testing.assert_allclose(one.covariance_m2, other.covariance_m2, rtol=0.02)
+
+
+# -- what it finds -----------------------------------------------------------------------------------------
+
+
+def test_noise_free_drive_gives_the_truth() -> None:
+    """Without noise, and with true poses, every foot comes out within millimetres of its place."""
+    recording = recorded("urban", ins=True, silent=True)
+    error = recording.errors_m(recording.adjusted(pole_radius_m=0.0))
+    assert length(error).max() < 0.01
+
+
+def test_boresight_of_every_camera_is_found() -> None:
+    """Mounting errors of 0.2° come out within four sigma, and surer than the calibration was."""
+    recording = recorded("highway", 60.0, ins=True)
+    adjusted = recording.adjusted()
+    for name, corrections in adjusted.boresight_deg.items():
+        rotation = recording.drive.rig.camera(name).rig_R_camera
+        drawn = rotation.T @ recording.drive.drawn.boresight_deg[name]
+        for axis in (0, 1):
+            assert abs(corrections[axis].value - drawn[axis]) < 4.0 * corrections[axis].sigma
+            assert corrections[axis].sigma < 0.1
+
+
+def test_rolling_shutter_is_found_at_speed() -> None:
+    """A readout of 31 ms shows in near feet of a fast drive, and is told with its sigma."""
+    recording = recorded("highway", 80.0, ins=True, row_delay_us=26.0)
+    found = recording.adjusted().readout_ms
+    assert found.sigma < 8.0
+    assert abs(found.value - 26e-3 * 1208) < 3.0 * found.sigma
+
+
+def test_stated_rolling_shutter_is_kept() -> None:
+    """What the drive states is taken off, and hardly moves."""
+    recording = recorded("highway", 80.0, ins=True, silent=True, row_delay_us=26.0)
+    stated = recording.adjusted(readout_ms=26e-3 * 1208, pole_radius_m=0.0)
+    assert stated.readout_ms.value == pytest.approx(26e-3 * 1208, abs=0.5)
+    assert stated.readout_ms.sigma < 1.0
+    assert length(recording.errors_m(stated)).max() < 0.01
+
+
+def test_radius_of_the_pole_lies_behind_the_foot_that_is_seen() -> None:
+    """The front of a pole 0.2 m thick is seen by a standing car: its middle lies a radius further away."""
+    recording = recorded("still", ins=True, silent=True, pole_radius_m=0.1)
+    known = recording.errors_m(recording.adjusted(pole_radius_m=0.1))
+    unknown = recording.errors_m(recording.adjusted(pole_radius_m=0.0))
+    assert length(known)[0] < 0.03
+    assert 0.05 < length(known - unknown)[0] < 0.11
+
+
+def test_clock_offset_is_found_where_the_car_turns() -> None:
+    """A camera clock 30 ms late shows in the bends of a street, and moves no position then."""
+    recording = recorded("urban", 40.0, ins=True, silent=True)
+    late = recording._replace(epoch_ns=recording.epoch_ns + 30_000_000)
+    adjusted = late.adjusted(budget=ErrorBudget(time_ms=50.0), pole_radius_m=0.0)
+    assert adjusted.time_offset_ms.value == pytest.approx(-30.0, abs=3.0)
+    assert adjusted.time_offset_ms.sigma < 25.0
+    assert np.median(length(late.errors_m(adjusted))) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "median", "worst"),
+    [("urban", 25.0, 0.10, 0.30), ("highway", 45.0, 0.12, 0.35), ("approach", 15.0, 0.20, 0.40)],
+)
+def test_errors_are_a_tenth_of_a_metre(name: str, speed: float, median: float, worst: float) -> None:
+    """Positions of a moving car meet the bars, and are better than single frames combined."""
+    errors, single = [], []
+    for seed in (1, 2, 3):
+        recording = recorded(name, speed, seed)
+        errors.append(length(recording.errors_m(recording.adjusted())))
+        single.append(single_frame_errors(recording))
+    error = np.concatenate(errors)
+    assert np.median(error) < median
+    assert np.percentile(error, 95) < worst
+    assert np.median(error) < max(np.median(np.concatenate(single)), median)
+
+
+# -- graceful degradation ----------------------------------------------------------------------------------
+
+
+def test_one_frame_of_one_camera_gives_a_position_with_a_wide_ellipse() -> None:
+    """A single sighting is solved as well as a single frame can be, along its ray."""
+    recording = recorded("approach")
+    one = recording.rows(np.flatnonzero(recording.camera == "C3_tricam120")[:1])
+    adjusted = one.adjusted()
+    assert adjusted.reason[0] == ""
+    offset, covariance = one.errors_m(adjusted)[0], adjusted.covariance_m2[0]
+    assert offset @ np.linalg.solve(covariance, offset) < 9.2
+    assert 0.3 < np.sqrt(np.linalg.eigvalsh(covariance)[1]) < 3.0
+
+
+def test_standing_still_is_solved_by_the_ground() -> None:
+    """A car that stands has no parallax: the ground says how far away the objects are."""
+    recording = recorded("still")
+    error = recording.errors_m(recording.adjusted())
+    assert length(error).max() < 1.0
+
+
+@pytest.mark.parametrize("antennas", [1, 2])
+def test_one_camera_and_one_antenna_are_enough(antennas: int) -> None:
+    """A single 120° camera, with or without an antenna baseline, stays within the bars."""
+    recording = recorded("urban", antennas=antennas)
+    one = recording.rows(recording.camera == "C3_tricam120")
+    assert np.median(length(one.errors_m(one.adjusted()))) < 0.2
+
+
+def test_one_object_alone_is_solved() -> None:
+    """A drive with one object has nothing to calibrate by, and still a position."""
+    recording = recorded("urban")
+    one = recording.rows(recording.object == 4)
+    assert length(one.errors_m(one.adjusted()))[0] < 0.3
+
+
+def test_a_fifth_of_wrong_pixels_is_left_out() -> None:
+    """Clicks 15 to 300 px off are found, and the positions hold."""
+    recording = recorded("urban")
+    rng = np.random.default_rng(5)
+    wrong = rng.random(recording.camera.size) < 0.2
+    jump = rng.uniform(15.0, 300.0, wrong.sum()) * np.exp(1j * rng.uniform(0, 2 * np.pi, wrong.sum()))
+    pixel = recording.pixel_px.copy()
+    pixel[wrong] += np.stack([jump.real, jump.imag], axis=1)
+    spoilt = recording._replace(pixel_px=pixel)
+    adjusted = spoilt.adjusted()
+    usable = np.isin(adjusted.rejected, ["", OUTLIER])
+    assert (adjusted.rejected[wrong & usable] == OUTLIER).mean() > 0.97
+    assert (adjusted.rejected[~wrong & usable] == "").mean() > 0.97
+    assert np.median(length(spoilt.errors_m(adjusted))) < 0.12
+
+
+def test_a_track_that_jumps_to_another_sign_keeps_the_larger_part() -> None:
+    """Of a track that holds two signs the one with more sightings wins, the rest is left out."""
+    recording = recorded("urban")
+    rows = np.flatnonzero(np.isin(recording.object, [4, 5]))
+    second = rows[recording.object[rows] == 5]
+    few = second[: (recording.object == 4).sum() // 2]
+    mixed = recording._replace(
+        object=np.where(np.isin(np.arange(recording.object.size), few), 4, recording.object)
+    )
+    adjusted = mixed.adjusted()
+    assert length(mixed.errors_m(adjusted))[4] < 0.3
+    assert (adjusted.rejected[few] == OUTLIER).mean() > 0.9
+
+
+def test_faces_are_placed_by_bearings_alone() -> None:
+    """The middle of a face 2.5 m up is placed where rays cross: no ground is needed."""
+    recording = recorded("urban", ins=True, silent=True)
+    faces = _faces(recording, up_m=2.5)
+    adjusted = _adjust_faces(faces)
+    assert np.nanmedian(length(faces.errors_m(adjusted))) < 0.02
+
+
+def test_a_face_in_one_frame_has_no_position() -> None:
+    """One bearing says nothing about the distance, and the reason says so."""
+    recording = recorded("approach")
+    one = recording.rows(np.array([0]))
+    adjusted = _adjust_faces(one)
+    assert adjusted.reason[0] == NO_POSITION
+    assert np.isnan(adjusted.latitude_deg[0])
+    assert not adjusted.used.any()
+
+
+def test_sightings_without_pose_or_object_are_named() -> None:
+    """What cannot take part says why, and the rest is solved."""
+    recording = recorded("approach")
+    epoch, number = recording.epoch_ns.copy(), recording.object.copy()
+    epoch[0] += 10**12
+    number[1] = -1
+    adjusted = recording._replace(epoch_ns=epoch, object=number).adjusted()
+    assert "after the last fix" in adjusted.rejected[0]
+    assert adjusted.rejected[1] == "belongs to no object"
+    assert adjusted.reason[0] == ""
+
+
+def test_nothing_to_see_is_no_error() -> None:
+    """A drive without a usable sighting gives objects without positions."""
+    recording = recorded("approach")
+    adjusted = recording._replace(epoch_ns=recording.epoch_ns + 10**12).adjusted()
+    assert adjusted.reason.tolist() == [NO_POSITION]
+    assert np.isinf(adjusted.time_offset_ms.sigma)
+
+
+def _faces(recording: Recording, up_m: float) -> Recording:
+    """Project a point above each foot with the true poses: sightings of faces."""
+    drive = recording.drive
+    poses = recording.trajectory.poses_at(recording.epoch_ns)
+    from geoloc.geodesy import rotation_enu_from_rig
+
+    enu_R_rig = rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg)
+    truth = drive.objects
+    east, north = enu_offset(
+        poses.latitude_deg,
+        poses.longitude_deg,
+        truth.latitude_deg[recording.object],
+        truth.longitude_deg[recording.object],
+    )
+    up = truth.height_m[recording.object] + up_m - poses.height_m
+    rig = np.einsum("nji,nj->ni", enu_R_rig, np.stack([east, north, up], axis=1))
+    pixel, seen = np.empty_like(recording.pixel_px), np.empty(recording.camera.size, dtype=bool)
+    for name in np.unique(recording.camera):
+        rows = recording.camera == name
+        camera = drive.rig.camera(str(name))
+        point = (rig[rows] - camera.rig_t_camera_m) @ camera.rig_R_camera
+        pixel[rows], seen[rows] = camera.model.pixel_from_camera_point(point)
+    return recording._replace(pixel_px=pixel).rows(seen)
+
+
+def _adjust_faces(recording: Recording) -> Adjusted:
+    return adjust(
+        recording.drive.rig,
+        Sightings(recording.camera, recording.pixel_px),
+        np.full(recording.camera.size, "box"),
+        recording.object,
+        recording.epoch_ns,
+        recording.trajectory,
+        size_px=np.full(recording.camera.size, 30.0),
+    )

@@ -1,0 +1,134 @@
+"""Annotations without ids → objects, by where they stand; and a check of the ids that were given."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.associate import associate, check_ids
+from geoloc.locate import Sightings
+from geoloc.poses import Poses
+from geoloc.rig import Rig
+from geoloc.trajectory import Trajectory
+from twin.drives.annotated import epochs_of, only
+from twin.drives.drive import Annotations, Drive, Skipped
+
+IntArray = NDArray[np.int64]
+
+FOUND = "auto"
+SLIP = "no object stands there, and one near it lacks this picture: a slip of the hand"
+_SLIP_REASON = "which its picture lacks"
+_MAX_WARNINGS = 10
+
+
+def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
+    """Find out which object each annotation without an id belongs to.
+
+    Ids that the annotator gave stay as they are, and an annotation without one joins them where it shows
+    the same object; the others are named ``auto1``, ``auto2``, … by first sighting. Slips of the hand are
+    left out and counted.
+
+    Parameters
+    ----------
+    drive : Drive
+        In EUREF89.
+    trajectory : Trajectory
+        Of that drive.
+
+    Returns
+    -------
+    Drive
+        Unchanged if every annotation has an id; else with a warning that says what was done.
+
+    Raises
+    ------
+    CalibrationError
+        If the rig cannot compute with an annotated camera.
+    """
+    notes = drive.annotations
+    if notes.has_id.all():
+        return drive
+    association = associate(*_given(drive, trajectory))
+    names = _names(notes, association.object)
+    slip = ~notes.has_id & (np.char.find(association.reason, _SLIP_REASON) >= 0)
+    placed = np.where(notes.has_id | (association.object < 0), notes.object, names[association.object])
+    loose = np.count_nonzero(~notes.has_id)
+    found = np.unique(placed[~notes.has_id & (association.object >= 0)]).size
+    warning = (
+        f"{loose:,} annotations have no object or track id: by position they are {found:,} objects. Give the"
+        " attribute object where that is wrong."
+    )
+    skipped = (Skipped("annotations", drive.name, int(slip.sum()), SLIP),) if slip.any() else ()
+    return replace(
+        drive,
+        annotations=only(replace(notes, object=placed.astype(np.str_)), ~slip),
+        warnings=(*drive.warnings, warning),
+        skipped=(*drive.skipped, *skipped),
+    )
+
+
+def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
+    """Say which ids mark two signs, and which two ids of one camera mark the same sign.
+
+    Tracks of one sign in several cameras have ids of their own unless the annotator tied them together: that
+    is no mistake, and is not reported.
+
+    Returns
+    -------
+    tuple of str
+        At most ten sentences, and one that counts the rest.
+    """
+    notes = drive.annotations
+    ids = np.where(notes.has_id, notes.object, "")
+    if not notes.has_id.any():
+        return ()
+    messages = []
+    for finding in check_ids(*_given(drive, trajectory), ids):
+        one, other = (set(notes.camera[rows].tolist()) for rows in finding.rows)
+        if finding.kind == "split" or one & other:
+            messages.append(finding.message)
+    if len(messages) > _MAX_WARNINGS:
+        more = len(messages) - _MAX_WARNINGS
+        return (*messages[:_MAX_WARNINGS], f"{more} more ids look wrong in the same way.")
+    return tuple(messages)
+
+
+def _given(
+    drive: Drive, trajectory: Trajectory
+) -> tuple[Rig, Sightings, Poses, NDArray[np.str_], NDArray[np.str_], IntArray]:
+    """Return the arguments of `associate` for all annotations of a drive."""
+    notes = drive.annotations
+    epoch = np.zeros(notes.frame.size, dtype=np.int64)
+    for camera in np.unique(notes.camera).tolist():
+        mine = notes.camera == camera
+        epoch[mine] = epochs_of(notes, drive.frame_epoch_ns, camera)[mine] + drive.camera_offset_ns
+    sightings = Sightings(camera=notes.camera, pixel_px=notes.pixel_px)
+    return drive.rig, sightings, trajectory.poses_at(epoch), notes.kind, _labels(notes), epoch
+
+
+def _labels(notes: Annotations) -> NDArray[np.str_]:
+    """Sign codes, else the label; "" where the label is one whose codes stand in the attribute."""
+    general = np.unique(notes.label[notes.skiltnummer != ""])
+    word = np.where(np.isin(notes.label, general), "", notes.label)
+    return np.where(notes.skiltnummer != "", notes.skiltnummer, word)
+
+
+def _names(notes: Annotations, found: IntArray) -> NDArray[np.str_]:
+    """Name of each object that was found: the id that most of its annotations have, else ``auto1``, …."""
+    given = set(notes.object[notes.has_id].tolist())
+    prefix = FOUND
+    while any(name.startswith(prefix) for name in given):
+        prefix += "_"
+    names = []
+    number = 0
+    for k in range(int(found.max(initial=-1)) + 1):
+        ids = Counter(notes.object[(found == k) & notes.has_id].tolist())
+        if ids:
+            names.append(min(ids, key=lambda name: (-ids[name], name)))
+        else:
+            number += 1
+            names.append(f"{prefix}{number}")
+    return np.array([*names, ""], dtype=np.str_)
