@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint check real sample bench bench-mirror soak clean
+.PHONY: demo test lint check real sample bench bench-speed bench-mirror soak clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -25,14 +25,18 @@ lint: $(VENV)/.installed          ## style, types and the walls between the pack
 
 check: lint test
 
-real: $(VENV)/.installed          ## the whole job on real input (../shared/real), prints the real errors
-	$(BIN)/python -m pytest tests/real -k whole_job -s
+real: $(VENV)/.installed          ## real recordings (../shared/real): errors on KITTI and Argoverse
+	$(BIN)/python benchmarks/real.py
 
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 	$(BIN)/python -m twin.sample data
 
-bench: $(VENV)/.installed         ## errors of both methods on simulated drives
+bench: $(VENV)/.installed         ## errors of every method on simulated drives, against the bars and the bound
 	$(BIN)/python benchmarks/accuracy.py
+
+bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, on one core
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/locate.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/adjust.py
 
 bench-mirror: $(VENV)/.installed  ## the mirror against a bare loop over the same pages, as ratios
 	$(BIN)/python benchmarks/mirror.py

@@ -44,6 +44,8 @@ POLE_RADIUS_M = 0.03
 _DEFAULT_BUDGET = ErrorBudget()
 # A bearing alone leaves a position open along the ray: what is worse than this is no position.
 _WORST_SIGMA_M = 5.0
+# Logarithm of the ratio between the distances of a point's start and end: a factor of three.
+_LARGEST_LEAP = 1.1
 # A data sheet's readout, and how exposure and line time differ from it.
 _STATED_READOUT_MS = 1.0
 
@@ -225,7 +227,7 @@ def _adjusted(
     total = np.sum(list(by_source.values()), axis=0)
     sigma_major, _, _ = ellipse(total)
     reason = np.where(chosen < 0, NO_POSITION, "").astype("U160")
-    vague = (chosen >= 0) & ~(sigma_major[chosen] <= _WORST_SIGMA_M)
+    vague = (chosen >= 0) & ~((sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points))[chosen]
     reason[vague] = TOO_VAGUE
     good = reason == ""
 
@@ -266,6 +268,16 @@ def _adjusted(
             for i, name in enumerate(scene.cameras)
         },
     )
+
+
+def _leapt(model: Model, points_m: FloatArray) -> BoolArray:
+    """Points (m,) that ended far from where they began: rays and ground contradict each other."""
+    scene = model.scene
+    _, first = np.unique(scene.point, return_index=True)
+    origin = model.origin_m[first]
+    began = np.linalg.norm((scene.start_m - origin)[:, :2], axis=1)
+    ended = np.linalg.norm((points_m - origin)[:, :2], axis=1)
+    return np.asarray(np.abs(np.log(np.maximum(ended, 0.1) / np.maximum(began, 0.1))) > _LARGEST_LEAP)
 
 
 def _merged(by_source: dict[str, FloatArray]) -> dict[str, FloatArray]:

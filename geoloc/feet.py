@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 Rows = slice | IntArray
 
 # Rows that are worked on at a time: their temporaries stay in the processor's cache.
-BLOCK = 16_384
+BLOCK = 28_672
 
 _RADIANS = np.pi / 180.0
 

@@ -34,7 +34,7 @@ _LINEAR = (
 _POSE = (*_CUBIC, "roll_deg", "pitch_deg", "heading_deg")
 
 # Rows that are worked on at a time: their temporaries stay in the processor's cache.
-_BLOCK = 16_384
+_BLOCK = 32768
 
 
 class PoseCurves(NamedTuple):

@@ -21,7 +21,12 @@ from geoloc.adjustment.scene import (
 )
 from geoloc.adjustment.start import first_guesses
 from geoloc.adjustment.unknowns import PER_NODE, Layout, Nodes, Prior, links_of, nodes_of, prior_of
-from geoloc.geodesy import enu_offset, geographic_from_enu, utm33_from_geographic
+from geoloc.geodesy import (
+    enu_offset,
+    geographic_from_enu,
+    grid_convergence_deg,
+    utm33_from_geographic,
+)
 from geoloc.interpolation import NANOSECONDS
 from geoloc.locate import ErrorBudget
 from geoloc.rig import Rig
@@ -41,7 +46,6 @@ _CHANGING_SHARE = 0.5
 _TREMBLING_SHARE = 0.25
 _FULL_RATE_MPS, _LEAST_RATE = 3.0, 0.001
 _MIN_SIGMA_RAD, _MIN_SIGMA_M = np.radians(0.01), 0.002
-_SLOPE_STEP_M = 1.0
 _OTHER_GROUND_M = 2.0
 
 
@@ -164,28 +168,24 @@ def on_terrain(model: Model, terrain: Terrain, budget: ErrorBudget) -> Model:
     bridge, a tunnel) it shows another ground, and is not used.
     """
     scene, ground = model.scene, model.ground
-    anchors = scene.anchor_deg[ground.point]
-    east, north = utm33_from_geographic(anchors[:, 0], anchors[:, 1])
-    under_foot = terrain.height_m(east, north)
+    latitude, longitude = scene.anchor_deg[ground.point].T
+    grid = np.stack(utm33_from_geographic(latitude, longitude), axis=1)
+    under_foot = terrain.height_m(grid[:, 0], grid[:, 1])
     under_car = terrain.height_m(*utm33_from_geographic(ground.body.latitude_deg, ground.body.longitude_deg))
     above = ground.body.height_m - under_car
-    # Grid north is not true north, but over the width of a slope that is nothing.
-    slope = np.stack(
-        [
-            terrain.height_m(east + _SLOPE_STEP_M, north) - under_foot,
-            terrain.height_m(east, north + _SLOPE_STEP_M) - under_foot,
-        ],
-        axis=1,
-    )
     with np.errstate(invalid="ignore"):
-        known = np.isfinite(slope).all(axis=1) & (np.abs(above) < _OTHER_GROUND_M)
+        known = np.isfinite(under_foot) & (np.abs(above) < _OTHER_GROUND_M)
+    gamma = np.radians(grid_convergence_deg(latitude, longitude))
+    turn = np.stack([np.cos(gamma), -np.sin(gamma), np.sin(gamma), np.cos(gamma)], axis=1).reshape(-1, 2, 2)
     sigma = np.hypot(budget.ground_height_m, np.sqrt(2.0) * terrain.noise_m)
     return replace(
         model,
         terrain=MeasuredGround(
             ground.point[known],
-            (under_foot + above)[known],
-            slope[known] / _SLOPE_STEP_M,
+            terrain,
+            grid[known],
+            turn[known],
+            above[known],
             np.full(int(known.sum()), sigma),
         ),
         ground=Ground(

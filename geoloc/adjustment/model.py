@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from geoloc.adjustment.scene import Bodies, Scene
 from geoloc.adjustment.unknowns import READOUT, SLIP, TIME, Layout
+from geoloc.terrain import Terrain
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+
+_SLOPE_STEP_M = 1.0
 
 
 class Linear(NamedTuple):
@@ -67,22 +71,38 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class MeasuredGround:
-    """A measured ground under the feet, instead of the road's plane: linear about each start.
+    """A terrain under the feet, instead of the road's plane.
 
     Attributes
     ----------
     point : int64 (f,)
-    height_m : float64 (f,)
-        Ellipsoidal, at the point's start.
-    slope : float64 (f, 2)
-        Rise a metre east and north.
+    terrain : Terrain
+    grid_m : float64 (f, 2)
+        Each point's anchor, EPSG:25833.
+    grid_R_enu : float64 (f, 2, 2)
+        From true east and north to the grid's.
+    above_m : float64 (f,)
+        How much higher the car stood than the terrain, where it was nearest to the point.
     sigma_m : float64 (f,)
     """
 
     point: IntArray
-    height_m: FloatArray
-    slope: FloatArray
+    terrain: Terrain
+    grid_m: FloatArray
+    grid_R_enu: FloatArray
+    above_m: FloatArray
     sigma_m: FloatArray
+
+    def height_and_slope(self, offset_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ellipsoidal height (f,) under offsets (f, 2) from the anchors, and its rise east and north."""
+
+        def height(shift_m: FloatArray) -> FloatArray:
+            east, north = (self.grid_m + (self.grid_R_enu @ (offset_m + shift_m)[:, :, None])[:, :, 0]).T
+            return self.terrain.height_m(east, north) + self.above_m
+
+        steps = np.eye(2) * _SLOPE_STEP_M
+        rise = [(height(step) - height(-step)) / (2.0 * _SLOPE_STEP_M) for step in steps]
+        return height(np.zeros(2)), np.stack(rise, axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,10 +275,14 @@ class Model:
         if t is None:
             return None
         offset = x[self.layout.point(t.point)]
-        above = self.scene.start_m[t.point, 2] + offset[:, 2] - t.height_m
-        above = above - np.sum(t.slope * offset[:, :2], axis=1)
-        derivative = np.concatenate([-t.slope, np.ones((t.point.size, 1))], axis=1)
-        return Linear(above / t.sigma_m, derivative / t.sigma_m[:, None], self.layout.point(t.point))
+        height, slope = t.height_and_slope(offset[:, :2])
+        above = self.scene.start_m[t.point, 2] + offset[:, 2] - height
+        derivative = np.concatenate([-slope, np.ones((t.point.size, 1))], axis=1)
+        # A point that has left the raster has no ground for this round.
+        inside = np.isfinite(above) & np.isfinite(slope).all(axis=1)
+        residual = np.where(inside, above / t.sigma_m, 0.0)
+        derivative = np.where(inside[:, None], derivative / t.sigma_m[:, None], 0.0)
+        return Linear(residual, derivative, self.layout.point(t.point))
 
     def _slow(self, x: FloatArray, left: IntArray, share: FloatArray) -> FloatArray:
         """Corrections (n, 6) between nodes: a rotation vector about the rig's axes, and a shift."""

@@ -21,6 +21,9 @@ from geoloc.combine import combine
 from geoloc.geodesy import enu_offset
 from geoloc.locate import ErrorBudget, Sightings, locate_single_frame
 from geoloc.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
+from geoloc.simulation.raster import rasterised
+from geoloc.simulation.road import Road
+from geoloc.terrain import Terrain
 from geoloc.trajectory import PoseTrack, Trajectory, trajectory_from_gnss, trajectory_from_poses
 
 FloatArray = NDArray[np.float64]
@@ -91,11 +94,14 @@ def recorded(
     antennas: int = 2,
     ins: bool = False,
     silent: bool = False,
+    kerbs: bool = True,
     **noise: float,
 ) -> Recording:
     """Simulate a drive and bring it into the form that `adjust` takes."""
     world = scenario(name, speed_kmh, seed)
     world = without_noise(world) if silent else world
+    if not kerbs:
+        world = replace(world, road=replace(world.road, kerb_share=0.0, verge_sigma_m=0.0))
     drive = simulate_drive(replace(world, noise=replace(world.noise, **noise)), seed)
     used = drive.gnss[:antennas]
     arms = {fixes.antenna: drive.rig.antennas[fixes.antenna].rig_t_antenna_m for fixes in used}
@@ -372,6 +378,21 @@ def test_a_face_in_one_frame_has_no_position() -> None:
     assert adjusted.reason[0] == NO_POSITION
     assert np.isnan(adjusted.latitude_deg[0])
     assert not adjusted.used.any()
+
+
+def test_terrain_says_how_high_a_far_foot_stands() -> None:
+    """From one frame on a hilly road the raster places a foot that the plane of the road misplaces."""
+    recording = recorded("sample", silent=True, ins=True, kerbs=False)
+    farthest = recording.drive.sightings.range_m
+    near = (farthest > 14.0) & (farthest < 22.0)
+    rows = [np.flatnonzero((recording.object == g) & near)[:1] for g in range(15)]
+    far = recording.rows(np.concatenate(rows))
+    drive = far.drive
+    grid = rasterised(Road(drive.scenario.road, drive.seed), 0.5)
+    plane = length(far.errors_m(far.adjusted(pole_radius_m=0.0)))
+    raster = length(far.errors_m(far.adjusted(pole_radius_m=0.0, terrain=Terrain(*grid[:2], 0.5, grid[2]))))
+    assert np.isfinite(raster).all()
+    assert np.median(raster) < 0.3 * np.nanmedian(plane)
 
 
 def test_sightings_without_pose_or_object_are_named() -> None:
