@@ -24,8 +24,7 @@ from geoloc.budget import ErrorBudget
 from geoloc.combine import combine, ellipse
 from geoloc.geodesy import enu_offset
 from geoloc.locate import Sightings, locate_paper, locate_single_frame
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
-from geoloc.simulation.noise import NoiseSpec
+from geoloc.simulate import Scenario, SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory import Trajectory, trajectory_from_gnss
 from twin.cli.output import console, print_table
 
@@ -57,7 +56,7 @@ CASES = (
     Case("standing still, 9.0 m", "still", (None,), (0.15, None), object=0, drives=2.5),
     Case("standing still, 11.8 m", "still", (None,), (0.20, None), object=1, drives=2.5),
     Case("standing still, 19.3 m", "still", (None,), (0.50, None), object=2, drives=2.5),
-    Case("approach 15 to 6 m, 7-20 km/h", "approach", (7.0, 10.0, 15.0, 20.0), (0.10, 0.30)),
+    Case("approach 15 to 6 m, 7-20 km/h", "approach", (7.0, 10.0, 15.0, 20.0), (0.10, 0.30), drives=6.0),
     Case("urban, 25 km/h", "urban", (25.0,), (0.10, 0.30)),
     Case("highway, 35 km/h", "highway", (35.0,), (0.12, 0.35)),
     Case("highway, 45 km/h", "highway", (45.0,), (0.12, 0.35)),
@@ -149,20 +148,22 @@ def adjusted_of(recording: Recorded, sightings: Sightings, **options: object) ->
 
 def bound_m(recording: Recorded) -> FloatArray:
     """Median error (g,) that the Cramér-Rao bound allows each object."""
-    noise = recording.drive.scenario.noise
     true = Sightings(recording.sightings.camera, recording.true_px)
-    ideal = adjusted_of(recording, true, budget=_as_drawn(noise), noise=1.0)
+    ideal = adjusted_of(recording, true, budget=_as_drawn(recording.drive.scenario), noise=1.0)
     major, minor, _ = ellipse(ideal.covariance_m2)
     return _MEDIAN_OF_SIGMAS * (major + minor)
 
 
-def _as_drawn(noise: NoiseSpec) -> ErrorBudget:
+def _as_drawn(world: Scenario) -> ErrorBudget:
     """The budget of someone who knows the simulator."""
+    noise, road = world.noise, world.road
+    kerbs = road.kerb_height_m * np.sqrt(road.kerb_share * (1.0 - road.kerb_share))
     return replace(
         ErrorBudget(),
         pixel_px=noise.annotation_px,
         pitch_jitter_deg=noise.pitch_jitter_deg,
         roll_jitter_deg=noise.roll_jitter_deg,
+        ground_height_m=float(np.hypot(road.verge_sigma_m, kerbs)),
         boresight_deg=noise.boresight_deg,
         time_ms=noise.frame_offset_ms,
         lever_arm_m=noise.lever_arm_m / np.sqrt(2.0),

@@ -217,19 +217,21 @@ def _adjusted(
     latitude, longitude = geographic_from_enu(
         scene.anchor_deg[:, 0], scene.anchor_deg[:, 1], points[:, 0], points[:, 1]
     )
-    index = np.searchsorted(objects, scene.object)
-    chosen = np.full(g, -1)
-    chosen[index[~scene.is_foot]] = np.flatnonzero(~scene.is_foot)
-    chosen[index[scene.is_foot]] = np.flatnonzero(scene.is_foot)
     by_source = _merged(found.by_source)
     for source, whole in _of_the_track(model, budget, track_sigma_m).items():
         by_source[source] = by_source.get(source, 0.0) + whole
     total = np.sum(list(by_source.values()), axis=0)
     sigma_major, _, _ = ellipse(total)
-    reason = np.where(chosen < 0, NO_POSITION, "").astype("U160")
-    vague = (chosen >= 0) & ~((sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points))[chosen]
-    reason[vague] = TOO_VAGUE
+    firm = (sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points)
+    chosen = np.full(g, -1)
+    index = np.searchsorted(objects, scene.object)
+    # What is written last counts: a foot before a face, a firm place before a vague one.
+    for point in np.lexsort((scene.is_foot, firm)):
+        chosen[index[point]] = point
+    reason = np.where(chosen < 0, NO_POSITION, np.where(firm[chosen], "", TOO_VAGUE)).astype("U160")
     good = reason == ""
+    lost = scene.row[~good[index[scene.point]]]
+    rejected = np.where(np.isin(np.arange(n), lost) & (rejected == ""), TOO_VAGUE, rejected)
 
     def of_objects(values: FloatArray) -> FloatArray:
         result = np.full((g, *values.shape[1:]), np.nan)

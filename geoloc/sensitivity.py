@@ -75,21 +75,3 @@ class FootMoves:
     def reach_m(self) -> FloatArray:
         """Rise of the foot a radian that the road between car and foot climbs."""
         return np.asarray(np.sqrt(self._feet.x_m**2 + self._feet.y_m**2))
-
-
-def ray_by_pixel(
-    ray: FloatArray,
-    forward: tuple[FloatArray, BoolArray],
-    backward: tuple[FloatArray, BoolArray],
-    step_px: float,
-) -> FloatArray:
-    """Derivative of rays by one pixel coordinate, from the rays a step before and after.
-
-    Central where the camera model reaches both ways, one-sided at the edge of its domain.
-    """
-    (ahead, ahead_known), (behind, behind_known) = forward, backward
-    upper = np.where(ahead_known[:, None], ahead, ray)
-    lower = np.where(behind_known[:, None], behind, ray)
-    steps = step_px * (ahead_known.astype(np.float64) + behind_known.astype(np.float64))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray((upper - lower) / steps[:, None])

@@ -39,7 +39,7 @@ BoolArray = NDArray[np.bool_]
 
 # The road under the car says less about the ground beside it than about the road ahead: crossfall ends at
 # the edge, verges and pavements rise or fall.
-_VERGE_SLOPE = 0.015
+_VERGE_SLOPE = 0.01
 # Most of a fix's error outlasts the passage of a sign and moves everything with the car.
 _CHANGING_SHARE = 0.5
 # A heading's error changes slowly, but for the noise of single fixes.

@@ -13,7 +13,6 @@ from geoloc.interpolation import NANOSECONDS, metres_per_degree, wrap_deg
 from geoloc.locate import ErrorBudget, Sightings
 from geoloc.poses import Poses
 from geoloc.rig import Rig
-from geoloc.sensitivity import ray_by_pixel
 from geoloc.trajectory import Trajectory
 from geoloc.visibility import on_the_car_itself
 
@@ -24,7 +23,6 @@ TextArray = NDArray[np.str_]
 
 OUTSIDE = "outside the camera's image or model"
 ON_THE_CAR = "on the car itself"
-_STEP_PX = 0.25
 _RATE_STEP_NS = 50_000_000
 # Frames of cameras that are triggered together carry stamps of their own, a fraction of a frame apart.
 _SAME_INSTANT_NS = 8_000_000
@@ -134,15 +132,14 @@ def rays_of(rig: Rig, sightings: Sightings) -> Rays:
         rows = np.flatnonzero(sightings.camera == name)
         camera = rig.camera(str(name))
         pixel = sightings.pixel_px[rows]
-        ray[rows], in_domain = camera.model.camera_ray_from_pixel(pixel)
-        for axis, step in enumerate(np.eye(2) * _STEP_PX):
-            ahead = camera.model.camera_ray_from_pixel(pixel + step)
-            behind = camera.model.camera_ray_from_pixel(pixel - step)
-            slope[rows, :, axis] = ray_by_pixel(ray[rows], ahead, behind, _STEP_PX)
+        seen = camera.model.rays(pixel[:, 0], pixel[:, 1], slopes=True)
+        ray[rows] = np.stack(seen.ray, axis=1)
+        if seen.by_u is not None and seen.by_v is not None:
+            slope[rows] = np.stack([np.stack(seen.by_u, axis=1), np.stack(seen.by_v, axis=1)], axis=2)
         height = camera.model.height_px
         readout[rows] = (pixel[:, 1] - 0.5 * (height - 1)) / height
-        rejected[rows] = np.where(in_domain, "", OUTSIDE)
-        rejected[rows[in_domain & on_the_car_itself(camera, pixel)]] = ON_THE_CAR
+        rejected[rows] = np.where(seen.inside, "", OUTSIDE)
+        rejected[rows[seen.inside & on_the_car_itself(camera, pixel)]] = ON_THE_CAR
     known = np.isfinite(slope).all(axis=(1, 2))
     rejected[(rejected == "") & ~known] = OUTSIDE
     gram = np.swapaxes(slope, 1, 2) @ slope

@@ -139,7 +139,7 @@ def _print_corrections(found: Mapping[str, Any]) -> None:
         "What the adjustment found in this drive",
         {
             "added to the camera clock [ms]": told(found["camera_offset_ms"], ".1f"),
-            "rolling shutter beyond the drive's own [ms]": told(found["rolling_shutter_ms"], ".1f"),
+            "rolling shutter, first to last row [ms]": told(found["rolling_shutter_ms"], ".1f"),
             "noise of a pixel against the stated one": f"× {found['pixel_noise_factor']:.2f}",
         },
     )
