@@ -114,6 +114,8 @@ def ingest_drive(
     say("building the trajectory")
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
+    if not drive.annotations.has_id.all():
+        say("finding out which annotations show the same object")
     drive = with_objects(drive, trajectory)
     ground = _ground(terrain, terrain_heights, trajectory, method)
     say(f"locating {len(drive.annotations.frame):,} annotations by {method}")
@@ -124,11 +126,13 @@ def ingest_drive(
     estimates = estimate_rows(drive, sighted, positions, method)
     n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
+    say("checking the annotators' ids")
+    doubts = id_warnings(drive, trajectory)
     line, length_m = _line(trajectory)
     warnings = (
         *drive.warnings,
         *warnings,
-        *id_warnings(drive, trajectory),
+        *doubts,
         *annotation_warnings(drive, n_located),
         *_unplaced_warning(drive, n_unplaced),
     )
