@@ -1,4 +1,4 @@
-"""One GET against API Les V4 that returns validated JSON, or raises a named error.
+"""One GET against API Les V4 that returns validated JSON, or raises a named error; and one bare request.
 
 API Les V4 demands ``X-Client``. The retry has to lie outside the HTTP library, because a truncated body is
 found only when the body is read and parsed (psf/requests #4956, #6512), and ``timeout`` there bounds one
@@ -13,8 +13,8 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Any
-from urllib.parse import SplitResult, quote, urljoin, urlsplit, urlunsplit
+from typing import Any, NamedTuple, TypeVar
+from urllib.parse import SplitResult, urlsplit
 
 import requests
 import tenacity
@@ -31,6 +31,7 @@ from nvdb.errors import (
     TransportError,
     TruncatedBodyError,
 )
+from nvdb.redirects import hide_location, redirect_target, shown
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +39,17 @@ API_URL = "https://nvdbapiles.atlas.vegvesen.no"
 """API Les V4, current since May 2025. The test environment is ``nvdbapiles.test.atlas.vegvesen.no``."""
 
 Json = dict[str, Any] | list[Any]
+T = TypeVar("T")
 Params = Mapping[str, str | int]
+
+
+class Reply(NamedTuple):
+    """What came back, whatever its status."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
 
 MAX_BODY_BYTES = 256 * 2**20
 """A full page of 1000 objects is below 20 MB; more than this is not a page."""
@@ -51,10 +62,8 @@ LOW_BUDGET = 1
 LOW_BUDGET_PAUSE_S = 1.0
 
 _CHUNK_BYTES = 2**16
-_LOOPBACK = {"localhost", "127.0.0.1", "::1"}
+LOOPBACK = {"localhost", "127.0.0.1", "::1"}
 _REDIRECTS = {301, 302, 303, 307, 308}
-_URL_SAFE = "!#$%&'()*+,/:;=?@[]~"
-_DEFAULT_PORTS = {"http": 80, "https": 443}
 
 
 class NvdbClient:
@@ -150,10 +159,47 @@ class NvdbClient:
             The URL is not http(s), or not on the API's host.
         """
         url = self._url(path_or_url)
+        return self._retrying(self._attempts, lambda deadline: self._get_once(url, params, deadline))
+
+    def request(
+        self,
+        method: str,
+        path_or_url: str,
+        *,
+        headers: Mapping[str, str],
+        body: bytes | None = None,
+        params: Params | None = None,
+        again: bool = False,
+    ) -> Reply:
+        """Send one request of any kind and return what comes, also an error status or a redirect.
+
+        Nothing is followed. With `again` (only where a second arrival does no harm) it is sent again as
+        :meth:`get_json` does, and a status that may pass raises in the end. `headers` are never logged.
+
+        Raises
+        ------
+        TransportError
+            No whole answer.
+        """
+        url = self._url(path_or_url)
+
+        def once(deadline: float) -> Reply:
+            response, content = self._send(url, params, deadline, method, body, headers)
+            if again and not 200 <= response.status_code < 300:
+                where = answers.place(url)
+                bad = answers.status_error(response.status_code, response.headers, content, where)
+                if bad.retryable:
+                    raise bad
+            return Reply(response.status_code, response.headers, content)
+
+        return self._retrying(self._attempts if again else 1, once)
+
+    def _retrying(self, attempts: int, once: Callable[[float], T]) -> T:
+        """Call `once` with the deadline until it succeeds or nothing more may be tried."""
         deadline = time.monotonic() + self._deadline_s
         retrying = tenacity.Retrying(
             sleep=self._sleep,
-            stop=tenacity.stop_after_attempt(self._attempts) | tenacity.stop_before_delay(self._deadline_s),
+            stop=tenacity.stop_after_attempt(attempts) | tenacity.stop_before_delay(self._deadline_s),
             wait=_wait_s,
             retry=tenacity.retry_if_exception(
                 lambda error: isinstance(error, TransportError) and error.retryable
@@ -162,7 +208,7 @@ class NvdbClient:
             reraise=True,
         )
         try:
-            return retrying(self._get_once, url, params, deadline)
+            return retrying(once, deadline)
         except TransportError as error:
             error.attempts = retrying.statistics["attempt_number"]
             raise
@@ -186,15 +232,23 @@ class NvdbClient:
             location = response.raw.headers.get("Location", "")
             if response.status_code not in _REDIRECTS or not location:
                 break
-            url, params = _redirect_target(url, location), None
+            url, params = redirect_target(url, location), None
         else:
-            msg = f"{where} redirects in a circle, to {_shown(url)}: check the API URL and the proxy."
+            msg = f"{where} redirects in a circle, to {shown(url)}: check the API URL and the proxy."
             raise RedirectError(msg)
         if not 200 <= response.status_code < 300:
             raise answers.status_error(response.status_code, response.headers, body, where)
         return answers.json_from_body(body, where, response.headers.get("Content-Type", ""))
 
-    def _send(self, url: str, params: Params | None, deadline: float) -> tuple[requests.Response, bytes]:
+    def _send(
+        self,
+        url: str,
+        params: Params | None,
+        deadline: float,
+        method: str = "GET",
+        body: bytes | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> tuple[requests.Response, bytes]:
         """Send one request and read what comes, a redirect included."""
         where = answers.place(url)
         if self.rate_limit_remaining is not None and self.rate_limit_remaining <= LOW_BUDGET:
@@ -203,9 +257,17 @@ class NvdbClient:
         timeout_s = max(min(self._timeout_s, deadline - time.monotonic()), 0.001)
         try:
             request = self._session.prepare_request(
-                requests.Request("GET", url, params=params, headers=self._headers)
+                requests.Request(
+                    method,
+                    url,
+                    params=params,
+                    data=body,
+                    headers={**self._headers, **(headers or {})},
+                    # A bare login keeps a .netrc on this machine from replacing the token.
+                    auth=_unchanged if headers else None,
+                )
             )
-            request.hooks["response"].append(_hide_location)
+            request.hooks["response"].append(hide_location)
             settings = self._session.merge_environment_settings(request.url, {}, True, None, None)
             with self._session.send(
                 request, timeout=timeout_s, allow_redirects=False, **settings
@@ -239,57 +301,8 @@ class NvdbClient:
         self.rate_limit_remaining = int(text) if re.fullmatch(r"[0-9]{1,9}", text) else None
 
 
-def _hide_location(response: requests.Response, **_: object) -> None:
-    """Keep requests from preparing the next request of a redirect.
-
-    It does so even when told not to follow: it then reads the whole body, beyond our deadline and size limit,
-    and a damaged address ends in a bare ValueError. What the server said stays in ``response.raw.headers``.
-    """
-    response.headers.pop("Location", None)
-
-
-def _redirect_target(url: str, location: str) -> str:
-    """Where a redirect of `url` leads; RedirectError unless that is the same API.
-
-    The result is put together from `url`'s own host and only the path and query of `location`, so that no
-    two ways to read an odd address can lead to another host.
-    """
-    where = answers.place(url)
-    # The HTTP library reads headers as latin-1, though what is sent is UTF-8 or, rightly, percent-encoded.
-    location = quote(location.encode("latin-1", "replace"), safe=_URL_SAFE)
-    old = urlsplit(url)
-    try:
-        new = urlsplit(urljoin(url, location))
-        scheme, netloc = _same_api(old, new)
-    except ValueError as error:
-        msg = f"{where} redirects to {location[:200]}, which is no address: check the API URL and the proxy."
-        raise RedirectError(msg) from error
-    if new.scheme not in _DEFAULT_PORTS:
-        msg = f"{where} redirects to {_shown(new.geturl())}, which is not http(s): check the API URL."
-        raise RedirectError(msg)
-    if not netloc:
-        msg = (
-            f"{where} redirects to {_shown(new.geturl())}, which is not the API's own host, and nothing was "
-            "sent there: check the API URL and the proxy."
-        )
-        raise RedirectError(msg)
-    return urlunsplit((scheme, netloc, new.path, new.query, ""))
-
-
-def _same_api(old: SplitResult, new: SplitResult) -> tuple[str, str]:
-    """Scheme and host to ask after a redirect from `old` to `new`; both empty if that is another API."""
-    ports = tuple(parts.port or _DEFAULT_PORTS.get(parts.scheme) for parts in (old, new))
-    if new.hostname == old.hostname and new.username is None:
-        if new.scheme == old.scheme and ports[0] == ports[1]:
-            return old.scheme, old.netloc
-        if (old.scheme, new.scheme) == ("http", "https") and ports == (80, 443):
-            return "https", old.netloc.removesuffix(":80")
-    return "", ""
-
-
-def _shown(url: str) -> str:
-    """Scheme, host and path: what a message may show of an address that an answer gave."""
-    return f"{urlsplit(url).scheme}://{answers.place(url)}"[:200]
+def _unchanged(request: requests.PreparedRequest) -> requests.PreparedRequest:
+    return request
 
 
 def _tell(state: tenacity.RetryCallState) -> None:
@@ -368,5 +381,5 @@ def _checked_headers(client_name: str, contact: str | None) -> dict[str, str]:
 def _new_session(base: SplitResult) -> requests.Session:
     session = requests.Session()
     # A replay server on this machine must not be asked for through the company's proxy.
-    session.trust_env = base.hostname not in _LOOPBACK
+    session.trust_env = base.hostname not in LOOPBACK
     return session

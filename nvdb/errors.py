@@ -8,14 +8,16 @@
     │   ├── DeadlineExceededError    the total time for one request is used up
     │   ├── RedirectError            redirects that go round in a circle, or leave the API's own host
     │   ├── HttpStatusError          a status other than 2xx, with ProblemDetail's title and detail
-    │   │   └── RateLimitedError     429, also after waiting as the server asked
+    │   │   ├── RateLimitedError     429, also after waiting as the server asked
+    │   │   └── LoginError           API Skriv does not take the login, or the user may not do this
     │   └── BodyError                a body that is damaged or larger than any real page
     │       ├── TruncatedBodyError   a body that ends too early
     │       └── NotJsonError         status 200 with something other than JSON (often a gateway's HTML)
     ├── SchemaError                  JSON, but not what API Les V4 documents
     │   └── PagingError              a cursor that goes in a circle, a page that comes again
     ├── RequestError                 a question that is refused before it is sent (also a ``ValueError``)
-    │   └── AreaError                an area that cannot be: bad kommune, bad box
+    │   ├── AreaError                an area that cannot be: bad kommune, bad box
+    │   └── EndringssettError        a change set in which our own checks found errors
     └── ReplaySourceError            recorded pages that cannot be replayed
 
 Every message is one sentence: what, where (host and path), and the cure.
@@ -102,6 +104,10 @@ class RateLimitedError(HttpStatusError):
     """429: too many requests, also after waiting as the server asked."""
 
 
+class LoginError(HttpStatusError):
+    """API Skriv does not take the login (302, 401), or the user may not do this (403)."""
+
+
 class BodyError(TransportError):
     """A body that cannot be decoded, or that is larger than any real page."""
 
@@ -132,6 +138,20 @@ class RequestError(NvdbError, ValueError):
 
 class AreaError(RequestError):
     """An area that cannot be asked for."""
+
+
+class EndringssettError(RequestError):
+    """A change set that is not sent, because our own checks found errors in it.
+
+    Attributes
+    ----------
+    findings : tuple of str
+        One sentence each.
+    """
+
+    def __init__(self, message: str, findings: tuple[str, ...] = ()) -> None:
+        super().__init__(message)
+        self.findings = findings
 
 
 class ReplaySourceError(NvdbError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import io
 import json
 import zlib
@@ -14,21 +13,25 @@ import numpy as np
 import sqlalchemy as sa
 from numpy.typing import NDArray
 
-from geoloc.geodesy import geographic_from_utm33
+from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg, utm33_from_geographic
+from geoloc.interpolation import metres_per_degree
 from geoloc.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory import Poses
-from geoloc.visibility import count_views
+from geoloc.visibility import views
 from twin import schema
 from twin.errors import StoreError
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
+from twin.matching.evidence import Passage, Views, evidence_of_absence, still_seen
+from twin.matching.nearby import mirror_near
 from twin.matching.observed import ObservedPole, observed_poles
-from twin.matching.sites import Site, sites_from_mirror
+from twin.matching.sites import Site, along_the_road, sites_from_mirror
 from twin.matching.verdict import VERDICTS, Change, judge
 from twin.store import Snapshot, Store, utc_now
+from twin.vegnett.network import FACT as VEGNETT
 
 Row = Mapping[str, Any]
-IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
 
 METHODS = ("adjusted", "single-frame", "paper")
 """Geolocation methods, best first."""
@@ -45,7 +48,7 @@ class MatchReport:
     verdicts : dict
         Verdict → number of findings, every verdict named.
     n_poles, n_sites : int
-        Observed poles; NVDB sites that have any position.
+        Observed poles; NVDB sites near a drive that have any position.
     n_in_view : int
         Sites that a completely annotated drive had in view.
     n_outdated : int
@@ -91,20 +94,30 @@ def match(
         drives = _drives(view, method)
         estimates = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method))
         known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
-        poles = observed_poles(estimates, [drive.drive_id for drive in drives], config, known)
-        sites = sites_from_mirror(
-            view.rows(sa.select(*_columns(schema.skiltpunkt))),
-            view.rows(sa.select(*_columns(schema.skiltplate))),
-            config,
-        )
+        has_network = store.fact(VEGNETT) is not None
+        seen_from = _seen_from(view, estimates, method) if has_network else {}
+        poles = observed_poles(estimates, [drive.drive_id for drive in drives], config, known, seen_from)
+        points, plates = mirror_near(view, _places(drives, poles), config)
+    sites = _sites(store, points, plates, config, has_network=has_network)
     say("finding which signs were in view")
-    current = _still_seen(drives, poles, config)
-    seen = _views_of_sites(drives, sites, config)
+    current = still_seen(poles, [drive.past(poles, config) for drive in drives], config)
+    seen = evidence_of_absence([drive.past(sites, config) for drive in drives], sites, config)
     say("assigning")
-    assignment = assign(current, sites, seen.p_unannotated(config), config)
-    changes = judge(current, sites, assignment, seen.complete, seen.watched_by, config)
+    assignment = assign(current, sites, seen.p_unannotated, config)
+    changes = judge(
+        current,
+        sites,
+        assignment,
+        seen.complete,
+        seen.watched_by,
+        config,
+        p_unannotated=seen.p_unannotated,
+        passed=seen.passed,
+    )
     keys = {member: pole.key for pole in poles for member in pole.members}
-    store.save_changes([asdict(change) for change in changes], keys, {"method": method, "at": utc_now()})
+    measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
+    rows = [{**asdict(change), **_covariance(change, measured)} for change in changes]
+    store.save_changes(rows, keys, {"method": method, "at": utc_now()})
     return MatchReport(
         method=method,
         verdicts=_counts(changes),
@@ -139,20 +152,51 @@ class _Drive:
     """
 
     drive_id: str
-    day: str
+    started_ns: int
     is_evidence: bool
     rig: Rig
     poses: Poses
     cameras: tuple[str, ...]
 
-    def views(self, east: NDArray[np.float64], north: NDArray[np.float64], config: MatchConfig) -> IntArray:
-        """Count the camera images that had each place in view."""
-        if not len(east):
-            return np.zeros(0, dtype=np.int64)
+    def past(self, places: Sequence[Site] | Sequence[ObservedPole], config: MatchConfig) -> Passage:
+        """What the drive had in view of the places."""
+        east, north = np.array([(place.east_m, place.north_m) for place in places]).reshape(-1, 2).T
+        views = views_of_places(self.rig, self.poses, east, north, config, cameras=self.cameras)
+        return Passage(self.drive_id, self.started_ns, self.is_evidence, views)
+
+
+def _places(drives: Sequence[_Drive], poles: Sequence[ObservedPole]) -> FloatArray:
+    """Where something was seen, or driven past: EPSG:25833, to some hundred metres."""
+    track = [np.stack([d.poses.latitude_deg, d.poses.longitude_deg], axis=1) for d in drives]
+    coarse = np.unique(np.round(np.concatenate(track) / _COARSE_DEG), axis=0) * _COARSE_DEG
+    east, north = utm33_from_geographic(*coarse.T)
+    seen = np.array([(pole.east_m, pole.north_m) for pole in poles]).reshape(-1, 2)
+    return np.concatenate([np.stack([east, north], axis=1), seen])
+
+
+_COARSE_DEG = 0.002
+
+
+def views_of_places(
+    rig: Rig,
+    poses: Poses,
+    east: FloatArray,
+    north: FloatArray,
+    config: MatchConfig,
+    *,
+    cameras: Sequence[str],
+) -> Views:
+    """Find the camera images that had each place (EPSG:25833) in view, and where the car stood from it."""
+    place, azimuth = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    if len(east):
         lat, lon = geographic_from_utm33(east, north)
-        return count_views(
-            self.rig, self.poses, lat, lon, max_range_m=config.view_range_m, cameras=list(self.cameras)
-        )
+        for seen in views(rig, poses, lat, lon, max_range_m=config.view_range_m, cameras=list(cameras)):
+            per_east, per_north = metres_per_degree(lat[seen.site])
+            de = (poses.longitude_deg[seen.pose] - lon[seen.site]) * per_east
+            dn = (poses.latitude_deg[seen.pose] - lat[seen.site]) * per_north
+            place.append(seen.site)
+            azimuth.append(np.rad2deg(np.arctan2(de, dn)) % 360.0)
+    return Views(np.concatenate(place), np.concatenate(azimuth))
 
 
 def _drives(view: Snapshot, method: str) -> list[_Drive]:
@@ -170,7 +214,7 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
         drives.append(
             _Drive(
                 drive_id=row["drive_id"],
-                day=dt.datetime.fromtimestamp(row["started_ns"] / 1e9, tz=dt.UTC).date().isoformat(),
+                started_ns=row["started_ns"],
                 is_evidence=bool(row["annotations_complete"]) and row["n_unplaced"] == 0,
                 rig=rig,
                 poses=poses_from_blob(row["poses"]),
@@ -180,66 +224,51 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
     return drives
 
 
-def _still_seen(
-    drives: Sequence[_Drive], poles: Sequence[ObservedPole], config: MatchConfig
-) -> list[ObservedPole]:
-    """Leave out poles that a later drive passed, completely annotated, without seeing them."""
-    east = np.array([pole.east_m for pole in poles])
-    north = np.array([pole.north_m for pole in poles])
-    last_seen = np.array(
-        [max(i for i, d in enumerate(drives) if d.drive_id in pole.drive_ids) for pole in poles],
-        dtype=np.int64,
-    )
-    gone = np.zeros(len(poles), dtype=bool)
-    for i, drive in enumerate(drives):
-        if drive.is_evidence and (last_seen < i).any():
-            gone |= (last_seen < i) & (drive.views(east, north, config) >= config.min_views)
-    return [pole for pole, is_gone in zip(poles, gone, strict=True) if not is_gone]
-
-
-@dataclass(frozen=True, slots=True)
-class _Views:
-    """Camera images in which each site was in view.
-
-    Attributes
-    ----------
-    complete : int (n_sites,)
-        Of drives that are evidence of absence.
-    every : int (n_sites,)
-        Of all drives.
-    watched_by : per site, the ids of the drives that are evidence
-    """
-
-    complete: IntArray
-    every: IntArray
-    watched_by: list[list[str]]
-
-    def p_unannotated(self, config: MatchConfig) -> NDArray[np.float64]:
-        """Probability that a pole that stands at the site goes unannotated."""
-        return np.where(
-            self.complete >= config.min_views, config.p_missed, np.where(self.every > 0, config.p_unseen, 1.0)
+def _seen_from(view: Snapshot, estimates: Sequence[Row], method: str) -> dict[str, frozenset[float]]:
+    """From which directions each estimate's object was seen, in steps of 30° from true north."""
+    t = schema.sighting
+    rows = view.rows(
+        sa.select(t.c.drive_id, t.c.object, t.c.eye_east_m, t.c.eye_north_m).where(
+            t.c.method == method, t.c.rejected == "", t.c.eye_east_m.is_not(None)
         )
+    )
+    foot = {(e["drive_id"], e["object"]): (e["east_m"], e["north_m"]) for e in estimates}
+    kept = [row for row in rows if (row["drive_id"], row["object"]) in foot]
+    if not kept:
+        return {}
+    eye = np.array([(row["eye_east_m"], row["eye_north_m"]) for row in kept])
+    place = np.array([foot[row["drive_id"], row["object"]] for row in kept])
+    east, north = (eye - place).T
+    turn = grid_convergence_deg(*geographic_from_utm33(*place.T))
+    azimuth = np.round((np.rad2deg(np.arctan2(east, north)) + turn) / _STEP_DEG) * _STEP_DEG % 360.0
+    found: dict[str, set[float]] = {}
+    for row, degrees in zip(kept, azimuth.tolist(), strict=True):
+        found.setdefault(f"{row['drive_id']}:{row['object']}", set()).add(degrees)
+    return {member: frozenset(directions) for member, directions in found.items()}
 
 
-def _views_of_sites(drives: Sequence[_Drive], sites: Sequence[Site], config: MatchConfig) -> _Views:
-    east = np.array([site.east_m for site in sites])
-    north = np.array([site.north_m for site in sites])
-    starts = np.array([site.start_date for site in sites], dtype=np.str_)
-    views = _Views(np.zeros(len(sites), np.int64), np.zeros(len(sites), np.int64), [[] for _ in sites])
-    for drive in drives:
-        # What NVDB says was put up later than the drive could not be seen.
-        seen = np.where(starts <= drive.day, drive.views(east, north, config), 0)
-        views.every[:] += seen
-        if drive.is_evidence:
-            views.complete[:] += seen
-            for j in np.flatnonzero(seen):
-                views.watched_by[int(j)].append(drive.drive_id)
-    return views
+_STEP_DEG = 30.0
 
 
-def _columns(table: sa.Table) -> list[sa.Column[Any]]:
-    """Every column but the compressed original, which matching does not need."""
-    return [column for column in table.columns if column.name != "raw"]
+def _sites(
+    store: Store, points: Sequence[Row], plates: Sequence[Row], config: MatchConfig, *, has_network: bool
+) -> list[Site]:
+    """Sites of the mirror; with the road network also which way they face, and their road."""
+    if not has_network:
+        return sites_from_mirror(points, plates, config)
+    from twin.vegnett import facing, load_vegnett
+
+    sites = sites_from_mirror(points, plates, config, facing(store))
+    return along_the_road(sites, load_vegnett(store))
+
+
+def _covariance(
+    change: Change, measured: Mapping[tuple[float, float], FloatArray]
+) -> dict[str, float | None]:
+    """Columns of the measured position's covariance; null where a finding stands at NVDB's position."""
+    found = measured.get((change.east_m, change.north_m))
+    values = [None] * 3 if found is None else found[[0, 0, 1], [0, 1, 1]].tolist()
+    return dict(zip(("cov_ee_m2", "cov_en_m2", "cov_nn_m2"), values, strict=True))
 
 
 def _counts(changes: Sequence[Change]) -> dict[str, int]:

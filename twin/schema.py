@@ -8,7 +8,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-VERSION = 3
+VERSION = 4
 """Raised with every change of the tables: a store of another version is refused, never guessed at."""
 
 metadata = sa.MetaData()
@@ -236,19 +236,47 @@ change = sa.Table(
     sa.Column("skiltnummer_seen", sa.String, nullable=False),
     sa.Column("distance_m", sa.Float),
     sa.Column("distance_sigma_m", sa.Float),
+    sa.Column("cov_ee_m2", sa.Float),  # of the measured position, grid east and grid north
+    sa.Column("cov_en_m2", sa.Float),
+    sa.Column("cov_nn_m2", sa.Float),
     sa.Column("drive_ids", sa.String, nullable=False),
     sa.Column("n_sightings", sa.Integer, nullable=False),
     sa.Column("east_m", sa.Float, nullable=False),
     sa.Column("north_m", sa.Float, nullable=False),
+    sa.Column("terms", sa.JSON, nullable=False, default=dict),  # what the verdict rests on
 )
 
-decision = sa.Table(
-    "decision",
+decision_log = sa.Table(
+    "decision_log",
     metadata,
-    sa.Column("change_id", sa.String, primary_key=True),
-    sa.Column("decision", sa.String, nullable=False),
+    sa.Column("id", ROWID, primary_key=True),
+    sa.Column("batch", sa.Integer, nullable=False, index=True),  # what one command or one match decided
+    sa.Column("change_id", sa.String, nullable=False, index=True),
+    sa.Column("kind", sa.String, nullable=False),  # decided, undone, reopened, carried
+    sa.Column("decision", sa.String, nullable=False),  # open, accept, dismiss, defer
+    sa.Column("reason", sa.String, nullable=False),
+    sa.Column("by", sa.String, nullable=False),
+    sa.Column("at", sa.String, nullable=False),  # UTC
+    sa.Column("evidence", sa.JSON, nullable=False),  # what the decision rested on
+    sa.Column("undo_of", sa.BigInteger),  # the entry that this one takes back
 )
-"""What people decided, kept also while a finding is absent."""
+"""Every decision ever made: rows are added, never changed; kept also while a finding is absent."""
+
+decision = sa.Table("decision", sa.MetaData(), *(sa.Column(c.name, c.type) for c in decision_log.columns))
+"""The decision that holds for each change: a view, the last row of the log."""
+
+_DECISION_LOG_RULES = """
+CREATE VIEW decision AS SELECT * FROM decision_log AS e
+  WHERE e.id = (SELECT max(n.id) FROM decision_log AS n WHERE n.change_id = e.change_id)
+--
+CREATE TRIGGER decision_log_keeps BEFORE UPDATE ON decision_log
+  BEGIN SELECT RAISE(ABORT, 'decisions are never changed'); END
+--
+CREATE TRIGGER decision_log_stays BEFORE DELETE ON decision_log
+  BEGIN SELECT RAISE(ABORT, 'decisions are never deleted'); END
+"""
+for _rule in _DECISION_LOG_RULES.split("--"):
+    sa.event.listen(metadata, "after_create", sa.DDL(_rule))  # type: ignore[no-untyped-call]
 
 pole_key = sa.Table(
     "pole_key",

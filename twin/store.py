@@ -16,7 +16,8 @@ from typing import Any
 import sqlalchemy as sa
 
 from twin import schema
-from twin.errors import StoreError
+from twin.decisions.reopen import reopen_changed
+from twin.errors import RefusedError, StoreError
 
 Row = Mapping[str, Any]
 
@@ -179,6 +180,8 @@ class Store:
     def save_changes(self, changes: Sequence[Row], pole_keys: Mapping[str, str], run: Row) -> None:
         """Replace the findings of the last match, in one transaction.
 
+        Findings that were decided on other evidence are open again (:mod:`twin.decisions.reopen`).
+
         Parameters
         ----------
         changes : rows of the ``change`` table
@@ -195,15 +198,29 @@ class Store:
                     sa.insert(schema.pole_key).prefix_with("OR REPLACE"),
                     [{"member": member, "pole": pole} for member, pole in pole_keys.items()],
                 )
+            reopen_changed(connection, utc_now())
             revision = self._fact(connection, _REVISION) or {"n": 0}
             self.put_fact(connection, "last_match", {**run, "revision": revision["n"]})
 
-    def save_decisions(self, decisions: Mapping[str, str]) -> None:
-        """Keep what people decided, by ``change_id``; it stays while a finding comes and goes."""
-        rows = [{"change_id": key, "decision": value} for key, value in decisions.items()]
-        if rows:
-            with self.transaction() as connection:
-                connection.execute(sa.insert(schema.decision).prefix_with("OR REPLACE"), rows)
+    def matched(self) -> dict[str, Any]:
+        """Return the facts of the last match, whose findings are those of the store's drives and mirror.
+
+        Raises
+        ------
+        StoreError
+            Nothing was matched yet.
+        RefusedError
+            Drives or mirror have changed since.
+        """
+        last = self.fact("last_match")
+        if last is None:
+            raise StoreError(f"The store {self.path} has no findings yet: run `twin match` first.")
+        if last["revision"] != self.revision():
+            raise RefusedError(
+                f"The store {self.path} has changed since the last match (sync or ingest): "
+                "run `twin match` again first."
+            )
+        return last
 
     # -- small facts ---------------------------------------------------------------------------------------
 

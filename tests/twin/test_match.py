@@ -77,7 +77,15 @@ def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) 
     with Store.open(synced) as store:
         ingest_drive(store, trip)
         verdicts = match(store).verdicts
-    assert verdicts == {"unchanged": 12, "moved": 1, "wrong_type": 1, "new": 1, "missing": 1, "review": 0}
+    assert verdicts == {
+        "unchanged": 12,
+        "moved": 1,
+        "wrong_type": 1,
+        "new": 1,
+        "missing": 1,
+        "not_observable": 0,
+        "review": 0,
+    }
 
 
 def boxed(trip: Path) -> None:
@@ -110,7 +118,15 @@ def test_match_finds_the_same_where_only_boxes_were_drawn(synced: Path, trip: Pa
         report = ingest_drive(store, trip)
         verdicts = match(store).verdicts
     assert report.n_estimates == 15
-    assert verdicts == {"unchanged": 12, "moved": 1, "wrong_type": 1, "new": 1, "missing": 1, "review": 0}
+    assert verdicts == {
+        "unchanged": 12,
+        "moved": 1,
+        "wrong_type": 1,
+        "new": 1,
+        "missing": 1,
+        "not_observable": 0,
+        "review": 0,
+    }
 
 
 def test_match_does_not_miss_what_was_put_up_later(synced: Path, trip: Path) -> None:

@@ -141,15 +141,6 @@ def test_transaction_rolls_back_on_any_exception(store: Store) -> None:
     assert store.count(schema.change) == 1
 
 
-def test_decisions_outlive_the_findings(store: Store) -> None:
-    """A decision stays while its finding comes and goes, and can be changed."""
-    store.save_decisions({"a": "dismiss"})
-    store.save_changes([change("b")], {}, {"method": "m"})
-    store.save_changes([change("a")], {}, {"method": "m"})
-    store.save_decisions({"a": "accept"})
-    assert store.rows(sa.select(schema.decision)) == [{"change_id": "a", "decision": "accept"}]
-
-
 def test_revision_counts_drives_but_not_matches(store: Store) -> None:
     """A match belongs to the revision it was made from: a drive that comes later makes it stale."""
     store.save_drive(drive(), "single-frame", [], [estimate("1")])

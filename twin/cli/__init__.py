@@ -4,7 +4,8 @@
 code meaning
 ==== =========================================================
 0    done
-1    an error in twin itself (please report it)
+1    an error in twin itself (please report it); ``match
+     --exit-code`` alone says so that findings are open
 2    usage: unknown command or option, wrong value
 3    network: the API did not answer as it should
 4    bad data: a drive, a store, a truth file, an API's objects

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -28,6 +29,12 @@ JsonOption = Annotated[
 ]
 
 
+ByOption = Annotated[
+    str | None,
+    typer.Option(envvar="TWIN_USER", help="Who decides.  [default: the login name]", show_default=False),
+]
+
+
 class Method(StrEnum):
     """Geolocation methods, as in :data:`twin.match.METHODS`."""
 
@@ -44,6 +51,25 @@ class ScenarioName(StrEnum):
     APPROACH = "approach"
     URBAN = "urban"
     HIGHWAY = "highway"
+
+
+class FindingVerdict(StrEnum):
+    """Verdicts that ask for a decision."""
+
+    NEW = "new"
+    MISSING = "missing"
+    MOVED = "moved"
+    WRONG_TYPE = "wrong_type"
+    REVIEW = "review"
+
+
+class DecisionName(StrEnum):
+    """Decisions, as in :data:`twin.decisions.log.DECISIONS`."""
+
+    OPEN = "open"
+    ACCEPT = "accept"
+    DISMISS = "dismiss"
+    DEFER = "defer"
 
 
 class SourceName(StrEnum):
@@ -167,30 +193,106 @@ def ingest_drive(
 @app.command("match", epilog="Example: twin match")
 def match(
     method: Annotated[
-        Method | None, typer.Option(help="Whose estimates to match.  [default: the best in the store]")
+        Method | None, typer.Option(help="Whose estimates to match. Default: the best in the store.")
     ] = None,
     tolerance: Annotated[
         float, typer.Option(help="Metres from NVDB's position beyond which a sign has moved.")
     ] = 1.0,
+    exit_code: Annotated[
+        bool, typer.Option("--exit-code", help="Exit with 1 if findings are open, 0 if none is.")
+    ] = False,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Compare the estimates with the mirror: new, missing, moved, wrong type, unchanged, or for review."""
-    from twin.cli import commands
+    from twin.cli import findings
 
-    commands.match(method, tolerance, store, json_output)
+    findings.match(method, tolerance, exit_code, store, json_output)
+
+
+@app.command("explain", epilog="Example: twin explain 3f09a1b2c4d5")
+def explain(
+    change: Annotated[str, typer.Argument(help="A finding's change_id.", metavar="CHANGE_ID")],
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Explain one finding: verdict, confidence and reason, and who decided what about it."""
+    from twin.cli import findings
+
+    findings.explain(change, store, json_output)
+
+
+@app.command(
+    "decide",
+    epilog="Example: twin decide dismiss 3f09a1b2c4d5 --reason 'road works'.  In bulk: twin decide accept "
+    "--verdict new --class 362 --since 2026-06-01.  From QGIS: twin decide --from out/twin_utm33.gpkg.  "
+    "Back: twin decide undo",
+)
+def decide(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="accept, dismiss, defer or open, and change ids; or undo, and how many commands.",
+            metavar="CHANGE_ID… DECISION",
+            show_default=False,
+        ),
+    ] = None,
+    verdict: Annotated[list[FindingVerdict] | None, typer.Option(help="Findings of this verdict.")] = None,
+    drive: Annotated[list[str] | None, typer.Option(help="Findings of this drive: its id or name.")] = None,
+    area: Annotated[Path | None, typer.Option(help="Findings inside the polygons of a GeoJSON file.")] = None,
+    sign_class: Annotated[
+        list[str] | None, typer.Option("--class", help="Sign code seen or in NVDB: 362.50, or 362 for all.")
+    ] = None,
+    since: Annotated[
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Findings of drives since this day (UTC).")
+    ] = None,
+    until: Annotated[
+        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Findings of drives until this day (UTC).")
+    ] = None,
+    state: Annotated[
+        DecisionName, typer.Option(help="Select among findings that are now so decided.")
+    ] = DecisionName.OPEN,
+    from_file: Annotated[
+        Path | None, typer.Option("--from", help="Take the decisions made in QGIS in an exported GeoPackage.")
+    ] = None,
+    reason: Annotated[str, typer.Option(help="Why; kept with the decision.")] = "",
+    by: ByOption = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say which findings would be decided.")
+    ] = False,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Decide about findings: one by one, in bulk, or as decided in QGIS. Undo takes the last command back.
+
+    A decision holds until what it rests on really changes; then the finding is open again and says why.
+    """
+    from twin.cli import findings
+    from twin.decisions.findings import Selection
+
+    wanted = Selection(
+        drives=tuple(drive or ()),
+        area=area,
+        verdicts=tuple(verdict or ()),
+        classes=tuple(sign_class or ()),
+        since=since.date() if since else None,
+        until=until.date() if until else None,
+        decision=state.value,
+    )
+    findings.decide(words or (), wanted, from_file, reason, by, dry_run, store, json_output)
 
 
 @app.command("export", epilog="Example: twin export out  (then open out/twin_utm33.gpkg in QGIS)")
 def export(
     folder: Annotated[Path, typer.Argument(help="Where to write; made if it does not exist.", metavar="DIR")],
+    by: ByOption = None,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Write the findings as GeoPackages (UTM33 and WGS84, styled for QGIS) and GeoJSON."""
     from twin.cli import commands
 
-    commands.export(folder, store, json_output)
+    commands.export(folder, by, store, json_output)
 
 
 @app.command("evaluate", epilog="Example: twin evaluate data/truth.csv --plots plots")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin.cli.findings import person
 from twin.cli.output import (
     bar,
     log_notes,
@@ -186,46 +186,14 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
     }
 
 
-def match(method: str | None, tolerance: float, store: Path, json_output: bool) -> None:
-    """``twin match``."""
-    import sqlalchemy as sa
-
-    from twin import schema
-    from twin.match import match as run
-    from twin.matching.config import MatchConfig
-    from twin.store import Store
-
-    config = MatchConfig(tolerance_m=tolerance)
-    with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
-        report = run(opened, method=method, config=config, progress=progress)
-        changes = opened.rows(sa.select(schema.change).order_by(schema.change.c.change_id))
-    if json_output:
-        print_json({**asdict(report), "changes": changes})
-        return
-    findings = [c for c in changes if c["verdict"] != "unchanged"]
-    print_table(
-        "Findings",
-        ["change", "verdict", "reason"],
-        [(c["change_id"], c["verdict"], c["reason"]) for c in findings],
-        right_from=3,
-    )
-    print_table("Verdicts", ["verdict", "findings"], list(report.verdicts.items()))
-    note(
-        f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
-        f"{report.n_in_view} of them in view of a completely annotated drive."
-    )
-    if report.n_outdated:
-        note(f"{report.n_outdated} poles of earlier drives were left out: a later drive no longer saw them.")
-
-
-def export(folder: Path, store: Path, json_output: bool) -> None:
+def export(folder: Path, by: str | None, store: Path, json_output: bool) -> None:
     """``twin export``."""
     from geoloc.heights import nn2000_from_ellipsoidal
     from twin.export import export_findings
     from twin.store import Store
 
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
-        files = export_findings(opened, folder, progress=progress)
+        files = export_findings(opened, folder, by=person() if by is None else by, progress=progress)
     if json_output:
         print_json({"files": [str(path) for path in files]})
         return

@@ -3,7 +3,7 @@
 >>> from twin.export import ExportLayers, empty_layers, export_all, render_png
 """
 
-from twin.export.findings import export_findings
+from twin.export.findings import decide_as_in, export_findings
 from twin.export.folder import FILES, export_all
 from twin.export.geopackage import edited_decisions
 from twin.export.layers import COLUMNS, ExportLayers, empty_layers
@@ -16,6 +16,7 @@ __all__ = [
     "FILES",
     "VERDICTS",
     "ExportLayers",
+    "decide_as_in",
     "edited_decisions",
     "empty_layers",
     "export_all",

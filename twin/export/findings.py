@@ -4,19 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from twin.errors import ExportRefusedError, RefusedError, StoreError
+from twin.decisions.decide import Edit, keep_edits
+from twin.decisions.evidence import Evidence
+from twin.decisions.log import position
+from twin.errors import ExportRefusedError, RefusedError
 from twin.export.atomic import refuse_if_open
 from twin.export.folder import GEOPACKAGES, export_all
 from twin.export.from_store import layers_from_store
-from twin.export.geopackage import edited_decisions
+from twin.export.geopackage import changes_in, edited_decisions, log_position
 from twin.export.verdicts import DECISIONS
 from twin.store import Store
 
 
 def export_findings(
-    store: Store, folder: Path | str, *, progress: Callable[[str], None] | None = None
+    store: Store,
+    folder: Path | str,
+    *,
+    by: str = "QGIS",
+    progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Export the findings of the last match, after keeping what people decided in the last export.
 
@@ -27,6 +33,8 @@ def export_findings(
     folder : Path
         Made if it does not exist. Decisions edited in QGIS in the GeoPackages already there are kept in the
         store by ``change_id``, also those of changes that the last match no longer found.
+    by : str, optional
+        Who is to be named for those decisions.
     progress : callable, optional
         Told what is being done.
 
@@ -45,17 +53,61 @@ def export_findings(
         As :func:`twin.export.export_all`; or the decisions in the folder contradict each other, or are none.
     """
     folder = Path(folder)
-    last = _last_match(store)
+    last = store.matched()
     decided = decisions_made_in(folder)
     if decided:
         if progress is not None:
             progress(f"keeping {len(decided)} decision(s) made in QGIS")
-        store.save_decisions(decided)
+        edits: dict[str, Edit] = {}
+        for path in (folder / name for name in GEOPACKAGES if (folder / name).exists()):
+            edits = {**_edits(path), **edits}
+        keep_edits(store, edits, by=by)
+    noted = position(store.rows)
     layers = layers_from_store(store, last["method"])
     # The layers are of one moment, but of which? The same match before and after it leaves one answer.
-    if _last_match(store) != last:
+    if store.matched() != last:
         raise RefusedError(f"The store {store.path} was matched again during the export: export again.")
-    return export_all(layers, folder, known_decisions=decided, progress=progress)
+    return export_all(layers, folder, known_decisions=decided, log_position=noted, progress=progress)
+
+
+def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -> tuple[str, ...]:
+    """Bring home the decisions that were made in one exported GeoPackage, wherever it is by now.
+
+    Parameters
+    ----------
+    store : Store
+    path : Path
+        A ``twin_utm33.gpkg`` or ``twin_wgs84.gpkg``, under any name. It is not changed.
+    by : str
+        Who decided.
+    reason : str, optional
+
+    Returns
+    -------
+    tuple of str
+        The changes that were decided anew; what was brought home before is not among them.
+
+    Raises
+    ------
+    ExportRefusedError
+        It is open in QGIS, not an export, or holds a decision that is none.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise ExportRefusedError(f"there is no file {path}: name a GeoPackage that `twin export` wrote")
+    store.matched()
+    refuse_if_open(path)
+    return keep_edits(store, _edits(path), by=by, reason=reason)
+
+
+def _edits(path: Path) -> dict[str, Edit]:
+    found = edited_decisions(path)
+    _refuse_unknown(path, found)
+    if not found:
+        return {}
+    at = log_position(path)
+    rows = {row["change_id"]: row for row in changes_in(path) if row["change_id"] in found}
+    return {key: Edit(said, Evidence.from_row(rows[key]), at) for key, said in found.items()}
 
 
 def decisions_made_in(folder: Path) -> dict[str, str]:
@@ -95,19 +147,6 @@ def decisions_made_in(folder: Path) -> dict[str, str]:
             )
         decided |= found
     return decided
-
-
-def _last_match(store: Store) -> dict[str, Any]:
-    """Facts of the last match, provided that its findings are those of the store's drives and mirror."""
-    last = store.fact("last_match")
-    if last is None:
-        raise StoreError(f"The store {store.path} has no findings yet: run `twin match` first.")
-    if last["revision"] != store.revision():
-        raise RefusedError(
-            f"The store {store.path} has changed since the last match (sync or ingest): "
-            "run `twin match` again, then export."
-        )
-    return last
 
 
 def _refuse_unknown(path: Path, found: dict[str, str]) -> None:

@@ -33,6 +33,7 @@ def export_all(
     folder: Path | str,
     *,
     known_decisions: Mapping[str, str] = MappingProxyType({}),
+    log_position: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write the layers for QGIS and for the web.
@@ -49,7 +50,10 @@ def export_all(
     folder : Path or str
         Made if it does not exist.
     known_decisions : mapping, optional
-        change_id → decision that is kept elsewhere, also of changes that `layers` no longer have.
+        change_id → decision in the older files that is kept elsewhere, also of changes that `layers` no
+        longer have or that are open again.
+    log_position : int, optional
+        How far the store's log of decisions has come; the GeoPackages note it.
     progress : callable, optional
         Told what is being written.
 
@@ -73,7 +77,7 @@ def export_all(
     tell = progress or (lambda _message: None)
     try:
         with replacing(folder, FILES) as staging:
-            _write(checked, staging, tell)
+            _write(checked, staging, tell, log_position)
             _refuse_to_lose_decisions(folder, checked.changes, known_decisions)
             tell(f"replacing the files in {folder}")
     except (OSError, sqlite3.Error, DataSourceError, DataLayerError) as error:
@@ -91,27 +95,27 @@ def _cause(error: Exception) -> str:
     return str(error) if isinstance(error, sqlite3.Error) else "the GeoPackage could not be written in full"
 
 
-def _write(layers: ExportLayers, staging: Path, tell: Callable[[str], None]) -> None:
+def _write(layers: ExportLayers, staging: Path, tell: Callable[[str], None], log_position: int) -> None:
     time = data_time(layers)
     tell(f"writing {UTM33}")
-    write_geopackage(layers, staging / UTM33, epsg=EPSG_UTM33, time=time)
+    write_geopackage(layers, staging / UTM33, epsg=EPSG_UTM33, time=time, log_position=log_position)
     tell(f"writing {WGS84}")
     geographic = in_wgs84(layers)
-    write_geopackage(geographic, staging / WGS84, epsg=EPSG_WGS84, time=time)
+    write_geopackage(geographic, staging / WGS84, epsg=EPSG_WGS84, time=time, log_position=log_position)
     tell(f"writing {GEOJSON}")
     write_geojson(geographic.changes, "changes", staging / GEOJSON)
 
 
 def _refuse_to_lose_decisions(folder: Path, changes: gpd.GeoDataFrame, known: Mapping[str, str]) -> None:
     """Raise where a person decided in QGIS and it would be known nowhere after the export."""
-    new = {**known, **dict(zip(changes["change_id"], changes["decision"], strict=True))}
+    new = dict(zip(changes["change_id"], changes["decision"], strict=True))
     for name in GEOPACKAGES:
         if not (folder / name).exists():
             continue
         lost = {
             change: decision
             for change, decision in edited_decisions(folder / name).items()
-            if new.get(change) != decision
+            if decision not in (new.get(change), known.get(change))
         }
         if lost:
             change, decision = min(lost.items())

@@ -12,8 +12,8 @@ from geoloc.combine import cep95_m, ellipse
 from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.heights import nn2000_from_ellipsoidal
 from twin import schema
+from twin.decisions.findings import findings
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
-from twin.export.verdicts import OPEN
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT
 from twin.store import Snapshot, Store
 
@@ -62,11 +62,7 @@ def _frame(name: str, rows: Sequence[Row], geometry: Any = None) -> gpd.GeoDataF
 
 
 def _changes(view: Snapshot) -> gpd.GeoDataFrame:
-    decision = sa.func.coalesce(schema.decision.c.decision, OPEN).label("decision")
-    decided = schema.change.outerjoin(
-        schema.decision, schema.decision.c.change_id == schema.change.c.change_id
-    )
-    return _frame("changes", view.rows(sa.select(schema.change, decision).select_from(decided)))
+    return _frame("changes", findings(view.rows))
 
 
 def _estimates(view: Snapshot, method: str) -> gpd.GeoDataFrame:

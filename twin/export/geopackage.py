@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.errors import ExportRefusedError
-from twin.export.layers import COLUMNS, DESCRIPTION, GEOMETRY, ExportLayers
+from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY, ExportLayers
 from twin.export.styles import style
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 GEOMETRY_COLUMN = "geom"
 _DECISIONS = "twin_decisions"
-_NOTED = f"./Metadata/MDI[@key='{_DECISIONS}']"
+_LOG = "twin_log"
 # Where GDAL keeps the metadata of a layer.
 _LAYER_METADATA = """
 SELECT metadata FROM gpkg_metadata JOIN gpkg_metadata_reference ON md_file_id = id
@@ -42,7 +42,9 @@ CREATE TABLE layer_styles (
 """
 
 
-def write_geopackage(layers: ExportLayers, path: Path, *, epsg: int, time: str) -> None:
+def write_geopackage(
+    layers: ExportLayers, path: Path, *, epsg: int, time: str, log_position: int = 0
+) -> None:
     """Write the four layers with their styles into a new GeoPackage.
 
     Parameters
@@ -55,6 +57,8 @@ def write_geopackage(layers: ExportLayers, path: Path, *, epsg: int, time: str) 
         25833 or 4326.
     time : str
         ISO 8601 in UTC; stands wherever GeoPackage wants the time of the last change.
+    log_position : int
+        How far the log of decisions has come (:func:`twin.decisions.log.position`).
 
     Raises
     ------
@@ -80,7 +84,7 @@ def write_geopackage(layers: ExportLayers, path: Path, *, epsg: int, time: str) 
                 "IDENTIFIER": name,
                 "DESCRIPTION": DESCRIPTION[name],
             },
-            layer_metadata=_decision_metadata(frame) if name == "changes" else None,
+            layer_metadata=_decision_metadata(frame, log_position) if name == "changes" else None,
         )
     styles = {name: style(name, epsg=epsg, verdicts=set(layers.changes["verdict"])) for name in COLUMNS}
     _finish(path, styles, time, {name: len(getattr(layers, name)) for name in COLUMNS})
@@ -104,20 +108,61 @@ def edited_decisions(path: Path | str) -> dict[str, str]:
     ExportRefusedError
         The file is not an export of twin.
     """
-    from defusedxml.ElementTree import fromstring
-
     path = Path(path)
-    # Not by GDAL, which opens what is not a GeoPackage with a warning.
+    with _reading(path) as database:
+        written = json.loads(_noted(database)[_DECISIONS])
+        pairs = database.execute("SELECT change_id, coalesce(decision, 'open') FROM changes").fetchall()
+    return {change: said for change, said in pairs if said != written.get(change, "open")}
+
+
+def log_position(path: Path) -> int:
+    """How far the log of decisions had come when a GeoPackage was exported; errors as above."""
+    with _reading(path) as database:
+        return int(_noted(database).get(_LOG, "0"))
+
+
+def changes_in(path: Path) -> list[dict[str, Any]]:
+    """Rows of the layer ``changes`` of an exported GeoPackage, with ``east_m, north_m`` in EPSG:25833.
+
+    Nulls and NaN are None; errors as above.
+    """
+    import pyogrio
+
+    from geoloc.geodesy import utm33_from_geographic
+
+    edited_decisions(path)
+    frame = pyogrio.read_dataframe(path, layer="changes")
+    east, north = frame.geometry.x.to_numpy(), frame.geometry.y.to_numpy()
+    if frame.crs.to_epsg() == EPSG_WGS84:
+        east, north = utm33_from_geographic(north, east)
+    table = frame.drop(columns=frame.geometry.name).assign(east_m=east, north_m=north)
+    table = table.astype(object).where(table.notna(), None)
+    whole = ("nvdb_type", "nvdb_id", "nvdb_version")
+    return [
+        {**row, **{name: None if row[name] is None else int(row[name]) for name in whole}}
+        for row in table.to_dict("records")
+    ]
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open an export, not by GDAL, which opens what is not a GeoPackage with a warning."""
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
-            notes = [fromstring(text) for (text,) in database.execute(_LAYER_METADATA)]
-            pairs = database.execute("SELECT change_id, coalesce(decision, 'open') FROM changes").fetchall()
-        written = json.loads(next(item.text or "" for note in notes for item in note.iterfind(_NOTED)))
-    except (sqlite3.Error, SyntaxError, StopIteration, ValueError) as error:
+            yield database
+    except (sqlite3.Error, SyntaxError, KeyError, ValueError) as error:
         raise ExportRefusedError(
             f"{path} is not an export of twin, or is damaged: move it away, then export again"
         ) from error
-    return {change: said for change, said in pairs if said != written.get(change, "open")}
+
+
+def _noted(database: sqlite3.Connection) -> dict[str, str]:
+    """What twin noted in the metadata of the layer ``changes``."""
+    from defusedxml.ElementTree import fromstring
+
+    notes = [fromstring(text) for (text,) in database.execute(_LAYER_METADATA)]
+    items = [item for note in notes for item in note.iterfind("./Metadata/MDI")]
+    return {item.get("key", ""): item.text or "" for item in items}
 
 
 def _with_lasting_fid(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
@@ -131,11 +176,11 @@ def _with_lasting_fid(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     return changes.assign(fid=np.array(fid, dtype=np.int64))
 
 
-def _decision_metadata(changes: gpd.GeoDataFrame) -> Mapping[str, str]:
+def _decision_metadata(changes: gpd.GeoDataFrame, log_position: int) -> Mapping[str, str]:
     """Note which decisions the file was written with: what differs later was edited by a person."""
     decided = changes[changes["decision"] != "open"]
     noted = dict(zip(decided["change_id"], decided["decision"], strict=True))
-    return {_DECISIONS: json.dumps(noted, ensure_ascii=False)}
+    return {_DECISIONS: json.dumps(noted, ensure_ascii=False), _LOG: str(log_position)}
 
 
 def _finish(path: Path, styles: Mapping[str, str], time: str, rows: Mapping[str, int]) -> None:

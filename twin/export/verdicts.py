@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from twin.decisions.log import OPEN
+
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -53,9 +55,6 @@ VERDICTS: tuple[Verdict, ...] = (
 )
 
 VERDICT: dict[str, Verdict] = {verdict.name: verdict for verdict in VERDICTS}
-
-OPEN = "open"
-"""The decision that nobody has made yet."""
 
 DECISIONS: dict[str, str] = {OPEN: "Open", "accept": "Accept", "dismiss": "Dismiss", "defer": "Defer"}
 """Value of the column ``decision`` → its label. Every change starts as ``open``."""

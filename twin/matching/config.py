@@ -21,15 +21,27 @@ class MatchConfig:
     default_accuracy_m: float = 1.0
     """Sigma for NVDB positions that state none, or the default-looking 100 cm / ``ukj``."""
     centre_line_sigma_m: float = 8.0
-    """Sigma of an object that NVDB only places on the road's centre line."""
+    """Sigma of an object that NVDB only places on the road's centre line, where the road is not known."""
+    along_road_sigma_m: float = 3.0
+    """Sigma along the road of such an object, where the road network is known."""
+    verge_m: float = 15.0
+    """How far beside the centre line such an object may stand, where the road network is known."""
+    p_other_side: float = 0.05
+    """Chance that NVDB has such an object on the wrong side of the road."""
+    p_behind: float = 0.05
+    """Chance that a plate was read though NVDB says that it faces away from every camera."""
     p_moved: float = 0.03
     """Prior share of signs that no longer stand where NVDB has them."""
     p_gone: float = 0.02
     """Prior share of signs that are gone."""
     p_missed: float = 0.002
     """Chance that an annotator who declares a drive complete still overlooked a pole in view."""
+    p_hidden: float = 0.001
+    """Chance that a pole counts as in view and is hidden in every drive all the same: a hedge, a wall."""
     p_unseen: float = 0.5
-    """Chance that a pole goes unannotated in a drive that is not declared complete."""
+    """Chance that a pole goes unannotated in a drive not declared complete, or in view in few pictures."""
+    removed_per_year: float = 0.02
+    """Share of signs that are taken down in a year: how soon a pole that was seen may be gone."""
     new_per_m2: float = 5e-5
     """Density of signs that NVDB does not have, near the road."""
     p_code: float = 0.05
@@ -40,6 +52,10 @@ class MatchConfig:
     """Chance that a sign now carries a given other code of its family (362.50 for 362.60)."""
     p_code_other: float = 0.00015
     """The same for a given code of another family."""
+    p_plate_extra: float = 0.02
+    """Chance that a pole carries one plate more than NVDB knows."""
+    p_plate_unread: float = 0.1
+    """Chance that a plate of NVDB's was not read on a pole that was seen: it faces away, or is gone."""
     mirrored_m: float = 1000.0
     """A pole that has no sign of NVDB within this distance may stand outside the mirrored area."""
     review_below: float = 0.8

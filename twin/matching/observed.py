@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,10 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.matching.clusters import cheapest_pairs
 from twin.matching.config import MatchConfig
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
 
 _CHI2_999_2DOF = 13.816
 """99.9 % quantile of chi-square with two degrees of freedom: one true pair in a thousand is torn apart."""
+_SAME_CODE_CHI2 = 20.0
+"""The same where they share a code: one in twenty thousand, since a torn pair is a sign that is found new."""
 _OTHER_CODE_M = 0.6
 """Within this distance a later drive with another code saw the same pole with another plate."""
 _OTHER_CODE_COST = 4.0
@@ -37,6 +44,13 @@ class ObservedPole:
         Sign codes seen, top down; empty if not annotated.
     cameras : frozenset of str
         ``drive/camera`` that saw it: one camera never sees one pole as two objects.
+    first_ns, last_ns : int
+        Epochs of its first and last sighting, UTC.
+    seen_from_deg : frozenset of float
+        Azimuths from true north, in steps of 30°, in which cameras that saw it stood from it. Empty where
+        not known.
+    p_taken_down : float
+        Probability that it is gone: later, completely annotated drives passed and did not see it.
     """
 
     members: tuple[str, ...]
@@ -48,6 +62,10 @@ class ObservedPole:
     drive_ids: tuple[str, ...]
     cameras: frozenset[str]
     n_sightings: int
+    first_ns: int = 0
+    last_ns: int = 0
+    seen_from_deg: frozenset[float] = frozenset()
+    p_taken_down: float = 0.0
 
     @property
     def sigma_m(self) -> float:
@@ -60,6 +78,7 @@ def observed_poles(
     drive_order: Sequence[str],
     config: MatchConfig,
     known_keys: Mapping[str, str] | None = None,
+    seen_from_deg: Mapping[str, frozenset[float]] | None = None,
 ) -> list[ObservedPole]:
     """Merge estimates into poles: plates that share a foot, cameras of one drive, then drives.
 
@@ -69,24 +88,29 @@ def observed_poles(
     drive_order : drive ids in time order
     known_keys : mapping of member to key, optional
         Keys that poles got in earlier runs: a pole keeps the key of its first member that has one.
+    seen_from_deg : mapping of member to azimuths, optional
+        See :class:`ObservedPole`.
 
     Returns
     -------
     list of ObservedPole
         In the order of their keys.
     """
-    poles: list[ObservedPole] = []
+    gathered = _Gathered()
+    by_drive: dict[str, list[Mapping[str, Any]]] = {}
+    for row in estimates:
+        by_drive.setdefault(row["drive_id"], []).append(row)
     for drive_id in drive_order:
-        own = sorted((e for e in estimates if e["drive_id"] == drive_id), key=lambda e: str(e["object"]))
-        by_cameras: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
-        for row in own:
-            by_cameras.setdefault(tuple(sorted(row["cameras"])), []).append(row)
+        by_cameras: dict[tuple[str, ...], list[ObservedPole]] = {}
+        for row in sorted(by_drive.get(drive_id, ()), key=lambda e: str(e["object"])):
+            pole = _pole_of_estimate(row, seen_from_deg or {})
+            by_cameras.setdefault(tuple(sorted(row["cameras"])), []).append(pole)
         # Objects that several cameras share (by the annotator's id) come first: single ones join them.
-        seen: list[ObservedPole] = []
+        seen = _Gathered()
         for cameras in sorted(by_cameras, key=lambda names: (-len(names), names)):
-            seen = _merge(seen, _poles_of_cameras(by_cameras[cameras], config))
-        poles = _merge(poles, seen)
-    poles = [_with_key(pole, known_keys or {}) for pole in poles]
+            seen.merge(_poles_of_cameras(by_cameras[cameras], config))
+        gathered.merge(seen.poles)
+    poles = [_with_key(pole, known_keys or {}) for pole in gathered.poles]
     return sorted(poles, key=lambda pole: pole.key)
 
 
@@ -100,7 +124,7 @@ def split_codes(text: str) -> tuple[str, ...]:
     return tuple(code.strip() for code in text.split(";") if code.strip())
 
 
-def _pole_of_estimate(row: Mapping[str, Any]) -> ObservedPole:
+def _pole_of_estimate(row: Mapping[str, Any], seen_from_deg: Mapping[str, frozenset[float]]) -> ObservedPole:
     covariance = np.array(
         [[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]], dtype=np.float64
     )
@@ -115,16 +139,18 @@ def _pole_of_estimate(row: Mapping[str, Any]) -> ObservedPole:
         drive_ids=(row["drive_id"],),
         cameras=frozenset(f"{row['drive_id']}/{camera}" for camera in row["cameras"]),
         n_sightings=row["n_sightings"],
+        first_ns=row.get("first_ns", 0),
+        last_ns=row.get("last_ns", 0),
+        seen_from_deg=seen_from_deg.get(member, frozenset()),
     )
 
 
-def _poles_of_cameras(rows: Sequence[Mapping[str, Any]], config: MatchConfig) -> list[ObservedPole]:
+def _poles_of_cameras(single: Sequence[ObservedPole], config: MatchConfig) -> list[ObservedPole]:
     """Group what was annotated plate by plate at the same foot, in the same cameras of one drive."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    single = [_pole_of_estimate(row) for row in rows]
     pairs = cKDTree([(p.east_m, p.north_m) for p in single]).query_pairs(
         config.same_pole_m, output_type="ndarray"
     )
@@ -138,6 +164,8 @@ def _poles_of_cameras(rows: Sequence[Mapping[str, Any]], config: MatchConfig) ->
 
 def _same_foot(group: Sequence[ObservedPole]) -> ObservedPole:
     """One pole from the plates of one drive: their errors are shared, so the best estimate is kept."""
+    if len(group) == 1:
+        return group[0]
     best = min(group, key=lambda pole: (float(np.trace(pole.covariance_m2)), pole.key))
     return replace(
         best,
@@ -145,34 +173,89 @@ def _same_foot(group: Sequence[ObservedPole]) -> ObservedPole:
         key=min(pole.key for pole in group),
         codes=tuple(code for pole in group for code in pole.codes),
         n_sightings=sum(pole.n_sightings for pole in group),
+        first_ns=min(pole.first_ns for pole in group),
+        last_ns=max(pole.last_ns for pole in group),
+        seen_from_deg=frozenset().union(*(pole.seen_from_deg for pole in group)),
     )
 
 
-def _merge(known: list[ObservedPole], seen: list[ObservedPole]) -> list[ObservedPole]:
-    """Pair what one more observer saw with the known poles, one-to-one, and fuse the pairs."""
-    from scipy.optimize import linear_sum_assignment
+class _Gathered:
+    """Poles gathered so far, and where they stand as an array: a fleet's next drive passes few of them."""
 
-    if not known or not seen:
-        return known + seen
-    cost = np.array([[_pair_cost(a, b) for b in seen] for a in known])
-    # "No pair" costs the gate itself: a pair beyond it never lowers the total.
-    rows, columns = linear_sum_assignment(np.minimum(cost, _CHI2_999_2DOF))
-    partner = {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < _CHI2_999_2DOF}
-    merged = [_fuse(pole, seen[partner[i]]) if i in partner else pole for i, pole in enumerate(known)]
-    return merged + [pole for j, pole in enumerate(seen) if j not in partner.values()]
+    def __init__(self) -> None:
+        self.poles: list[ObservedPole] = []
+        # Easting, northing and the sum of both variances; grown by doubling.
+        self._rows = np.empty((64, 3))
+
+    def put(self, number: int, pole: ObservedPole) -> None:
+        """Put a pole in the place of another, or behind the last."""
+        if number == len(self.poles):
+            self.poles.append(pole)
+            if number == len(self._rows):
+                self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        self.poles[number] = pole
+        self._rows[number] = pole.east_m, pole.north_m, _spread(pole)
+
+    def merge(self, seen: Sequence[ObservedPole]) -> None:
+        """Pair what one more observer saw with the known poles, one-to-one, and fuse the pairs."""
+        if not seen:
+            return
+        i, j, cost = self._near_pairs(seen)
+        # "No pair" costs the gate itself: a pair beyond it never lowers the total.
+        partner = {b: a for a, b in cheapest_pairs(i, j, cost - _CHI2_999_2DOF).items()}
+        for b, pole in enumerate(seen):
+            if b in partner:
+                self.put(partner[b], _fuse(self.poles[partner[b]], pole))
+            else:
+                self.put(len(self.poles), pole)
+
+    def _near_pairs(self, seen: Sequence[ObservedPole]) -> tuple[IntArray, IntArray, FloatArray]:
+        """Pairs within the gate, and what each costs."""
+        from scipy.spatial import cKDTree
+
+        place = np.array([(p.east_m, p.north_m) for p in seen])
+        rows = self._rows[: len(self.poles)]
+        # The widest ellipse of either side bounds the gate.
+        widest = max(_spread(p) for p in seen) + rows[:, 2].max(initial=0.0)
+        reach = float(np.sqrt(max(_CHI2_999_2DOF, _SAME_CODE_CHI2) * widest))
+        box = (rows[:, :2] >= place.min(axis=0) - reach) & (rows[:, :2] <= place.max(axis=0) + reach)
+        inside = np.flatnonzero(box.all(axis=1))
+        if not inside.size:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+        near = cKDTree(rows[inside, :2]).sparse_distance_matrix(cKDTree(place), reach, output_type="ndarray")
+        i, j = inside[near["i"]], near["j"]
+        pairs = zip(i.tolist(), j.tolist(), strict=True)
+        cost = np.array([_pair_cost(self.poles[a], seen[b]) for a, b in pairs])
+        keep = cost < _CHI2_999_2DOF
+        return i[keep], j[keep], cost[keep]
+
+
+def _spread(pole: ObservedPole) -> float:
+    """Sum of both variances: no axis of the ellipse has more."""
+    ee, _, nn = _parts(pole)
+    return ee + nn
 
 
 def _pair_cost(a: ObservedPole, b: ObservedPole) -> float:
-    """Squared Mahalanobis distance; infinite where one camera saw both, or where the codes contradict."""
+    """Squared Mahalanobis distance on one scale; infinite for one camera's, or if the codes contradict."""
     if a.cameras & b.cameras:
         return float("inf")
-    offset = np.array([a.east_m - b.east_m, a.north_m - b.north_m])
-    cost = float(offset @ np.linalg.solve(a.covariance_m2 + b.covariance_m2, offset))
+    east, north = a.east_m - b.east_m, a.north_m - b.north_m
+    (ee, en), (_, nn) = (a.covariance_m2 + b.covariance_m2).tolist()
+    cost = (nn * east**2 - 2 * en * east * north + ee * north**2) / (ee * nn - en**2)
+    if set(a.codes) & set(b.codes):
+        return float(cost * _CHI2_999_2DOF / _SAME_CODE_CHI2)
     if a.codes and b.codes and not set(a.codes) & set(b.codes):
         same_drive = set(a.drive_ids) & set(b.drive_ids)
-        near = float(np.hypot(*offset)) < _OTHER_CODE_M
-        return cost + _OTHER_CODE_COST if near and not same_drive else float("inf")
-    return cost
+        near = math.hypot(east, north) < _OTHER_CODE_M
+        return float(cost + _OTHER_CODE_COST) if near and not same_drive else float("inf")
+    return float(cost)
+
+
+def _parts(pole: ObservedPole) -> tuple[float, float, float]:
+    """Variance of the easting, covariance, variance of the northing."""
+    (ee, en), (_, nn) = pole.covariance_m2.tolist()
+    return ee, en, nn
 
 
 def _fuse(a: ObservedPole, b: ObservedPole) -> ObservedPole:
@@ -182,23 +265,31 @@ def _fuse(a: ObservedPole, b: ObservedPole) -> ObservedPole:
     in every drive past a pole, and how far two estimates share theirs is not known. The result is never
     more certain than the better of the two.
     """
-    trace_a, trace_b = np.trace(a.covariance_m2), np.trace(b.covariance_m2)
-    share = trace_b / (trace_a + trace_b)
-    weight_a, weight_b = share * np.linalg.inv(a.covariance_m2), (1 - share) * np.linalg.inv(b.covariance_m2)
-    covariance = np.linalg.inv(weight_a + weight_b)
-    east, north = covariance @ (
-        weight_a @ np.array([a.east_m, a.north_m]) + weight_b @ np.array([b.east_m, b.north_m])
-    )
+    (a_ee, a_en, a_nn), (b_ee, b_en, b_nn) = _parts(a), _parts(b)
+    # Weighted inverses of 2×2 matrices by hand: a fleet fuses a hundred thousand of them.
+    share = (b_ee + b_nn) / (a_ee + a_nn + b_ee + b_nn)
+    w_a, w_b = share / (a_ee * a_nn - a_en**2), (1 - share) / (b_ee * b_nn - b_en**2)
+    ee, en, nn = w_a * a_nn + w_b * b_nn, -w_a * a_en - w_b * b_en, w_a * a_ee + w_b * b_ee
+    determinant = ee * nn - en**2
+    covariance = np.array([[nn, -en], [-en, ee]]) / determinant
+    # The mean is that of `b`, plus what `a` draws towards itself.
+    east, north = a.east_m - b.east_m, a.north_m - b.north_m
+    pull_e, pull_n = w_a * (a_nn * east - a_en * north), w_a * (a_ee * north - a_en * east)
+    east = b.east_m + (nn * pull_e - en * pull_n) / determinant
+    north = b.north_m + (ee * pull_n - en * pull_e) / determinant
     contradict = bool(a.codes and b.codes and not set(a.codes) & set(b.codes))
     extra = tuple(code for code in b.codes if code not in a.codes)
     return replace(
         a,
         members=a.members + b.members,
-        east_m=float(east),
-        north_m=float(north),
+        east_m=east,
+        north_m=north,
         covariance_m2=covariance,
         codes=b.codes if contradict else a.codes + extra,
         drive_ids=tuple(dict.fromkeys(a.drive_ids + b.drive_ids)),
         cameras=a.cameras | b.cameras,
         n_sightings=a.n_sightings + b.n_sightings,
+        first_ns=min(a.first_ns, b.first_ns),
+        last_ns=max(a.last_ns, b.last_ns),
+        seen_from_deg=a.seen_from_deg | b.seen_from_deg,
     )

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from twin.matching.config import MatchConfig
+
+if TYPE_CHECKING:
+    from nvdb.vegnett import Vegnett
 
 Row = Mapping[str, Any]
 
@@ -23,6 +29,15 @@ class Plate:
     version: int | None
     code: str
     ansiktsside: str | None
+    faces_deg: tuple[float, float] = (math.nan, math.nan)
+    """Azimuths from true north that its face, and a second face, look towards; NaN where not known."""
+
+    def shows_to(self, azimuth_deg: float) -> bool:
+        """Whether somebody in this direction from the plate sees a face; True where it is not known."""
+        first, second = self.faces_deg
+        if math.isnan(first):
+            return True
+        return any(math.cos(math.radians(azimuth_deg - face)) > 0 for face in (first, second))
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +58,10 @@ class Site:
         In the order of plasseringskode (top down), then id.
     start_date : str
         ISO date from which NVDB says that it stands; "" if unknown.
+    road_azimuth_deg : float
+        Of a site on the centre line: direction of metering there, from *grid* north. NaN if not known.
+    side : str
+        Of a site on the centre line: ``H`` or ``V`` of the metering, "" if not known.
     """
 
     nvdb_type: int
@@ -54,6 +73,8 @@ class Site:
     own_geometry: bool
     plates: tuple[Plate, ...]
     start_date: str = ""
+    road_azimuth_deg: float = math.nan
+    side: str = ""
 
     @property
     def codes(self) -> tuple[str, ...]:
@@ -61,11 +82,23 @@ class Site:
         return tuple(plate.code for plate in self.plates)
 
 
-def sites_from_mirror(points: Sequence[Row], plates: Sequence[Row], config: MatchConfig) -> list[Site]:
+def sites_from_mirror(
+    points: Sequence[Row],
+    plates: Sequence[Row],
+    config: MatchConfig,
+    faces_deg: Mapping[int, tuple[float, float]] | None = None,
+) -> list[Site]:
     """Group plates below their Skiltpunkt; plates without one by their shared position.
 
     Objects whose sluttdato has passed and objects without any position are left out.
+
+    Parameters
+    ----------
+    points, plates : rows of the mirror
+    faces_deg : mapping, optional
+        Plate's id → azimuths of its faces, as :func:`twin.vegnett.facing` gives them.
     """
+    faces = faces_deg or {}
     points, live = [r for r in points if _in_force(r)], [r for r in plates if _in_force(r)]
     ids = {row["nvdb_id"] for row in points}
     claims = [(child, row["nvdb_id"]) for row in points for child in row["plate_ids"]]
@@ -81,8 +114,8 @@ def sites_from_mirror(points: Sequence[Row], plates: Sequence[Row], config: Matc
         elif row["east_m"] is not None:
             place = (round(row["east_m"], 3), round(row["north_m"], 3), row["own_geometry"])
             orphans.setdefault(place, []).append(row)
-    found = [_site(SKILTPUNKT, row, children.get(row["nvdb_id"], []), config) for row in points]
-    found += [_site(SKILTPLATE, min(group, key=_by_id), group, config) for group in orphans.values()]
+    found = [_site(SKILTPUNKT, row, children.get(row["nvdb_id"], []), config, faces) for row in points]
+    found += [_site(SKILTPLATE, min(group, key=_by_id), group, config, faces) for group in orphans.values()]
     return sorted((site for site in found if site is not None), key=lambda s: (s.nvdb_type, s.nvdb_id))
 
 
@@ -95,7 +128,28 @@ def _by_id(row: Row) -> int:
     return int(row["nvdb_id"])
 
 
-def _site(nvdb_type: int, row: Row, plates: Sequence[Row], config: MatchConfig) -> Site | None:
+def along_the_road(sites: Sequence[Site], nett: Vegnett) -> list[Site]:
+    """Give the sites that NVDB only has on the centre line the direction of their road."""
+    from nvdb.vegnett import BILVEG
+
+    loose = [k for k, site in enumerate(sites) if not site.own_geometry]
+    if not loose:
+        return list(sites)
+    east, north = np.array([(sites[k].east_m, sites[k].north_m) for k in loose]).T
+    azimuth = nett.stedfest(east, north, type_veg=BILVEG).metering_azimuth_grid_deg
+    placed = list(sites)
+    for k, degrees in zip(loose, azimuth.tolist(), strict=True):
+        placed[k] = replace(sites[k], road_azimuth_deg=degrees)
+    return placed
+
+
+def _site(
+    nvdb_type: int,
+    row: Row,
+    plates: Sequence[Row],
+    config: MatchConfig,
+    faces: Mapping[int, tuple[float, float]],
+) -> Site | None:
     """One site; a point that is only on the centre line borrows the own position of its plates."""
     placed = row
     if not row["own_geometry"] or row["east_m"] is None:
@@ -113,10 +167,28 @@ def _site(nvdb_type: int, row: Row, plates: Sequence[Row], config: MatchConfig) 
         sigma_m=_sigma_m(placed, config) if own else config.centre_line_sigma_m,
         own_geometry=own,
         plates=tuple(
-            Plate(p["nvdb_id"], p["version"], p["skiltnummer"] or "", p["ansiktsside"]) for p in ordered
+            Plate(
+                p["nvdb_id"],
+                p["version"],
+                p["skiltnummer"] or "",
+                p["ansiktsside"],
+                faces.get(p["nvdb_id"], _NOT_KNOWN),
+            )
+            for p in ordered
         ),
         start_date=row["start_date"] or "",
+        side="" if own else _side(placed),
     )
+
+
+_NOT_KNOWN = (math.nan, math.nan)
+
+
+def _side(row: Row) -> str:
+    """Side of the road by NVDB's first stedfesting, where it says one."""
+    places = row.get("stedfesting") or []
+    side = places[0].get("sideposisjon") if places else None
+    return side if side in {"H", "V"} else ""
 
 
 def _sigma_m(row: Row, config: MatchConfig) -> float:

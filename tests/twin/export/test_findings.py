@@ -19,6 +19,7 @@ from geoloc.geodesy import geographic_from_utm33
 from geoloc.heights import nn2000_from_ellipsoidal
 from twin import schema
 from twin.cli import commands
+from twin.decisions.decide import decide
 from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export import FILES, edited_decisions, export_findings, from_store
 from twin.export.findings import decisions_made_in
@@ -135,7 +136,7 @@ def test_export_command_says_once_that_the_geoid_model_is_missing(
     store: Store, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Whoever reads null heights has been told why, on stderr, and only where it is so."""
-    commands.export(out, store.path, json_output=False)
+    commands.export(out, None, store.path, json_output=False)
     told = "".join(capsys.readouterr().err.split()).count("HREF2018Bisnotinstalled")
     assert told == int(np.isnan(nn2000_from_ellipsoidal([], [], []).sigma_m))
 
@@ -175,7 +176,8 @@ def test_decisions_made_in_qgis_come_home_with_the_next_export(store: Store, out
 
 def test_decisions_can_be_taken_back_in_qgis(store: Store, out: Path) -> None:
     """A decision set to open again, or cleared, is open in the store and in the files."""
-    store.save_decisions({"c-1": "accept", "c-2": "defer"})
+    decide(store, ["c-1"], "accept", by="ola")
+    decide(store, ["c-2"], "defer", by="ola")
     export_findings(store, out)
     _decide(out / UTM33, "c-1", "open")
     _decide(out / UTM33, "c-2", None)

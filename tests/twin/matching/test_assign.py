@@ -7,8 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from twin.matching.assign import _pair_cost, assign, code_probability, family
+from twin.matching.assign import assign, code_probability, family
 from twin.matching.config import MatchConfig
+from twin.matching.likelihood import score
 from twin.matching.observed import ObservedPole
 from twin.matching.sites import Plate, Site
 
@@ -79,14 +80,12 @@ def test_assign_finds_the_joint_optimum(seed: int) -> None:
     p_unannotated = rng.uniform(0.002, 1.0, 3)
     result = assign(poles, sites, p_unannotated, CONFIG)
 
-    pole_alone = -np.log(CONFIG.new_per_m2 * CONFIG.p_code)
-    site_alone = -np.log(CONFIG.p_gone + (1 - CONFIG.p_gone) * p_unannotated)
+    i, j = np.divmod(np.arange(9), 3)
+    cost = -score(poles, sites, p_unannotated, i, j, CONFIG).sum(axis=1).reshape(3, 3)
 
     def total(choice: tuple[int, ...]) -> float:
-        cost = sum(site_alone[j] for j in range(3) if j not in choice)
-        for i, j in enumerate(choice):
-            cost += pole_alone if j < 0 else _pair_cost(poles[i], sites[j], float(p_unannotated[j]), CONFIG)
-        return float(cost)
+        # Against everybody alone, which costs 0.
+        return float(sum(cost[i, j] for i, j in enumerate(choice) if j >= 0))
 
     hypotheses = [
         h

@@ -133,3 +133,27 @@ def test_split_codes_ignores_blanks() -> None:
     """Codes come apart at semicolons; an empty text has none."""
     assert split_codes("362.50; 808.1;") == ("362.50", "808.1")
     assert split_codes("") == ()
+
+
+def test_observed_poles_know_when_they_were_seen() -> None:
+    """First and last sighting span the drives, and the directions of all members are kept."""
+    early = {**estimate("a", "1", 0.0, "202"), "first_ns": 10, "last_ns": 20}
+    late = {**estimate("b", "9", 0.1, "202"), "first_ns": 50, "last_ns": 60}
+    directions = {"a:1": frozenset({0.0}), "b:9": frozenset({30.0})}
+    (pole,) = observed_poles([late, early], ["a", "b"], CONFIG, None, directions)
+    assert (pole.first_ns, pole.last_ns, pole.drive_ids) == (10, 60, ("a", "b"))
+    assert pole.seen_from_deg == {0.0, 30.0}
+
+
+def test_observed_poles_fuse_as_the_matrices_say() -> None:
+    """The fused position is that of covariance intersection written out with inverses."""
+    rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 0.2, "202", north=0.1)]
+    rows[0] |= {"cov_ee_m2": 0.05, "cov_en_m2": 0.02, "cov_nn_m2": 0.03}
+    rows[1] |= {"cov_ee_m2": 0.02, "cov_en_m2": -0.01, "cov_nn_m2": 0.06}
+    a, b = np.array([[0.05, 0.02], [0.02, 0.03]]), np.array([[0.02, -0.01], [-0.01, 0.06]])
+    share = 0.08 / 0.16
+    weight_a, weight_b = share * np.linalg.inv(a), (1 - share) * np.linalg.inv(b)
+    covariance = np.linalg.inv(weight_a + weight_b)
+    (pole,) = observed_poles(rows, ["a", "b"], CONFIG)
+    assert np.allclose(pole.covariance_m2, covariance)
+    assert np.allclose((pole.east_m, pole.north_m), covariance @ weight_b @ np.array([0.2, 0.1]))

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import math
 from typing import Any
 
+import pytest
+from shapely import LineString
+
+from nvdb.vegnett import Veglenke, Vegnett, Vegreferanse
 from twin.matching.config import MatchConfig
-from twin.matching.sites import sites_from_mirror
+from twin.matching.sites import Plate, along_the_road, sites_from_mirror
 
 CONFIG = MatchConfig()
 
@@ -88,3 +94,40 @@ def test_sites_leave_disputed_plates_to_their_own_word() -> None:
     points = [point(1, 11), point(2, 11, east_m=1005.0)]
     sites = sites_from_mirror(points, [plate(11, "202", point_id=2)], CONFIG)
     assert [(s.nvdb_id, s.codes) for s in sites] == [(1, ()), (2, ("202",))]
+
+
+def test_sites_on_the_centre_line_keep_the_side_that_nvdb_says() -> None:
+    """The side of stedfesting is kept where there is no better position, and only a real side."""
+    for side, expected in (("H", "H"), ("V", "V"), ("M", ""), (None, "")):
+        bare = point(1, own_geometry=False, stedfesting=[{"sideposisjon": side}])
+        (site,) = sites_from_mirror([bare], [], CONFIG)
+        assert site.side == expected
+    (site,) = sites_from_mirror([point(1, stedfesting=[{"sideposisjon": "H"}])], [], CONFIG)
+    assert site.side == ""
+
+
+def test_sites_on_the_centre_line_get_the_direction_of_their_road() -> None:
+    """Along a link to the east that is metered with it, the road runs at 90° of the grid; others get none."""
+    road = Veglenke(
+        veglenkesekvensid=7,
+        veglenkenummer=1,
+        segmentnummer=1,
+        startposisjon=0.0,
+        sluttposisjon=1.0,
+        geometri=LineString([(900.0, 2000.0, 5.0), (1100.0, 2000.0, 5.0)]),
+        startdato=dt.date(2010, 1, 1),
+        type_veg="enkelBilveg",
+        referanse=Vegreferanse("FV1", "F", "V", 1, "K", "MED", 0.0, 200.0),
+    )
+    sites = sites_from_mirror([point(1, own_geometry=False), point(2)], [], CONFIG)
+    loose, own = along_the_road(sites, Vegnett.from_veglenker([road]))
+    assert loose.road_azimuth_deg == pytest.approx(90.0)
+    assert math.isnan(own.road_azimuth_deg)
+
+
+def test_plates_show_their_faces() -> None:
+    """A plate that looks south shows to the south, not to the north; a two-sided one to both."""
+    south, both = (Plate(1, 1, "202", None, faces) for faces in ((180.0, math.nan), (180.0, 0.0)))
+    assert (south.shows_to(170.0), south.shows_to(10.0)) == (True, False)
+    assert (both.shows_to(170.0), both.shows_to(10.0)) == (True, True)
+    assert Plate(1, 1, "202", None).shows_to(10.0)

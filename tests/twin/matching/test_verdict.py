@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from twin.matching.assign import assign
+from twin.matching.change import offset_of
 from twin.matching.config import MatchConfig
 from twin.matching.observed import ObservedPole
 from twin.matching.sites import Plate, Site
@@ -115,10 +119,12 @@ def test_judge_new_plate_on_a_known_pole() -> None:
 
 
 def test_judge_missing_needs_the_place_in_view_of_a_complete_drive() -> None:
-    """Nothing seen is missing after 50 frames in view; after 4 it says nothing."""
+    """Nothing seen is missing after 50 frames in view; 4 cannot tell."""
     (change,) = found([], [site(1, "202")], views=50)
     assert (change.verdict, change.nvdb_id, change.east_m) == ("missing", 1, 0.0)
-    assert found([], [site(1, "202")], views=4) == []
+    (change,) = found([], [site(1, "202")], views=4)
+    assert change.verdict == "not_observable"
+    assert found([], [site(1, "202")], views=0) == []
 
 
 def test_judge_centre_line_positions_are_never_missing_or_moved() -> None:
@@ -160,3 +166,67 @@ def test_judge_every_reason_is_a_sentence() -> None:
     for change in found(poles, [site(1, "202"), site(2, "372", east=40.0), site(3, "512", east=120.0)]):
         assert change.reason.endswith(".")
         assert 0.0 <= change.confidence <= 1.0
+
+
+def test_judge_says_what_a_verdict_rests_on() -> None:
+    """Terms hold the odds of each kind of evidence, and when the sign was seen, as plain JSON."""
+    seen = replace(pole(0.1, 0, "202"), first_ns=1_780_000_000_000_000_000, last_ns=1_780_086_400_000_000_000)
+    (change,) = found([seen], [site(1, "202")])
+    assert change.terms["log_odds"].keys() == {"position", "code", "facing", "side", "presence"}
+    assert change.terms["log_odds"]["code"] > 0
+    assert change.terms["seen"] == {
+        "first": "2026-05-28T20:26:40Z",
+        "last": "2026-05-29T20:26:40Z",
+        "drives": 1,
+    }
+    assert json.loads(json.dumps(change.terms)) == change.terms
+    assert "same sign code" in change.reason
+
+
+def test_judge_names_the_alternatives_of_a_review() -> None:
+    """A review says which other site it may be, and how likely."""
+    sites = [site(1, "202", east=-1.0), site(2, "202", east=1.0)]
+    (change,) = found([pole(0, 0, "202", sigma=1.0)], sites, views=0)
+    others = {one["nvdb_id"]: one["probability"] for one in change.terms["alternatives"]}
+    assert others.keys() <= {1, 2, None}
+    assert len(others.keys() & {1, 2}) == 1
+    assert sum(others.values()) + change.confidence == pytest.approx(1.0, abs=0.02)
+
+
+def test_judge_doubts_a_pole_that_a_later_drive_did_not_see() -> None:
+    """What is probably taken down is for a person to decide, and the reason says so."""
+    doubted = replace(pole(0.1, 0, "202"), p_taken_down=0.5)
+    (change,) = found([doubted], [site(1, "202")])
+    assert change.verdict == "review"
+    assert "later" in change.reason
+    (change,) = found([replace(pole(0, 0, "202"), p_taken_down=0.5)], [site(1, "372", east=50.0)], views=0)
+    assert (change.verdict, change.nvdb_id) == ("review", None)
+
+
+def test_judge_confidence_of_unchanged_falls_near_the_tolerance() -> None:
+    """A sign measured 1.2 m off at a tolerance of 1 m is not called moved, and hardly sure to be unchanged."""
+    (near,) = found([pole(0.2, 0, "202")], [site(1, "202")])
+    (edge,) = found([pole(1.2, 0, "202")], [site(1, "202")])
+    assert (near.verdict, edge.verdict) == ("unchanged", "unchanged")
+    assert near.confidence > 0.99 > 0.7 > edge.confidence
+
+
+def test_judge_confidence_of_missing_is_that_it_is_gone() -> None:
+    """A sign that is not seen is gone or overlooked, in the ratio of their probabilities."""
+    (change,) = found([], [site(1, "202")])
+    gone = CONFIG.p_gone / (CONFIG.p_gone + (1 - CONFIG.p_gone) * CONFIG.p_missed)
+    assert change.confidence == pytest.approx(gone)
+
+
+def test_judge_finds_a_wrong_plate_of_a_site_without_position() -> None:
+    """What NVDB only has on the centre line gets its position, and its plate is compared all the same."""
+    line_only = site(1, "362.50", sigma=8.0, own=False)
+    assert verdicts(found([pole(5, 0, "362.60")], [line_only])) == [("review", 95, 1), ("wrong_type", 96, 10)]
+
+
+def test_offset_trusts_nvdb_where_nvdb_is_good() -> None:
+    """1.1 m off by a poor measurement is rather our error where NVDB is good to 0.1 m than where it is to 1 m."""
+    poor = pole(1.1, 0, "202", sigma=0.4)
+    good = offset_of(poor, site(1, "202", sigma=0.1), CONFIG).p_beyond
+    bad = offset_of(poor, site(1, "202", sigma=1.0), CONFIG).p_beyond
+    assert good < bad

@@ -1,0 +1,5 @@
+"""What people decide about findings: a log that only grows, selection in bulk, and what changed since.
+
+A decision holds for the evidence that it was made on (:mod:`twin.decisions.evidence`). Where a later match
+finds other evidence, the finding is open again and says what changed (:mod:`twin.decisions.reopen`).
+"""

@@ -1,0 +1,182 @@
+"""The findings of the last match as people read them: with their decision, and what changed since."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sqlalchemy as sa
+
+from twin import schema
+from twin.decisions.log import OPEN, REOPENED, Ask
+from twin.decisions.reopen import QUIET
+from twin.errors import ConfigError
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """Which findings are meant: those that fit every criterion that is given.
+
+    Attributes
+    ----------
+    drives : tuple of str
+        Seen, or not seen, in one of these: ids or names.
+    area : Path or None
+        GeoJSON with polygons (RFC 7946: longitude and latitude).
+    verdicts : tuple of str
+    classes : tuple of str
+        Sign codes seen or in NVDB: ``362.50``, or ``362`` for all of its kind.
+    since, until : date or None
+        Days (UTC, both included) of at least one of the finding's drives.
+    decision : str
+        The decision that holds now.
+    """
+
+    drives: tuple[str, ...] = ()
+    area: Path | None = None
+    verdicts: tuple[str, ...] = ()
+    classes: tuple[str, ...] = ()
+    since: dt.date | None = None
+    until: dt.date | None = None
+    decision: str = OPEN
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no criterion is given; the present decision alone is none."""
+        return not (self.drives or self.area or self.verdicts or self.classes or self.since or self.until)
+
+
+def findings(ask: Ask) -> list[Row]:
+    """Return every row of the ``change`` table in the order of its id, with its ``decision``.
+
+    The reason of a finding that is open again says what changed since it was decided.
+    """
+    change, said = schema.change, schema.decision
+    joined = change.outerjoin(said, said.c.change_id == change.c.change_id)
+    rows = ask(
+        sa.select(
+            change,
+            sa.func.coalesce(said.c.decision, OPEN).label("decision"),
+            said.c.kind.label("kind"),
+            said.c.reason.label("note"),
+        )
+        .select_from(joined)
+        .order_by(change.c.change_id)
+    )
+    return [_told(dict(row)) for row in rows]
+
+
+def is_open(finding: Row) -> bool:
+    """Whether somebody still has to decide: a finding that differs from NVDB and is ``open``."""
+    return finding["decision"] == OPEN and finding["verdict"] not in QUIET
+
+
+def select(ask: Ask, wanted: Selection) -> list[Row]:
+    """Return the findings that a selection means, ``unchanged`` never among them.
+
+    Raises
+    ------
+    ConfigError
+        A drive is not in the store, or the area is not a GeoJSON file with polygons.
+    """
+    rows = [
+        row for row in findings(ask) if row["verdict"] not in QUIET and row["decision"] == wanted.decision
+    ]
+    if wanted.verdicts:
+        rows = [row for row in rows if row["verdict"] in wanted.verdicts]
+    if wanted.classes:
+        rows = [row for row in rows if _has_class(row, wanted.classes)]
+    if wanted.drives or wanted.since or wanted.until:
+        drives = _drives(ask, wanted)
+        rows = [row for row in rows if drives & set(row["drive_ids"].split(","))]
+    if wanted.area is not None:
+        inside = _inside(read_area(wanted.area), rows)
+        rows = [row for row, is_in in zip(rows, inside, strict=True) if is_in]
+    return rows
+
+
+def read_area(path: Path) -> BaseGeometry:
+    """Read polygons from a GeoJSON file, in degrees.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read, is no GeoJSON, has no polygon, or its coordinates are no longitude and latitude.
+    """
+    import shapely
+
+    try:
+        text = path.read_text(encoding="utf-8")
+        json.loads(text)
+        area = shapely.from_geojson(text)
+    except OSError as error:
+        raise ConfigError(
+            f"The area {path} cannot be read ({error.strerror}): name a GeoJSON file."
+        ) from error
+    except (ValueError, shapely.errors.GEOSException) as error:
+        raise ConfigError(f"The area {path} is not GeoJSON: give a file with polygons.") from error
+    polygons = [part for part in shapely.get_parts(shapely.get_parts(area)) if part.geom_type == "Polygon"]
+    if not polygons:
+        raise ConfigError(f"The area {path} has no polygon: draw one around the findings.")
+    west, south, east, north = shapely.total_bounds(polygons)
+    if max(-west, east) > 180 or max(-south, north) > 90:
+        raise ConfigError(
+            f"The area {path} is not in longitude and latitude: save it as GeoJSON in EPSG:4326 (WGS84)."
+        )
+    return shapely.union_all([shapely.make_valid(polygon) for polygon in polygons])
+
+
+def _told(row: dict[str, Any]) -> Row:
+    kind, note = row.pop("kind"), row.pop("note")
+    return {**row, "reason": f"{row['reason']} {note}"} if kind == REOPENED else row
+
+
+def _has_class(row: Row, classes: Collection[str]) -> bool:
+    codes = f"{row['skiltnummer_seen']};{row['skiltnummer_nvdb']}".split(";")
+    return any(code.strip() == c or code.strip().startswith(f"{c}.") for code in codes for c in classes)
+
+
+def _drives(ask: Ask, wanted: Selection) -> set[str]:
+    """Ids of the drives that are named and of the days."""
+    drive = schema.drive.c
+    rows = ask(sa.select(drive.drive_id, drive.name, drive.started_ns, drive.ended_ns))
+    known = {name for row in rows for name in (row["drive_id"], row["name"])}
+    if unknown := sorted(set(wanted.drives) - known):
+        raise ConfigError(
+            f"The store has no drive {', '.join(unknown)}: `twin status --json` lists its drives."
+        )
+    return {
+        row["drive_id"]
+        for row in rows
+        if (not wanted.drives or row["drive_id"] in wanted.drives or row["name"] in wanted.drives)
+        and (wanted.since is None or _day(row["ended_ns"]) >= wanted.since)
+        and (wanted.until is None or _day(row["started_ns"]) <= wanted.until)
+    }
+
+
+def _day(epoch_ns: int) -> dt.date:
+    return dt.datetime.fromtimestamp(epoch_ns / 1e9, tz=dt.UTC).date()
+
+
+def _inside(area: BaseGeometry, rows: Sequence[Row]) -> Sequence[bool]:
+    import shapely
+
+    from geoloc.geodesy import geographic_from_utm33
+
+    if not rows:
+        return []
+    lat, lon = geographic_from_utm33(
+        np.array([row["east_m"] for row in rows]), np.array([row["north_m"] for row in rows])
+    )
+    inside: list[bool] = shapely.intersects_xy(area, lon, lat).tolist()
+    return inside
