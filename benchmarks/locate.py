@@ -151,7 +151,8 @@ def main() -> None:
     print(f"{'':34}{'seconds':>9}{'M/s':>8}{'time ratio':>12}")
     first = next(iter(times.values())) if baseline is not None else np.nan
     for name, seconds in times.items():
-        print(f"{name:34}{seconds:9.3f}{n / seconds / 1e6:8.2f}{seconds / first:12.2f}")
+        ratio = "–" if np.isnan(first) else f"{seconds / first:.2f}"
+        print(f"{name:34}{seconds:9.3f}{n / seconds / 1e6:8.2f}{ratio:>12}")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ how well that is.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +47,10 @@ _DEFAULT_BUDGET = ErrorBudget()
 _WORST_SIGMA_M = 5.0
 # Logarithm of the ratio between the distances of a point's start and end: a factor of three.
 _LARGEST_LEAP = 1.1
+# So many sigmas, of what the rays say and of what was stated together, and a stated clock is given up.
+_CERTAIN, _WIDER = 4.0, 3.0
+# Outside this the rolling shutter takes up something else.
+_READOUTS_MS = (-15.0, 50.0)
 # A data sheet's readout, and how exposure and line time differ from it.
 _STATED_READOUT_MS = 1.0
 
@@ -92,6 +97,8 @@ class Adjusted:
         Added to the camera clock; and the readout itself.
     boresight_deg : mapping camera → tuple of Correction
         About the camera's own x (pitch), y (yaw) and z (roll).
+    notes : tuple of str
+        What a person should know, one sentence each: a clock or a shutter that cannot be, terrain not used.
     """
 
     object: IntArray
@@ -111,6 +118,7 @@ class Adjusted:
     time_offset_ms: Correction
     readout_ms: Correction
     boresight_deg: dict[str, tuple[Correction, ...]]
+    notes: tuple[str, ...]
 
 
 def adjust(
@@ -194,12 +202,54 @@ def adjust(
         return _nothing(objects, rejected)
     stated = budget if readout_ms is None else replace(budget, readout_ms=_STATED_READOUT_MS)
     likely = LIKELY_READOUT_MS if readout_ms is None else readout_ms
-    model, prior = model_of(scene, trajectory, stated, 1e-3 * likely, pole_radius_m)
-    if terrain is not None:
-        model = on_terrain(model, terrain, budget)
-    solution = solve(model, prior, noise)
+
+    def solved(priors: ErrorBudget) -> tuple[Model, Solution, Spread]:
+        model, prior = model_of(scene, trajectory, priors, 1e-3 * likely, pole_radius_m)
+        if terrain is not None:
+            model = on_terrain(model, terrain, budget)
+        solution = solve(model, prior, noise)
+        return model, solution, spread(model, solution)
+
+    model, solution, found = solved(stated)
+    notes = list(_doubts(model, solution, terrain))
+    clock = _clock_of_the_rays(solution, found, budget)
+    if abs(clock.value) > _CERTAIN * np.hypot(clock.sigma, budget.time_ms):
+        # The stated clock cannot be: let the rays say what it is.
+        model, solution, found = solved(replace(stated, time_ms=_WIDER * abs(clock.value)))
+        later = 1e3 * float(solution.x[TIME])
+        notes.append(
+            f"The camera clock does not fit the track: {later:+.0f} ms were added to it. Do not trust the"
+            " positions before camera_offset_ms is right, and frames and fixes are both UTC."
+        )
     rejected[scene.row[~solution.inlier]] = OUTLIER
-    return _adjusted(objects, rejected, model, solution, spread(model, solution), budget, track_sigma_m)
+    return _adjusted(objects, rejected, model, solution, found, budget, track_sigma_m, tuple(notes))
+
+
+def _clock_of_the_rays(solution: Solution, found: Spread, budget: ErrorBudget) -> Correction:
+    """What the rays alone say of the camera clock, milliseconds: the solution without the clock's prior."""
+    value, variance = 1e3 * float(solution.x[TIME]), 1e6 * float(found.shared[TIME, TIME])
+    information = 1.0 / variance - 1.0 / budget.time_ms**2
+    if information <= 0.0:
+        return Correction(0.0, np.inf)
+    return Correction(value / variance / information, float(np.sqrt(1.0 / information)))
+
+
+def _doubts(model: Model, solution: Solution, terrain: Terrain | None) -> Iterator[str]:
+    """What a person should know of a solution, one sentence each."""
+    readout_ms = 1e3 * (model.readout_s + float(solution.x[READOUT]))
+    if not _READOUTS_MS[0] < readout_ms < _READOUTS_MS[1]:
+        yield (
+            f"The rolling shutter that fits best would take {readout_ms:.0f} ms, which no camera does: check"
+            " camera_offset_ms, the frame stamps and the calibration."
+        )
+    if terrain is None:
+        return
+    feet, used = int(model.scene.is_foot.sum()), 0 if model.terrain is None else model.terrain.point.size
+    if used < feet:
+        yield (
+            f"The terrain was used for {used} of {feet} feet: elsewhere it has no height, or lies more than"
+            " 2 m from the car's own, and the plane of the road was used."
+        )
 
 
 def _adjusted(
@@ -210,6 +260,7 @@ def _adjusted(
     found: Spread,
     budget: ErrorBudget,
     track_sigma_m: float,
+    notes: tuple[str, ...],
 ) -> Adjusted:
     """Bring points back to objects, positions to the ellipsoid, and add what no sighting can show."""
     scene, n, g = model.scene, rejected.size, objects.size
@@ -269,6 +320,7 @@ def _adjusted(
             )
             for i, name in enumerate(scene.cameras)
         },
+        notes=notes,
     )
 
 
@@ -324,4 +376,5 @@ def _nothing(objects: IntArray, rejected: TextArray) -> Adjusted:
         unknown,
         unknown,
         {},
+        (),
     )

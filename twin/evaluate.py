@@ -173,9 +173,10 @@ def evaluate(store: Store, truths: Sequence[Truth]) -> Evaluation:
         raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
     if not results:
         names = ", ".join(sorted({t.object for t in truths})[:3])
+        held = ", ".join(sorted({row["object"] for row in estimates})[:3])
         raise TruthError(
             f"No estimate in {store.path} belongs to an object of the truth file ({names}, …): the column "
-            "object must hold the annotator's track ids as `twin export` shows them."
+            f"object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them."
         )
     return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
 

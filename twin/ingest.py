@@ -23,7 +23,7 @@ from twin.drives.drive import Drive
 from twin.drives.identify import id_warnings, with_objects
 from twin.drives.read import read_drive
 from twin.drives.timestamps import NO_STAMP
-from twin.errors import DriveError
+from twin.errors import ConfigError, DriveError
 from twin.estimates import corrections, estimate_rows, positions_of, sighting_rows
 from twin.match import METHODS, blob_from_poses
 from twin.plausible import annotation_warnings, check_track
@@ -103,7 +103,7 @@ def ingest_drive(
 
     Raises
     ------
-    DriveError, TerrainError, GeolocError
+    ConfigError, DriveError, TerrainError, GeolocError
         The drive cannot be read or located; the store is unchanged.
     """
     if method not in METHODS:
@@ -132,6 +132,7 @@ def ingest_drive(
     warnings = (
         *drive.warnings,
         *warnings,
+        *(sighted.adjusted.notes if sighted.adjusted else ()),
         *doubts,
         *annotation_warnings(drive, n_located),
         *_unplaced_warning(drive, n_unplaced),
@@ -161,9 +162,15 @@ def _ground(
 ) -> Terrain | None:
     """Read the terrain around the drive."""
     if path is None:
+        if heights is not None:
+            raise ConfigError(
+                "Heights of a terrain are declared, but there is no terrain: give --terrain too."
+            )
         return None
     if method == "paper":
-        raise DriveError("The paper's method knows no terrain: leave --terrain out, or use another --method.")
+        raise ConfigError(
+            "The paper's method knows no terrain: leave --terrain out, or use another --method."
+        )
     from twin.terrain import read_terrain
 
     knots = trajectory.knots

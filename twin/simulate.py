@@ -164,6 +164,8 @@ def _world(name: str, speed_kmh: float | None, seed: int, cameras: Sequence[str]
         raise ConfigError(
             f"The simulated car has no camera {', '.join(unknown)}: choose among {', '.join(CAMERAS)}."
         )
+    if name == "still" and speed_kmh is not None:
+        raise ConfigError("The scenario still drives up at a speed of its own: leave --speed out.")
     world = scenario(name, speed_kmh, seed)
     # In the rig's order and each once, however they were asked for.
     return replace(world, cameras=tuple(c for c in CAMERAS if c in cameras)) if cameras else world

@@ -279,6 +279,16 @@ def test_clock_offset_is_found_where_the_car_turns() -> None:
     assert np.median(length(late.errors_m(adjusted))) < 0.05
 
 
+def test_clock_that_cannot_be_is_told() -> None:
+    """A clock 100 ms off is found out in a street with bends; an honest one raises no doubt."""
+    recording = recorded("urban")
+    assert recording.adjusted().notes == ()
+    late = recording._replace(epoch_ns=recording.epoch_ns + 100_000_000)
+    adjusted = late.adjusted()
+    assert any("camera clock does not fit" in note for note in adjusted.notes)
+    assert -120.0 < adjusted.time_offset_ms.value < -60.0
+
+
 @pytest.mark.parametrize(
     ("name", "speed", "median", "worst"),
     [("urban", 25.0, 0.10, 0.30), ("highway", 45.0, 0.12, 0.35), ("approach", 15.0, 0.20, 0.40)],
@@ -393,6 +403,16 @@ def test_terrain_says_how_high_a_far_foot_stands() -> None:
     raster = length(far.errors_m(far.adjusted(pole_radius_m=0.0, terrain=Terrain(*grid[:2], 0.5, grid[2]))))
     assert np.isfinite(raster).all()
     assert np.median(raster) < 0.3 * np.nanmedian(plane)
+
+
+def test_terrain_that_lies_elsewhere_is_told_and_not_used() -> None:
+    """A raster 50 m too high moves nothing, and the notes say that it was not used."""
+    recording = recorded("approach")
+    drive = recording.drive
+    east, north, heights = rasterised(Road(drive.scenario.road, drive.seed), 0.5)
+    wrong = recording.adjusted(terrain=Terrain(east, north, 0.5, heights + 50.0))
+    assert any("used for 0 of 1 feet" in note for note in wrong.notes)
+    np.testing.assert_array_equal(wrong.latitude_deg, recording.adjusted().latitude_deg)
 
 
 def test_sightings_without_pose_or_object_are_named() -> None:

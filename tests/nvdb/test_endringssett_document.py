@@ -233,6 +233,10 @@ def test_xml_refuses_characters_that_it_cannot_hold(char: str) -> None:
         (b"<endringssett/>", "where an object belongs"),
         (b"<endringssett><ansvarlig>x</ansvarlig></endringssett>", "no datakatalogversjon"),
         (b"<status/>", "not a change set"),
+        (
+            b"<endringssett><ansvarlig>a</ansvarlig><ansvarlig>b</ansvarlig></endringssett>",
+            "ansvarlig twice in one endringssett",
+        ),
         (b"<endringssett", "not readable XML"),
         (b'<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "not readable XML"),
         (

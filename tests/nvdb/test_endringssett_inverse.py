@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from nvdb.endringssett import (
+    Assosiasjon,
+    Datter,
     Earlier,
     Egenskap,
     Endring,
@@ -137,6 +139,38 @@ def test_a_new_plate_on_a_known_skiltpunkt_is_taken_off_it() -> None:
     assert (parent.operasjon, parent.versjon) == ("delvisKorriger", 5)
     assert [(d.nvdb_id, d.operasjon) for d in parent.assosiasjoner[0].dotre] == [(9, "slett")]
     assert (child.operasjon, child.nvdb_id) == ("fjern", 9)
+
+
+@pytest.mark.parametrize(
+    ("before", "expected"), [((7, 8), ("oppdater", (7, 8))), ((), ("slett", ()))], ids=["two", "none"]
+)
+def test_a_replaced_list_of_children_is_replaced_again(
+    before: tuple[int, ...], expected: tuple[str, tuple[int, ...]]
+) -> None:
+    """The earlier children come back under either id of the association; where there were none, it goes."""
+    assosiasjon = Assosiasjon(type_id=220004, dotre=(Datter(nvdb_id=9),), operasjon="oppdater")
+    group = (
+        Endring(
+            operasjon="delvisOppdater", type_id=95, nvdb_id=1, versjon=4, startdato=DAY,
+            assosiasjoner=(assosiasjon,),
+        ),
+    )  # fmt: skip
+    state = Earlier(type_id=95, nvdb_id=1, versjon=4, startdato=DAY, dotre={200004: before})
+    (undone,) = _undo(group, [state])
+    (restored,) = undone.assosiasjoner
+    assert (restored.operasjon, tuple(datter.nvdb_id for datter in restored.dotre)) == expected
+
+
+def test_truth_values_come_back_as_ja_and_nei(plate: Any) -> None:
+    """API Les writes JSON's true and false, API Skriv JA and NEI."""
+    raw = plate(801)
+    raw["egenskaper"] = [
+        {"id": 1, "navn": "a", "egenskapstype": "Boolsk", "verdi": True},
+        {"id": 2, "navn": "b", "egenskapstype": "Boolsk", "verdi": False},
+        {"id": 3, "navn": "c", "egenskapstype": "Flyttall", "verdi": 1.5},
+    ]
+    state = earlier_from_vegobjekt(vegobjekt_from_les_v4(raw))
+    assert [e.verdi for e in state.egenskaper] == [("JA",), ("NEI",), ("1.5",)]
 
 
 def test_a_closing_is_opened_with_the_children_that_it_took_along(before: Earlier) -> None:

@@ -411,6 +411,14 @@ def test_a_wrong_password_is_named(desk: Desk) -> None:
     assert "wrong-word" not in str(error.value) + repr(login)
 
 
+def test_a_login_at_a_wrong_address_is_named(desk: Desk) -> None:
+    """An address without a login says so, with its status."""
+    with NvdbClient(f"{desk.server.url}/elsewhere") as http:
+        login = OidcLogin(http, lambda: ("olanor", PASSWORD))
+        with pytest.raises(LoginError, match="answered 404: check the API URL"):
+            login()
+
+
 def test_tokens_and_passwords_are_never_logged_or_shown(desk: Desk, caplog: pytest.LogCaptureFixture) -> None:
     """Neither the log at its finest, nor what the client looks like, holds them."""
     caplog.set_level(logging.DEBUG)

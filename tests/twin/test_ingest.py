@@ -17,7 +17,7 @@ from geoloc.datum import euref89_from_itrf
 from geoloc.simulate import scenario, simulate_drive
 from twin import schema
 from twin.drives.write import write_driveworks_trip, write_generic_folder
-from twin.errors import DriveError
+from twin.errors import ConfigError, DriveError
 from twin.ingest import ingest_drive
 from twin.match import poses_from_blob
 from twin.store import Store
@@ -146,6 +146,28 @@ def test_ingest_adjusted_takes_boxes_beside_points(store: Store, trip: Path) -> 
     assert len(rows) == n
     assert sum(row["rejected"] == "" for row in rows) > 0.9 * n
     assert report.n_estimates == 15
+
+
+def test_ingest_refuses_terrain_settings_that_would_do_nothing(store: Store, trip: Path) -> None:
+    """Heights without a terrain, and a terrain for the paper's method, are mistakes and not wishes."""
+    with pytest.raises(ConfigError, match="give --terrain too"):
+        ingest_drive(store, trip, terrain_heights="NN2000")
+    with pytest.raises(ConfigError, match="knows no terrain"):
+        ingest_drive(store, trip, method="paper", terrain=trip / "dtm.tif")
+    assert store.count(schema.drive) == 0
+
+
+def test_ingest_uses_a_stated_rolling_shutter_and_pole_radius(store: Store, trip: Path) -> None:
+    """What drive.toml states is used: the shutter hardly moves from it, and feet move by the radius."""
+    (trip / "drive.toml").write_text("rolling_shutter_ms = 31.0\npole_radius_m = 0.0\n")
+    ingest_drive(store, trip)
+    (told,) = store.rows(sa.select(schema.drive_method.c.corrections))
+    shutter = told["corrections"]["rolling_shutter_ms"]
+    assert shutter["value"] == pytest.approx(31.0, abs=2.0)
+    assert shutter["sigma"] < 1.5
+    (trip / "drive.toml").write_text("rolling_shutter_ms = 310.0\n")
+    with pytest.raises(DriveError, match="rolling_shutter_ms"):
+        ingest_drive(store, trip)
 
 
 def test_ingest_without_annotations_keeps_the_drive(store: Store, trip: Path) -> None:

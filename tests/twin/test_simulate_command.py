@@ -85,6 +85,12 @@ def test_every_scenario_can_be_read(name: str, tmp_path: Path) -> None:
     assert 0 < len(set(drive.annotations.object)) <= report.n_objects
 
 
+def test_standing_drive_takes_no_speed(tmp_path: Path) -> None:
+    """The scenario still has a speed of its own: another one would do nothing."""
+    with pytest.raises(ConfigError, match="leave --speed out"):
+        simulate(tmp_path / "trial", name="still", speed_kmh=50.0)
+
+
 def test_used_folder_and_file_are_refused(twin: Twin, tmp_path: Path) -> None:
     """Nothing is written over what somebody has: exit code 5, and it stays as it was."""
     (tmp_path / "mine").mkdir()

@@ -22,6 +22,7 @@ FOUND = "auto"
 SLIP = "no object stands there, and one near it lacks this picture: a slip of the hand"
 _SLIP_REASON = "which its picture lacks"
 _MAX_WARNINGS = 10
+_TWO_SIGNS = 0.15
 
 
 def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
@@ -85,15 +86,30 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
     ids = np.where(notes.has_id, notes.object, "")
     if not notes.has_id.any():
         return ()
-    messages = []
+    messages: dict[tuple[str, ...], str] = {}
     for finding in check_ids(*_given(drive, trajectory), ids):
         one, other = (set(notes.camera[rows].tolist()) for rows in finding.rows)
-        if finding.kind == "split" or one & other:
-            messages.append(finding.message)
+        few, many = sorted(rows.size for rows in finding.rows)
+        if finding.kind == "merge" and one & other:
+            messages.setdefault(finding.ids, f"{finding.message} Give both the same id.")
+        elif finding.kind == "split" and few >= _TWO_SIGNS * (few + many):
+            # Fewer are slips of the hand, which the adjustment leaves out.
+            where = _pictures(notes, finding.rows[1])
+            cure = "give those another id, or correct them"
+            messages.setdefault(finding.ids, f"{finding.message[:-1]} ({where}): {cure}.")
     if len(messages) > _MAX_WARNINGS:
         more = len(messages) - _MAX_WARNINGS
-        return (*messages[:_MAX_WARNINGS], f"{more} more ids look wrong in the same way.")
-    return tuple(messages)
+        return (*list(messages.values())[:_MAX_WARNINGS], f"{more} more ids look wrong in the same way.")
+    return tuple(messages.values())
+
+
+def _pictures(notes: Annotations, rows: IntArray) -> str:
+    """``C3_tricam120 frames 310 to 345``: where annotations are to be found."""
+    parts = []
+    for camera in np.unique(notes.camera[rows]).tolist():
+        frame = notes.frame[rows][notes.camera[rows] == camera]
+        parts.append(f"{camera} frames {frame.min()} to {frame.max()}")
+    return ", ".join(parts)
 
 
 def _given(
