@@ -1,6 +1,7 @@
 """Verdicts on a simulated municipality: who is right, how often, and whether the confidences are true.
 
 Usage: python benchmarks/municipality.py [--seeds 5] [--signs 5000] [--drives 40] [--overlooked 0.002]
+       [--centre-line 0.0]
 
 A grid of roads, poles beside it with up to five plates, some in clusters 0.8 m apart; NVDB's positions with
 0.3 m of noise; 2 % each moved by 0.5 to 10 m, with another code on a plate, unknown to NVDB, and gone;
@@ -168,6 +169,31 @@ def sites_of(world: World) -> tuple[list[Site], IntArray]:
         east, north = world.recorded[k].tolist()
         sites.append(Site(95, k + 1, 1, east, north, NVDB_SIGMA_M, True, plates, "2010-01-01"))
     return sites, rows
+
+
+def on_the_centre_line(sites: Sequence[Site], share: float, rng: np.random.Generator) -> list[Site]:
+    """Let NVDB have some of the sites only on their road's centre line, as a store with the network has them.
+
+    Roads are metered to the north and to the east.
+    """
+    found = list(sites)
+    for k in np.flatnonzero(rng.random(len(sites)) < share).tolist():
+        place = np.array([sites[k].east_m, sites[k].north_m])
+        centre = ORIGIN + np.round((place - ORIGIN) / BLOCK_M) * BLOCK_M
+        axis = int(np.argmin(np.abs(place - centre)))  # 0: the road runs to the north
+        right = (place - centre)[axis] * (1 if axis == 0 else -1) > 0
+        foot = place.copy()
+        foot[axis] = centre[axis]
+        found[k] = replace(
+            sites[k],
+            east_m=float(foot[0]),
+            north_m=float(foot[1]),
+            sigma_m=MatchConfig().centre_line_sigma_m,
+            own_geometry=False,
+            road_azimuth_deg=0.0 if axis == 0 else 90.0,
+            side="H" if right else "V",
+        )
+    return found
 
 
 def wandering(rng: np.random.Generator) -> Poses:
@@ -363,11 +389,15 @@ class Score:
     there: Counter[str]
     judged: list[Judged]
     n_signs: int = 0
+    n_loose: int = 0
+    n_placed: int = 0
+    n_placed_right: int = 0
 
 
 def add_score(
     score: Score,
     world: World,
+    sites: Sequence[Site],
     rows: IntArray,
     poles: Sequence[ObservedPole],
     evidence: Evidence,
@@ -378,6 +408,7 @@ def add_score(
     row_of_place = {(p.east_m, p.north_m): _row(p) for p in poles}
     row_of_site = {k + 1: k for k in rows.tolist()}
     hits: set[tuple[str, int]] = set()
+    loose = {site.nvdb_id - 1 for site in sites if not site.own_geometry}
     for change in changes:
         site = change.nvdb_id
         if change.nvdb_type == 96 and site is not None:
@@ -386,6 +417,10 @@ def add_score(
         pole = row_of_place.get((change.east_m, change.north_m), -1)
         name = change.verdict
         paired = pole == truth and pole >= 0
+        if name == "review" and truth in loose and "here is one" in change.reason:
+            score.n_placed += 1
+            score.n_placed_right += paired
+            continue
         if name == "unchanged":
             right = paired and world.edit[truth] in {"", "moved"} and world.off_m[truth] <= config.tolerance_m
         elif name == "moved":
@@ -410,15 +445,16 @@ def add_score(
     watched = {int(rows[j]) for j in np.flatnonzero(evidence.p_unannotated <= 2 * config.p_missed)}
     off = world.off_m
     wanted = {
-        "moved": {k for k in observed if world.known[k] and off[k] >= 2.0},
+        "moved": {k for k in observed - loose if world.known[k] and off[k] >= 2.0},
         "wrong_type": {k for k in observed if world.edit[k] == "wrong_type"},
         "new": {k for k in observed if world.edit[k] == "new"},
-        "missing": {k for k in watched if world.edit[k] == "missing"},
-        "taken_down": {k for k in watched if world.edit[k] == "taken_down"},
+        "missing": {k for k in watched - loose if world.edit[k] == "missing"},
+        "taken_down": {k for k in watched - loose if world.edit[k] == "taken_down"},
     }
     for name, those in wanted.items():
         score.there[name] += len(those)
         score.hit[name] += sum((name, k) in hits for k in those)
+    score.n_loose += len(observed & loose)
     score.n_signs += len(world.place)
 
 
@@ -441,6 +477,11 @@ def print_score(title: str, score: Score) -> None:
         f"taken down between two drives, and passed since: {score.there['taken_down']}, "
         f"of them found missing: {score.hit['taken_down']}"
     )
+    if score.n_loose:
+        console().print(
+            f"on the centre line and observed: {score.n_loose:,}, given a position: {score.n_placed:,}, "
+            f"of these the right one: {score.n_placed_right / max(score.n_placed, 1):.1%}"
+        )
     wrong = sum(one.wrong_pair for one in score.judged)
     unchanged = score.found["unchanged"]
     console().print(
@@ -475,6 +516,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--signs", type=int, default=5000)
     parser.add_argument("--drives", type=int, default=40)
+    parser.add_argument("--centre-line", type=float, default=0.0, help="share without own geometry")
     parser.add_argument("--overlooked", type=float, default=MatchConfig().p_missed)
     options = parser.parse_args()
     ours, theirs = (Score(Counter(), Counter(), Counter(), Counter(), []) for _ in range(2))
@@ -483,6 +525,8 @@ def main() -> None:
         rng = np.random.default_rng(seed)
         world = make_world(options.signs, rng)
         sites, rows = sites_of(world)
+        if options.centre_line:
+            sites = on_the_centre_line(sites, options.centre_line, rng)
         fleet = drive_around(world, sites, options.drives, options.overlooked, rng)
         poles = observed_poles(fleet.estimates, fleet.order, config, None, fleet.seen_from_deg)
         poles = still_seen(poles, past_poles(fleet, poles), config)
@@ -502,7 +546,7 @@ def main() -> None:
                 p_unannotated=p_unannotated,
                 passed=evidence.passed,
             )
-            add_score(score, world, rows, poles, evidence, changes)
+            add_score(score, world, sites, rows, poles, evidence, changes)
     print_score(f"twin, {ours.n_signs:,} signs", ours)
     print_score("greedy: nearest first within the gate", theirs)
     print_calibration(ours)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
 import sqlalchemy as sa
 
 from twin import schema
@@ -202,3 +203,50 @@ def test_match_refuses_nonsense_settings(twin: Twin, store: Path, value: float) 
     with pytest.raises(ConfigError, match="tolerance_m"):
         MatchConfig(tolerance_m=value)
     assert twin("match", "--tolerance", str(value), "--store", store).code == 2
+
+
+def with_road(store: Store, retning: int) -> None:
+    """Give the store a road network of one link: the drive's own track, metered with it or against it."""
+    line = store.rows(sa.select(schema.drive.c.line))[0]["line"]
+    link = {
+        "veglenkesekvensid": 1,
+        "veglenkenummer": 1,
+        "segmentnummer": 1,
+        "startposisjon": 0.0,
+        "startdato": "2000-01-01",
+        "sluttposisjon": 1.0,
+        "konnektering": False,
+        "detaljert": False,
+        "type_veg": "enkelBilveg",
+        "detaljniva": "Vegtrase",
+        "vegkategori": "K",
+        "trafikantgruppe": "K",
+        "kortform": "KV1 S1D1 m0-1000",
+        "retning": retning,
+        "geometri": shapely.to_wkb(shapely.force_3d(shapely.from_wkb(line), 0.0)),
+    }
+    with store.transaction() as connection:
+        connection.execute(sa.insert(schema.veglenke), [link])
+        store.put_fact(connection, "vegnett", {"rejected": []})
+
+
+def test_match_knows_by_the_road_which_side_of_a_sign_was_seen(synced: Path, trip: Path) -> None:
+    """With the road network nothing changes, but a road metered the other way turns every plate round."""
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        with_road(store, 1)
+        with_it = match(store).verdicts
+        with store.transaction() as connection:
+            connection.execute(sa.update(schema.veglenke).values(retning=-1))
+        against = match(store).verdicts
+    assert with_it == {
+        "unchanged": 12,
+        "moved": 1,
+        "wrong_type": 1,
+        "new": 1,
+        "missing": 1,
+        "not_observable": 0,
+        "review": 0,
+    }
+    assert against["missing"] == 0
+    assert against["not_observable"] > 0

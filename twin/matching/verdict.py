@@ -177,7 +177,7 @@ def _rival(scene: _Scene, index: int) -> str:
 def _why(match: MatchedPole) -> str:
     """The terms of a pair in words."""
     pole, site, terms = match.pole, match.site, match.terms["log_odds"]
-    words = [f"{match.terms['sigmas']:.1f} sigmas of both sides"] if site.own_geometry else []
+    words = [f"a distance of {match.terms['sigmas']:.1f} sigmas"] if site.own_geometry else []
     if not pole.codes:
         words.append("its sign code was not annotated")
     elif site.codes:

@@ -48,7 +48,7 @@ def near(
 
 
 def test_mirror_near_has_everything_within_the_distance(tmp_path: Path) -> None:
-    """Of random signs about the origin of the grid, every one within 1000 m of a place is read, no far one."""
+    """Of random signs about the origin of the grid, those within 1000 m of a place are read, no far one."""
     rng = np.random.default_rng(1)
     place = rng.uniform(-6000, 6000, (400, 2))
     points = [point(k + 1, *xy[:1], north=xy[1]) for k, xy in enumerate(place.tolist())]

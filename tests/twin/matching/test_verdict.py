@@ -204,11 +204,12 @@ def test_judge_doubts_a_pole_that_a_later_drive_did_not_see() -> None:
 
 
 def test_judge_confidence_of_unchanged_falls_near_the_tolerance() -> None:
-    """A sign measured 1.2 m off at a tolerance of 1 m is not called moved, and hardly sure to be unchanged."""
+    """A sign measured 1.2 m off at a tolerance of 1 m is not called moved, nor surely unchanged."""
     (near,) = found([pole(0.2, 0, "202")], [site(1, "202")])
     (edge,) = found([pole(1.2, 0, "202")], [site(1, "202")])
     assert (near.verdict, edge.verdict) == ("unchanged", "unchanged")
-    assert near.confidence > 0.99 > 0.7 > edge.confidence
+    assert near.confidence > 0.99
+    assert edge.confidence < 0.7
 
 
 def test_judge_confidence_of_missing_is_that_it_is_gone() -> None:
@@ -225,7 +226,7 @@ def test_judge_finds_a_wrong_plate_of_a_site_without_position() -> None:
 
 
 def test_offset_trusts_nvdb_where_nvdb_is_good() -> None:
-    """1.1 m off by a poor measurement is rather our error where NVDB is good to 0.1 m than where it is to 1 m."""
+    """1.1 m off by a poor measurement is rather our error where NVDB is good to 0.1 m than to 1 m."""
     poor = pole(1.1, 0, "202", sigma=0.4)
     good = offset_of(poor, site(1, "202", sigma=0.1), CONFIG).p_beyond
     bad = offset_of(poor, site(1, "202", sigma=1.0), CONFIG).p_beyond
