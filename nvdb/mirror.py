@@ -31,6 +31,9 @@ __all__ = [
     "ShortBackfillError",
     "SyncProgress",
     "SyncReport",
+    "can_resume",
+    "identity",
+    "reaches",
     "sync",
 ]
 
@@ -200,7 +203,7 @@ def sync(
     another = known is not None and known.area != area.text()
     guard = _Guard(store, 1.0 if confirm_deletions or another else max_deleted_share)
     mode, applied = "changes", None
-    ours = known is not None and (known.source, known.area) == (_identity(source), area.text())
+    ours = known is not None and (known.source, known.area) == (identity(source), area.text())
     if known is not None and ours and not fresh and store.backfill() is None:
         try:
             applied = _follow(source, store, area, known, guard, notes)
@@ -230,13 +233,13 @@ def _fill(
 ) -> tuple[str, Applied]:
     """Fetch everything beside the visible mirror, bring it up to date there, and publish it."""
     begun, following = store.backfill(), None
-    if begun is not None and _can_resume(source, area, begun):
+    if begun is not None and can_resume(source, area, begun):
         mode, following = "resumed", _fetch_all(source, store, area, begun, notes)
         if any(lacking > 0 for lacking in _lacking(store, following, notes).values()):
             log.info("The resumed backfill lacks objects, as if their order had changed: fetching all anew.")
             following = None
     if following is None:
-        mode, begun = "backfill", Backfill(_identity(source), area.text(), source.head())
+        mode, begun = "backfill", Backfill(identity(source), area.text(), source.head())
         store.begin_backfill(begun)
         notes.restart()
         following = _fetch_all(source, store, area, begun, notes)
@@ -251,17 +254,21 @@ def _fill(
     return mode, store.publish(following)
 
 
-def _identity(source: Source) -> str:
+def identity(source: Source) -> str:
     """Name and address: a position or cursor of the test API means nothing to the real one."""
     return f"{source.name} at {source.url}"
 
 
-def _can_resume(source: Source, area: Area, begun: Backfill) -> bool:
+def can_resume(source: Source, area: Area, begun: Backfill) -> bool:
     """Whether an interrupted backfill is of this source and area, and its changes since can still be had."""
-    if (begun.source, begun.area) != (_identity(source), area.text()):
-        return False
+    same = (begun.source, begun.area) == (identity(source), area.text())
+    return same and reaches(source, begun.position)
+
+
+def reaches(source: Source, position: str) -> bool:
+    """Whether the change feed still reaches back to a position; asks for its first page."""
     try:
-        next(iter(source.changes(SKILT_TYPES, begun.position)), None)
+        next(iter(source.changes(SKILT_TYPES, position)), None)
     except FeedTooOldError:
         return False
     return True

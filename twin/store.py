@@ -87,7 +87,7 @@ class Store:
             )
         engine = _engine(path)
         try:
-            _check_or_create(engine, path)
+            _check_or_create(engine, path, create=create)
         except BaseException:
             engine.dispose()
             raise
@@ -296,9 +296,11 @@ def store_errors(path: Path) -> Iterator[None]:
         raise StoreError(f"The store {path} could not be used ({text}): {cure}.") from error
 
 
-def _check_or_create(engine: sa.Engine, path: Path) -> None:
+def _check_or_create(engine: sa.Engine, path: Path, *, create: bool) -> None:
     with store_errors(path), engine.connect() as connection:
         tables = set(sa.inspect(connection).get_table_names())
+    if not tables and not create:
+        raise StoreError(f"{path} is empty and not a twin store: name another --store.")
     if not tables:
         with store_errors(path):
             _create(engine)

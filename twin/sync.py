@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
 from nvdb.area import Area
-from nvdb.client import NvdbClient
+from nvdb.client import Json, NvdbClient, Params
 from nvdb.datakatalog import Datakatalog, diff, hent_datakatalog, katalog_from_document, snapshot
 from nvdb.errors import AreaError, BodyError, HttpStatusError, SchemaError
 from nvdb.les_v4 import LesV4Source
-from nvdb.mirror import MAX_DELETED_SHARE, SKILT_TYPES, SyncProgress, SyncReport, sync
+from nvdb.mirror import (
+    MAX_DELETED_SHARE,
+    SKILT_TYPES,
+    SyncProgress,
+    SyncReport,
+    can_resume,
+    identity,
+    reaches,
+    sync,
+)
 from nvdb.sources import Source
 from nvdb.uberiket import UberiketSource
 from twin.errors import RefusedError
@@ -144,7 +153,6 @@ def sync_nvdb(
     replace: bool = False,
     fresh: bool = False,
     confirm_deletions: bool = False,
-    vegnett: bool = False,
     progress: Callable[[str, int, int | None], None] | None = None,
 ) -> SyncResult:
     """Bring the store's mirror up to date. Readers see the old mirror until the new one is whole.
@@ -165,8 +173,6 @@ def sync_nvdb(
         Fetch everything although the changes would do.
     confirm_deletions : bool
         Whether more than 5 % of the mirror may be deleted.
-    vegnett : bool
-        Whether the area's road network is fetched too (:mod:`twin.vegnett`).
     progress : callable, optional
         Called with what is being fetched, how many have come and how many are expected (or None).
 
@@ -183,33 +189,119 @@ def sync_nvdb(
     with exclusive(lock, f"sync of {store.path.name}"):
         _check_area(store, area, replace)
         with NvdbClient(api_url=api_url, contact=contact) as client:
-            result = _sync(client, source, store, area, fresh, confirm_deletions, progress)
-            if vegnett:
-                from twin.vegnett import sync_vegnett
-
-                sync_vegnett(
-                    store, area, client=client, confirm_deletions=confirm_deletions, progress=progress
-                )
-            return result
+            return _sync(client, source, store, area, fresh, confirm_deletions, progress)
 
 
 def dry_run(
-    area: Area, *, api_url: str, source: str = "les-v4", contact: str | None = None
+    area: Area,
+    *,
+    api_url: str,
+    source: str = "les-v4",
+    contact: str | None = None,
+    store: Store | None = None,
+    replace: bool = False,
+    fresh: bool = False,
 ) -> dict[str, Any]:
-    """Say what a backfill would ask first and how much would come, without touching a store.
+    """Say what :func:`sync_nvdb` would do and ask first, and how many signs there are; nothing is written.
+
+    Parameters
+    ----------
+    area, api_url, source, contact, replace, fresh
+        As :func:`sync_nvdb` takes them.
+    store : Store, optional
+        The one that would be synced; None if it would be a new one.
 
     Returns
     -------
     dict
-        ``source``, ``area``, ``first_url`` and ``expected`` (type → count or None).
+        ``source``, ``area``, ``mode`` (``backfill``, ``resumed`` or ``changes``), ``position`` (in the change
+        feed, None for a ``backfill``), ``first_url`` and ``expected`` (type → the API's own count or None).
+
+    Raises
+    ------
+    NvdbError
+        The API did not answer as it should.
+    RefusedError
+        The store mirrors another area.
     """
-    with NvdbClient(api_url=api_url, contact=contact) as client:
+    if store is not None:
+        _check_area(store, area, replace)
+    with NvdbClient(api_url=api_url, contact=contact) as client, _Asking(api_url) as asking:
         made = _source(source, client, snapshot())
         made.check(area)
-        expected = {type_id: made.count(type_id, area) for type_id in SKILT_TYPES}
-        path, params = made.first_request(SKILT_TYPES[0], area)
-        url = f"{client.api_url}{path}?{urlencode(params, safe=',')}"
-        return {"source": made.name, "area": area.text(), "first_url": url, "expected": expected}
+        mode, position, cursor = _plan(made, area, store, fresh)
+        asked = _source(source, asking, snapshot())
+        if mode == "changes":
+            url = _first_url(lambda: asked.changes(SKILT_TYPES, position or ""))
+        else:
+            url = _first_url(lambda: asked.pages(SKILT_TYPES[0], area, cursor))
+        return {
+            "source": made.name,
+            "area": area.text(),
+            "mode": mode,
+            "position": position,
+            "first_url": url,
+            "expected": {type_id: made.count(type_id, area) for type_id in SKILT_TYPES},
+        }
+
+
+def _plan(source: Source, area: Area, store: Store | None, fresh: bool) -> tuple[str, str | None, str | None]:
+    """Mode, position in the feed and cursor with which :func:`nvdb.mirror.sync` would begin."""
+    mirror = None if store is None else StoreMirror(store)
+    known = mirror and mirror.following()
+    begun = mirror and mirror.backfill()
+    if begun and can_resume(source, area, begun):
+        return "resumed", begun.position, begun.cursors.get(SKILT_TYPES[0])
+    ours = known and (known.source, known.area) == (identity(source), area.text())
+    if known and ours and not begun and not fresh and reaches(source, known.position):
+        return "changes", known.position, None
+    return "backfill", None, None
+
+
+class _AskedError(Exception):
+    """Carries the address of a question that was not sent."""
+
+
+class _Asking(NvdbClient):
+    """Sends nothing: a source's first question is known by what it would ask."""
+
+    def get_json(self, path_or_url: str, params: Params | None = None) -> Json:
+        raise _AskedError(f"{self.api_url}{path_or_url}?{urlencode(params or {}, safe=',')}")
+
+
+def _first_url(ask: Callable[[], Iterator[object]]) -> str:
+    try:
+        next(ask(), None)
+    except _AskedError as asked:
+        return str(asked)
+    msg = "a source asked nothing"
+    raise RuntimeError(msg)
+
+
+def sync_roads(
+    store: Store,
+    area: Area,
+    *,
+    api_url: str,
+    contact: str | None = None,
+    confirm_deletions: bool = False,
+    progress: Callable[[str, int, int | None], None] | None = None,
+) -> int:
+    """Fetch the area's road network into the store (:func:`twin.vegnett.sync_vegnett`).
+
+    Parameters and errors are those of :func:`sync_nvdb`; whatever happens, the mirror of the signs stays.
+
+    Returns
+    -------
+    int
+        Links in the store's network now.
+    """
+    from twin.vegnett import sync_vegnett
+
+    with NvdbClient(api_url=api_url, contact=contact) as client:
+        return sync_vegnett(
+            store, area, client=client, confirm_deletions=confirm_deletions, progress=progress
+        )
 
 
 def _sync(

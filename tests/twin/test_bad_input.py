@@ -57,6 +57,16 @@ def replace_text(path: Path, pattern: str, text: str, *, count: int = 0) -> None
     path.write_text(after, encoding="utf-8")
 
 
+@pytest.mark.parametrize("command", ["status", "match", "export out", "show P01", "explain x", "decide undo"])
+def test_an_empty_file_is_no_store_to_read(twin: Twin, tmp_path: Path, command: str) -> None:
+    """Commands that only read say so and leave the file empty."""
+    path = tmp_path / "twin.db"
+    path.touch()
+    answer = twin(*command.split(), "--store", path)
+    assert (answer.code, "is empty and not a twin store: name another --store." in answer.err) == (4, True)
+    assert path.stat().st_size == 0
+
+
 def no_rig(trip: Path) -> None:
     """Take the rig away."""
     (trip / "rig.json").unlink()

@@ -216,6 +216,44 @@ def test_json_is_one_document_on_stdout(twin: Twin, store: Path) -> None:
         assert isinstance(json.loads(answer.out), dict)
 
 
+_LATE_SIGNAL = """
+import atexit, signal, sys
+from twin.cli import main
+class Late:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+atexit.register(lambda: signal.raise_signal(signal.SIGINT))
+sys.late = Late()  # goes when the interpreter has given its signal handlers back to the system
+main(["--version"])
+"""
+
+
+def test_ctrl_c_after_the_work_does_not_change_the_exit_code() -> None:
+    """While Python ends, an interruption comes too late: the success was printed and stays one."""
+    done = subprocess.run([sys.executable, "-c", _LATE_SIGNAL], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("twin ")
+
+
+def test_ctrl_c_while_modules_are_loaded_says_so() -> None:
+    """An interruption at the start leaves with 130 and one sentence, as at any other instant."""
+    code = (
+        "import builtins, signal\n"
+        "from twin import cli\n"
+        "real = builtins.__import__\n"
+        "def load(name, *rest):\n"
+        "    if name == 'twin.cli.app':\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "    return real(name, *rest)\n"
+        "builtins.__import__ = load\n"
+        "cli.main(['--version'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == 130
+    assert done.stderr.startswith("twin: Interrupted:")
+    assert done.stderr.count("\n") == 1
+
+
 def test_exit_code_of_the_unexpected_is_one() -> None:
     """What twin does not know is a bug, not bad data."""
     assert exit_code(ValueError("?")) == 1

@@ -208,6 +208,7 @@ def test_sync_command_refuses_another_area_and_mass_deletion(
     refused = twin(*command, "--all")
     assert refused.code == 5
     assert "would delete 40 of 60 Skiltplate" in refused.err
+    assert "confirm the deletions (--confirm-deletions)." in refused.err
     assert twin(*command, "--all", "--confirm-deletions").code == 0
     with Store.open(tmp_path / "a.db") as store:
         assert ids(store, schema.skiltplate) == world.ids(96, 60, 40)

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl, urlsplit
 
 import pytest
 import sqlalchemy as sa
 
+from nvdb.area import Area
+from nvdb.errors import HttpStatusError
 from nvdb.replay import Fault, ReplayServer, RequestInfo
 from nvdb.replay_generate import GeneratedWorld
 from nvdb.replay_world import ReplayWorld
 from twin import schema
+from twin.errors import RefusedError
 from twin.store import Store
+from twin.sync import dry_run, sync_nvdb
 
 Twin = Callable[..., Any]
 CONTRACT = {"id": 17, "nummer": 9503, "navn": "9503 Midtre Hålogaland 2021-2026"}
@@ -168,7 +173,97 @@ def test_area_without_signs_is_pointed_out(twin: Twin, url: str, tmp_path: Path)
     """A fylke that does not exist looks like an empty one to the API: the command says so."""
     answer = twin("sync-nvdb", "--api-url", url, "--store", tmp_path / "a.db", "--fylke", "99")
     assert answer.code == 0
-    assert "NVDB has no sign in fylke 99: check the area." in answer.err
+    assert (
+        "NVDB has no sign in fylke 99: check the area, and name the right one with --replace." in answer.err
+    )
+    dry = twin("sync-nvdb", "--api-url", url, "--store", tmp_path / "b.db", "--fylke", "99", "--dry-run")
+    assert (dry.code, "NVDB has no sign in fylke 99: check the area." in dry.err) == (0, True)
+    assert not (tmp_path / "b.db").exists()
+
+
+@pytest.mark.parametrize("source", ["les-v4", "uberiket"])
+def test_dry_run_tells_first_what_the_sync_then_does(
+    world: ReplayWorld, url: str, tmp_path: Path, source: str
+) -> None:
+    """A new mirror, one that follows its changes, one made anew: mode, position and first question."""
+    asked: list[RequestInfo] = []
+    world.on_request = asked.append
+    options: dict[str, Any] = {"api_url": url, "source": source}
+    with Store.open(tmp_path / "a.db") as store:
+        for fresh, mode, word in (
+            (False, "backfill", "/vegobjekter/95?"),
+            (False, "changes", "start="),
+            (True, "backfill", "/vegobjekter/95?"),
+        ):
+            found = dry_run(Area(), store=store, fresh=fresh, **options)
+            assert (found["mode"], word in found["first_url"]) == (mode, True)
+            assert found["expected"] == {95: 30, 96: 60}
+            position = (store.fact("mirror") or {}).get("position")
+            assert found["position"] == (position if mode == "changes" else None)
+            asked.clear()
+            assert sync_nvdb(store, Area(), fresh=fresh, **options).mode == mode
+            path = urlsplit(found["first_url"])
+            question = path.path, dict(parse_qsl(path.query))
+            assert question in [(info.path, dict(info.query)) for info in asked]
+
+
+def test_dry_run_goes_on_with_an_interrupted_backfill(world: ReplayWorld, url: str, tmp_path: Path) -> None:
+    """It asks from where the pages stopped, and leaves what is aside as it is."""
+    with Store.open(tmp_path / "a.db") as store, ReplayServer(world, faults=_no_plates) as server:
+        with pytest.raises(HttpStatusError):
+            sync_nvdb(store, Area(), api_url=server.url)
+        before = store.fact("mirror_backfill")
+        assert before is not None
+        found = dry_run(Area(), api_url=server.url, store=store)
+        assert (found["mode"], found["position"]) == ("resumed", before["position"])
+        assert dict(parse_qsl(urlsplit(found["first_url"]).query))["start"] == before["cursors"]["95"]
+        assert store.fact("mirror_backfill") == before
+        assert dry_run(Area(), api_url=url, store=store)["mode"] == "backfill"  # another address
+
+
+def test_dry_run_refuses_what_the_sync_would_refuse(url: str, tmp_path: Path) -> None:
+    """Another area than the store's, unless it may be replaced."""
+    with Store.open(tmp_path / "a.db") as store:
+        sync_nvdb(store, Area.from_fylker_text("50"), api_url=url)
+        other = Area.from_fylker_text("3")
+        with pytest.raises(RefusedError, match="--replace"):
+            dry_run(other, api_url=url, store=store)
+        assert dry_run(other, api_url=url, store=store, replace=True)["mode"] == "backfill"
+
+
+def test_dry_run_of_the_command_knows_the_store(twin: Twin, url: str, tmp_path: Path) -> None:
+    """It follows the changes of the mirror that is there, refuses another area, and makes no store."""
+    path = tmp_path / "a.db"
+    command = ["sync-nvdb", "--api-url", url, "--store", path]
+    assert "Would mirror fylke 50" in twin(*command, "--fylke", "50", "--dry-run").out
+    assert not path.exists()
+    twin(*command, "--fylke", "50")
+    shown = twin(*command, "--dry-run")
+    position = twin("status", "--store", path, "--json").json["mirror"]["position"]
+    assert f"Would follow the changes of fylke 50 since {position}" in " ".join(shown.out.split())
+    assert "/vegobjekter/endringer?" in shown.out
+    refused = twin(*command, "--fylke", "3", "--dry-run")
+    assert (refused.code, "--replace" in refused.err) == (5, True)
+    assert "Would mirror fylke 03" in twin(*command, "--fylke", "3", "--replace", "--dry-run").out
+
+
+def _no_roads(info: RequestInfo) -> Fault | None:
+    """The road network cannot be had."""
+    return Fault("status", 403) if "segmentert" in info.path else None
+
+
+def test_signs_are_shown_where_the_network_fails(twin: Twin, world: ReplayWorld, tmp_path: Path) -> None:
+    """Exit code 3, but the signs are in the mirror and their table, or JSON document, was printed."""
+    path = tmp_path / "a.db"
+    with ReplayServer(world, faults=_no_roads) as server:
+        command = ["sync-nvdb", "--all", "--vegnett", "--api-url", server.url, "--store", path]
+        shown = twin(*command)
+        assert (shown.code, "NVDB: the whole country" in shown.out) == (3, True)
+        assert "The signs are synced and kept; the road network is not yet." in shown.err
+        plain = twin(*command, "--json")
+        assert (plain.code, plain.json["mode"]) == (3, "changes")
+    status = twin("status", "--store", path, "--json").json
+    assert (status["skiltpunkt"], status["vegnett"]) == (30, None)
 
 
 def test_progress_on_a_terminal_counts_objects(

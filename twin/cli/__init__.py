@@ -16,17 +16,42 @@ code meaning
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 
 EXIT_OK, EXIT_BUG, EXIT_USAGE, EXIT_NETWORK, EXIT_DATA, EXIT_REFUSED, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 
-_INTERRUPTED = "Interrupted: what the store shows is as it was; run the command again to go on."
+_INTERRUPTED = (
+    "Interrupted: the store shows the old state or the whole new one; run the command again to go on."
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `twin` and leave with its exit code."""
-    sys.exit(run(arguments))
+    try:
+        code = run(arguments)
+        _leave_uninterrupted()
+    except KeyboardInterrupt:  # while modules are loaded, or in the instant after the work
+        _leave_uninterrupted()
+        code = _interrupted()
+    sys.exit(code)
+
+
+def _leave_uninterrupted() -> None:
+    """Ignore Ctrl-C from here on.
+
+    What was to be done is done and told. At its end Python gives SIGINT back to the system, which would kill
+    the process and make an exit code of 130 out of a success.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _interrupted() -> int:
+    from twin.cli.output import error_line
+
+    error_line(_INTERRUPTED)
+    return EXIT_INTERRUPTED
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -42,12 +67,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
         app(args=arguments, prog_name="twin", standalone_mode=True)
     except SystemExit as stop:
         code = stop.code if isinstance(stop.code, int) else EXIT_OK
-        if code == EXIT_INTERRUPTED:
-            error_line(_INTERRUPTED)
-        return code
+        return _interrupted() if code == EXIT_INTERRUPTED else code
     except KeyboardInterrupt:
-        error_line(_INTERRUPTED)
-        return EXIT_INTERRUPTED
+        return _interrupted()
     except BrokenPipeError:
         sys.stderr.close()
         return EXIT_OK
@@ -55,9 +77,18 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = exit_code(error)
         if code == EXIT_BUG:
             raise
-        error_line(str(error))
+        error_line(_with_option(error))
         return code
     return EXIT_OK
+
+
+def _with_option(error: Exception) -> str:
+    """Return an error's sentence; where the library knows a cure but not the option for it, with that."""
+    from nvdb.mirror import MassDeletionError
+
+    if isinstance(error, MassDeletionError):
+        return f"{str(error).removesuffix('.')} (--confirm-deletions)."
+    return str(error)
 
 
 def exit_code(error: BaseException) -> int:

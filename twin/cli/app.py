@@ -159,7 +159,9 @@ def sync_nvdb(
         everything=everything,
     )
     if dry_run:
-        commands.sync_dry_run(area, source.value, api_url, contact, json_output)
+        commands.sync_dry_run(
+            area, source.value, api_url, contact, json_output, store=store, replace=replace, fresh=fresh
+        )
         return
     commands.sync_nvdb(
         area, source.value, api_url, contact, replace, fresh, confirm_deletions, vegnett, store, json_output

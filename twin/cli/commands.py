@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,30 +58,33 @@ def sync_nvdb(
     json_output: bool,
 ) -> None:
     """``twin sync-nvdb``."""
+    from twin import sync
     from twin.store import Store
-    from twin.sync import sync_nvdb as run
 
-    quiet = json_output
+    asked: Any = {"api_url": api_url, "contact": contact, "confirm_deletions": confirm_deletions}
+    how: Any = {"source": source, "replace": replace, "fresh": fresh}
     # A store is kept also if the sync fails: a backfill goes on where it stopped.
-    with Store.open(store) as opened, log_notes("nvdb", quiet=quiet), bar(quiet=quiet) as progress:
-        result = run(
-            opened,
-            area,
-            api_url=api_url,
-            source=source,
-            contact=contact,
-            replace=replace,
-            fresh=fresh,
-            confirm_deletions=confirm_deletions,
-            vegnett=vegnett,
-            progress=progress,
-        )
+    with Store.open(store) as opened, log_notes("nvdb", quiet=json_output):
+        with bar(quiet=json_output) as progress:
+            result = sync.sync_nvdb(opened, area, progress=progress, **how, **asked)
+        # Before the network is asked for: what the signs' sync did is not hidden by what comes after it.
+        _print_sync(result, json_output)
+        if vegnett:
+            try:
+                with bar(quiet=json_output) as progress:
+                    sync.sync_roads(opened, area, progress=progress, **asked)
+            except BaseException:
+                note("The signs are synced and kept; the road network is not yet.")
+                raise
+
+
+def _print_sync(result: SyncResult, json_output: bool) -> None:
     if json_output:
         print_json(result)
         return
     print_pairs(f"NVDB: {result.area}", _sync_pairs(result))
     if not result.skiltpunkt and not result.skiltplate:
-        warn(f"NVDB has no sign in {result.area}: check the area.")
+        warn(f"NVDB has no sign in {result.area}: check the area, and name the right one with --replace.")
     for news in result.datakatalog_news[:10]:
         note(f"datakatalog: {news}")
     for problem in result.problems[:10]:
@@ -129,17 +132,38 @@ def _tally(numbers: Mapping[str, int]) -> str | None:
     return "  ".join(shown + ["…"] * (len(numbers) > _MAX_SHOWN)) or None
 
 
-def sync_dry_run(area: Area, source: str, api_url: str, contact: str | None, json_output: bool) -> None:
-    """``twin sync-nvdb --dry-run``."""
+def sync_dry_run(
+    area: Area,
+    source: str,
+    api_url: str,
+    contact: str | None,
+    json_output: bool,
+    store: Path | None = None,
+    replace: bool = False,
+    fresh: bool = False,
+) -> None:
+    """``twin sync-nvdb --dry-run``; makes no store where there is none."""
+    from twin.store import Store
     from twin.sync import dry_run
 
-    with log_notes("nvdb", quiet=json_output):
-        found = dry_run(area, api_url=api_url, source=source, contact=contact)
+    known = Store.open(store, create=False) if store is not None and store.exists() else nullcontext()
+    with known as opened, log_notes("nvdb", quiet=json_output):
+        how: Any = {"source": source, "replace": replace, "fresh": fresh}
+        found = dry_run(area, store=opened, api_url=api_url, contact=contact, **how)
     if json_output:
         print_json(found)
         return
     counts = {"Skiltpunkt": found["expected"][95], "Skiltplate": found["expected"][96]}
-    print_pairs(f"Would mirror {found['area']}", {**counts, "first question": found["first_url"]})
+    print_pairs(_WOULD[found["mode"]].format(**found), {**counts, "first question": found["first_url"]})
+    if set(counts.values()) == {0}:
+        warn(f"NVDB has no sign in {found['area']}: check the area.")
+
+
+_WOULD = {
+    "backfill": "Would mirror {area}",
+    "resumed": "Would go on with the interrupted backfill of {area}",
+    "changes": "Would follow the changes of {area} since {position}",
+}
 
 
 def ingest_drive(
