@@ -10,12 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import sqlalchemy as sa
 
+from nvdb.area import Area
 from nvdb.client import NvdbClient
+from nvdb.geometri import point_from_wkt
 from nvdb.replay import ReplayServer
+from nvdb.replay_world import ReplayWorld
+from twin import schema
 from twin.cli import run
 from twin.demo import sample_folder
 from twin.match import METHODS
+from twin.mirror_raw import raw_object
+from twin.store import Store
+from twin.vegnett import sync_vegnett
 
 
 @pytest.fixture(scope="session")
@@ -80,3 +88,53 @@ def matched_store(sample: Path, nvdb_url: str, tmp_path_factory: pytest.TempPath
 def store(matched_store: Path, tmp_path: Path) -> Path:
     """A copy of the matched store for one test."""
     return Path(shutil.copy(matched_store, tmp_path / "twin.db"))
+
+
+@pytest.fixture(scope="session")
+def matched_road(matched_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The matched store with the sample's main road: a line through the places that its signs are hung on."""
+    path = Path(shutil.copy(matched_store, tmp_path_factory.mktemp("road") / "twin.db"))
+    with Store.open(path) as opened:
+        raws = [raw_object(row) for row in opened.rows(sa.select(schema.skiltpunkt.c.raw))]
+        link = _main_road(raws)
+        with ReplayServer(ReplayWorld(vegnett=[link])) as server, NvdbClient(server.url) as client:
+            assert sync_vegnett(opened, Area(kommuner=(5001,)), client=client) == 1
+    assert run(["match", "--store", str(path), "--json"]) == 0
+    return path
+
+
+def _main_road(raws: list[dict[str, Any]]) -> dict[str, Any]:
+    """One link of the veglenkesekvens that most signs are on, in V4's form."""
+    places = {
+        raw["lokasjon"]["stedfestinger"][0]["relativPosisjon"]: point_from_wkt(
+            raw["lokasjon"]["geometri"]["wkt"]
+        )
+        for raw in raws
+        if raw["lokasjon"]["stedfestinger"][0]["veglenkesekvensid"] == 3041771
+    }
+    line = ", ".join(f"{places[at][0]} {places[at][1]} -999999" for at in sorted(places))
+    return {
+        "veglenkesekvensid": 3041771,
+        "veglenkenummer": 1,
+        "segmentnummer": 1,
+        "metadata": {"startdato": "2015-03-01"},
+        "startposisjon": min(places),
+        "sluttposisjon": max(places),
+        "type": "HOVED",
+        "detaljnivå": "Vegtrase og kjørebane",
+        "typeVeg_sosi": "enkelBilveg",
+        "geometri": {"wkt": f"LINESTRING Z({line})", "srid": 5973},
+        "kommune": 5001,
+        "vegsystemreferanse": {
+            "vegsystem": {"vegkategori": "K", "fase": "V", "nummer": 2210},
+            "strekning": {
+                "strekning": 1,
+                "delstrekning": 1,
+                "trafikantgruppe": "K",
+                "retning": "MED",
+                "fra_meter": 1000 * min(places),
+                "til_meter": 1000 * max(places),
+            },
+            "kortform": f"KV2210 S1D1 m{1000 * min(places):.0f}-{1000 * max(places):.0f}",
+        },
+    }

@@ -72,6 +72,21 @@ class DecisionName(StrEnum):
     DEFER = "defer"
 
 
+class SetDecision(StrEnum):
+    """Decisions whose findings an export turns into change sets."""
+
+    ACCEPT = "accept"
+    OPEN = "open"
+
+
+class Realm(StrEnum):
+    """Kinds of users of API Skriv, as in :data:`nvdb.skriv_login.Realm`."""
+
+    EMPLOYEE = "EMPLOYEE"
+    SERVICE_ACCOUNT = "SERVICE_ACCOUNT"
+    EXTERNAL = "EXTERNAL"
+
+
 class SourceName(StrEnum):
     """APIs that a mirror can follow, as in :data:`twin.sync.SOURCES`."""
 
@@ -81,6 +96,8 @@ class SourceName(StrEnum):
 
 DEFAULT_STORE = Path("twin.db")
 DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
+DEFAULT_SKRIV_API = "https://nvdbapiskriv.test.atlas.vegvesen.no"
+"""The test environment: what changes NVDB itself is named on purpose."""
 
 
 def _version(show: bool) -> None:
@@ -288,13 +305,46 @@ def decide(
 def export(
     folder: Annotated[Path, typer.Argument(help="Where to write; made if it does not exist.", metavar="DIR")],
     by: ByOption = None,
+    decision: Annotated[
+        SetDecision, typer.Option(help="accept: change sets to send. open: previews, of what is undecided.")
+    ] = SetDecision.ACCEPT,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
-    """Write the findings as GeoPackages (UTM33 and WGS84, styled for QGIS) and GeoJSON."""
+    """Write the findings as GeoPackages (UTM33 and WGS84, styled for QGIS) and GeoJSON.
+
+    Accepted findings are also written as change sets for API Skriv: see twin submit.
+    """
     from twin.cli import commands
 
-    commands.export(folder, by, store, json_output)
+    commands.export(folder, by, store, json_output, decision=decision.value)
+
+
+@app.command("submit", epilog="Example: twin submit out  (checks only)   then: twin submit out --go")
+def submit(
+    path: Annotated[
+        Path, typer.Argument(help="An export's folder, or one change set.", metavar="FOLDER|FILE")
+    ],
+    go: Annotated[
+        bool, typer.Option("--go", help="Send and start them; without it they are checked.")
+    ] = False,
+    api_url: Annotated[
+        str, typer.Option(envvar="TWIN_SKRIV_URL", help="API Skriv; by default its test environment.")
+    ] = DEFAULT_SKRIV_API,
+    user: Annotated[
+        str | None,
+        typer.Option(envvar="TWIN_SKRIV_USER", help="User name; the password is TWIN_SKRIV_PASSWORD's."),
+    ] = None,
+    realm: Annotated[
+        Realm, typer.Option(envvar="TWIN_SKRIV_REALM", help="What kind of user that is.")
+    ] = Realm.EMPLOYEE,
+    wait: Annotated[float, typer.Option(min=0, help="Longest wait for one set.", metavar="SECONDS")] = 3600.0,
+    json_output: JsonOption = False,
+) -> None:
+    """Check the change sets of an export; with --go send them to NVDB's API Skriv and report each object."""
+    from twin.cli import submit as body
+
+    body.submit(path, go, api_url, user, realm.value, wait, json_output)
 
 
 @app.command("evaluate", epilog="Example: twin evaluate data/truth.csv --plots plots")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ from twin.cli.output import (
 
 if TYPE_CHECKING:
     from nvdb.area import Area
+    from twin.changesets import ChangeSets
     from twin.evaluate import MethodResult
     from twin.ingest import IngestReport
     from twin.store import Store
@@ -210,17 +211,29 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
     }
 
 
-def export(folder: Path, by: str | None, store: Path, json_output: bool) -> None:
+def export(folder: Path, by: str | None, store: Path, json_output: bool, *, decision: str = "accept") -> None:
     """``twin export``."""
-    from geoloc.heights import nn2000_from_ellipsoidal
+    from twin.cli.submit import change_sets_as_json, end_if_unsendable, print_change_sets
     from twin.export import export_findings
     from twin.store import Store
 
+    made: list[ChangeSets] = []
+    who = person() if by is None else by
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
-        files = export_findings(opened, folder, by=person() if by is None else by, progress=progress)
+        files = export_findings(
+            opened, folder, by=who, decision=decision, change_sets=made.append, progress=progress
+        )
     if json_output:
-        print_json({"files": [str(path) for path in files]})
-        return
+        print_json({"files": [str(path) for path in files], **change_sets_as_json(made[0])})
+    else:
+        _print_export(files)
+        print_change_sets(made[0], folder)
+    end_if_unsendable(made[0])
+
+
+def _print_export(files: Sequence[Path]) -> None:
+    from geoloc.heights import nn2000_from_ellipsoidal
+
     print_paths("Written:", files)
     note("Open twin_utm33.gpkg in QGIS: the layer changes comes coloured by verdict.")
     geoid = nn2000_from_ellipsoidal([], [], [])

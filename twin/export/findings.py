@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from twin.changesets import ChangeSets, files_of, groups_from_store
 from twin.decisions.decide import Edit, keep_edits
 from twin.decisions.evidence import Evidence
 from twin.decisions.log import position
@@ -22,9 +23,13 @@ def export_findings(
     folder: Path | str,
     *,
     by: str = "QGIS",
+    decision: str = "accept",
+    change_sets: Callable[[ChangeSets], None] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Export the findings of the last match, after keeping what people decided in the last export.
+
+    What was accepted goes out as change sets for API Skriv too (``docs/endringssett.md``).
 
     Parameters
     ----------
@@ -35,6 +40,10 @@ def export_findings(
         store by ``change_id``, also those of changes that the last match no longer found.
     by : str, optional
         Who is to be named for those decisions.
+    decision : str, optional
+        Findings with this decision become change sets; another than ``accept`` gives previews.
+    change_sets : callable, optional
+        Told what became of them: sets, errors in sets (which are then not written), findings left out.
     progress : callable, optional
         Told what is being done.
 
@@ -48,12 +57,17 @@ def export_findings(
     StoreError
         Nothing was matched yet.
     RefusedError
-        The findings are older than the drives or the mirror in the store.
+        The findings are older than the drives or the mirror in the store; or a change set in the folder was
+        sent and is not known to have ended.
     ExportRefusedError
         As :func:`twin.export.export_all`; or the decisions in the folder contradict each other, or are none.
     """
+    # Not above: that module writes files by this package.
+    from twin.changesets.receipts import refuse_if_pending
+
     folder = Path(folder)
     last = store.matched()
+    refuse_if_pending(folder)
     decided = decisions_made_in(folder)
     if decided:
         if progress is not None:
@@ -64,10 +78,21 @@ def export_findings(
         keep_edits(store, edits, by=by)
     noted = position(store.rows)
     layers = layers_from_store(store, last["method"])
+    made = groups_from_store(store, decision)
     # The layers are of one moment, but of which? The same match before and after it leaves one answer.
     if store.matched() != last:
         raise RefusedError(f"The store {store.path} was matched again during the export: export again.")
-    return export_all(layers, folder, known_decisions=decided, log_position=noted, progress=progress)
+    written = export_all(
+        layers,
+        folder,
+        known_decisions=decided,
+        log_position=noted,
+        change_sets=files_of(made),
+        progress=progress,
+    )
+    if change_sets is not None:
+        change_sets(made)
+    return written
 
 
 def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -> tuple[str, ...]:

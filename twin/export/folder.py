@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from twin.changesets.files import is_change_set_file
 from twin.errors import ExportRefusedError
 from twin.export.atomic import replacing
+from twin.export.derived import file_layers
 from twin.export.geojson import write_geojson
 from twin.export.geopackage import edited_decisions, write_geopackage
-from twin.export.layers import EPSG_UTM33, EPSG_WGS84, ExportLayers, data_time, normalised
+from twin.export.layers import ExportLayers, data_time, normalised
 from twin.export.wgs84 import in_wgs84
 
 if TYPE_CHECKING:
@@ -34,15 +37,18 @@ def export_all(
     *,
     known_decisions: Mapping[str, str] = MappingProxyType({}),
     log_position: int = 0,
+    change_sets: Mapping[str, bytes] = MappingProxyType({}),
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write the layers for QGIS and for the web.
 
-    ``twin_utm33.gpkg`` (EPSG:25833) and ``twin_wgs84.gpkg`` (EPSG:4326) hold the four layers, each with its
-    default QGIS style; ``changes.geojson`` (RFC 7946) holds the changes. The same layers give the same bytes.
+    ``twin_utm33.gpkg`` (EPSG:25833) and ``twin_wgs84.gpkg`` (EPSG:4326) hold the layers and what
+    follows from them (:func:`twin.export.derived.file_layers`), each with its default QGIS style;
+    ``changes.geojson`` (RFC 7946) holds the changes. The same layers give the same bytes.
     The files take the place of older ones only when all of them are complete on the disk, one after the other
     in the order above: each is old or new as a whole, and a kill between two renames leaves the first ones
-    new and the others old. Exporting again makes them all new.
+    new and the others old. Exporting again makes them all new. Files of change sets that an earlier export
+    wrote and this one does not are removed last: nobody is to send what is no longer accepted.
 
     Parameters
     ----------
@@ -54,6 +60,8 @@ def export_all(
         longer have or that are open again.
     log_position : int, optional
         How far the store's log of decisions has come; the GeoPackages note it.
+    change_sets : mapping, optional
+        Name → content of the files of :func:`twin.changesets.files_of`, which go after those above.
     progress : callable, optional
         Told what is being written.
 
@@ -76,8 +84,10 @@ def export_all(
     checked = normalised(layers)
     tell = progress or (lambda _message: None)
     try:
-        with replacing(folder, FILES) as staging:
+        with replacing(folder, (*FILES, *change_sets)) as staging:
             _write(checked, staging, tell, log_position)
+            for name, content in change_sets.items():
+                (staging / name).write_bytes(content)
             _refuse_to_lose_decisions(folder, checked.changes, known_decisions)
             tell(f"replacing the files in {folder}")
     except (OSError, sqlite3.Error, DataSourceError, DataLayerError) as error:
@@ -85,7 +95,16 @@ def export_all(
             f"cannot export to {folder}: {_cause(error)}; older files there are as they were: "
             "free space on the disk or give a folder that can be written"
         ) from error
-    return [folder / name for name in FILES]
+    _remove_outdated(folder, change_sets)
+    return [folder / name for name in (*FILES, *change_sets)]
+
+
+def _remove_outdated(folder: Path, change_sets: Mapping[str, bytes]) -> None:
+    """Remove sets of earlier exports. One that cannot be removed is not in the provenance: it is not sent."""
+    for path in folder.iterdir():
+        if is_change_set_file(path.name) and path.name not in change_sets:
+            with suppress(OSError):
+                path.unlink()
 
 
 def _cause(error: Exception) -> str:
@@ -98,12 +117,13 @@ def _cause(error: Exception) -> str:
 def _write(layers: ExportLayers, staging: Path, tell: Callable[[str], None], log_position: int) -> None:
     time = data_time(layers)
     tell(f"writing {UTM33}")
-    write_geopackage(layers, staging / UTM33, epsg=EPSG_UTM33, time=time, log_position=log_position)
+    projected = file_layers(layers)
+    write_geopackage(projected, staging / UTM33, time=time, log_position=log_position)
     tell(f"writing {WGS84}")
-    geographic = in_wgs84(layers)
-    write_geopackage(geographic, staging / WGS84, epsg=EPSG_WGS84, time=time, log_position=log_position)
+    geographic = in_wgs84(projected)
+    write_geopackage(geographic, staging / WGS84, time=time, log_position=log_position)
     tell(f"writing {GEOJSON}")
-    write_geojson(geographic.changes, "changes", staging / GEOJSON)
+    write_geojson(geographic["changes"], "changes", staging / GEOJSON)
 
 
 def _refuse_to_lose_decisions(folder: Path, changes: gpd.GeoDataFrame, known: Mapping[str, str]) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ExportRefusedError
-from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY, ExportLayers
+from twin.export.layers import DESCRIPTION, EPSG_WGS84, GEOMETRY
 from twin.export.styles import style
 
 if TYPE_CHECKING:
@@ -43,18 +43,16 @@ CREATE TABLE layer_styles (
 
 
 def write_geopackage(
-    layers: ExportLayers, path: Path, *, epsg: int, time: str, log_position: int = 0
+    layers: Mapping[str, gpd.GeoDataFrame], path: Path, *, time: str, log_position: int = 0
 ) -> None:
-    """Write the four layers with their styles into a new GeoPackage.
+    """Write layers with their styles into a new GeoPackage.
 
     Parameters
     ----------
-    layers : ExportLayers
-        Normalised, in the CRS `epsg`.
+    layers : mapping
+        As :func:`twin.export.derived.file_layers` makes them, or in EPSG:4326.
     path : Path
         Must not exist.
-    epsg : int
-        25833 or 4326.
     time : str
         ISO 8601 in UTC; stands wherever GeoPackage wants the time of the last change.
     log_position : int
@@ -67,11 +65,11 @@ def write_geopackage(
     """
     import pyogrio
 
-    for number, name in enumerate(COLUMNS):
-        frame: gpd.GeoDataFrame = getattr(layers, name)
+    draft = path.with_stem(f"{path.stem}_draft")
+    for number, (name, frame) in enumerate(layers.items()):
         pyogrio.write_dataframe(
             _with_lasting_fid(frame) if name == "changes" else frame,
-            path,
+            draft,
             layer=name,
             driver="GPKG",
             geometry_type=GEOMETRY[name],
@@ -86,8 +84,10 @@ def write_geopackage(
             },
             layer_metadata=_decision_metadata(frame, log_position) if name == "changes" else None,
         )
-    styles = {name: style(name, epsg=epsg, verdicts=set(layers.changes["verdict"])) for name in COLUMNS}
-    _finish(path, styles, time, {name: len(getattr(layers, name)) for name in COLUMNS})
+    styles = {name: style(name, verdicts=set(frame.get("verdict", ()))) for name, frame in layers.items()}
+    _finish(draft, path, styles, time)
+    with closing(sqlite3.connect(path)) as database:
+        check_rows(database, path, {name: len(frame) for name, frame in layers.items()})
 
 
 def edited_decisions(path: Path | str) -> dict[str, str]:
@@ -183,18 +183,19 @@ def _decision_metadata(changes: gpd.GeoDataFrame, log_position: int) -> Mapping[
     return {_DECISIONS: json.dumps(noted, ensure_ascii=False), _LOG: str(log_position)}
 
 
-def _finish(path: Path, styles: Mapping[str, str], time: str, rows: Mapping[str, int]) -> None:
-    """Add the styles, replace the clock's times by `time`, and check that every row arrived."""
-    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+def _finish(draft: Path, path: Path, styles: Mapping[str, str], time: str) -> None:
+    """Add the styles, replace the clock's times by `time`, and copy what GDAL wrote into the file to keep."""
+    with closing(sqlite3.connect(draft, isolation_level=None)) as database:
         database.execute("PRAGMA journal_mode=DELETE")
         database.execute("BEGIN")
         _add_styles(database, styles, time)
         database.execute("UPDATE gpkg_contents SET last_change = ?", (time,))
         database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", (time,))
         database.execute("COMMIT")
-        # Rewrites every page: nothing stays of the clock's times in freed space.
-        database.execute("VACUUM")
-        check_rows(database, path, rows)
+        # Into a new file: nothing stays of the clock's times in freed space, nor of SQLite's count of writes,
+        # which depends on whether the clock's millisecond changed between two of GDAL's.
+        database.execute("VACUUM INTO ?", (str(path),))
+    draft.unlink()
 
 
 def _add_styles(database: sqlite3.Connection, styles: Mapping[str, str], time: str) -> None:

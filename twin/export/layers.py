@@ -1,9 +1,9 @@
-"""What is exported: four layers with exact columns, checked and put in order before any byte is written."""
+"""What is exported: layers with exact columns, checked and put in order before any byte is written."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ExportRefusedError
@@ -65,6 +65,27 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         Column("n_sightings", "int64", "Sightings"),
         Column("decision", "str", "Decision"),
     ),
+    "moves": (
+        Column("change_id", "str", "Change"),
+        Column("verdict", "str", "Verdict"),
+        Column("distance_m", "float64", "Distance from NVDB's position", "m"),
+        Column("distance_sigma_m", "float64", "Standard deviation of the distance", "m"),
+    ),
+    "nvdb_signs": (
+        Column("nvdb_id", "int64", "NVDB id"),
+        Column("nvdb_type", "int64", "NVDB object type"),
+        Column("version", "Int64", "NVDB version"),
+        Column("point_id", "Int64", "Skiltpunkt of the plate"),
+        Column("skiltnummer", "str", "Sign code"),
+        Column("text", "str", "Text on the sign"),
+        Column("own_geometry", "bool", "Has its own geometry"),
+        Column("accuracy_cm", "float64", "Stated accuracy", "cm"),
+        Column("capture_method", "str", "Capture method"),
+        Column("road_reference", "str", "Road reference"),
+        Column("ansiktsside", "str", "Ansiktsside"),
+        Column("last_modified", "str", "Last modified"),
+        Column("synced_at", "str", "Fetched from NVDB"),
+    ),
     "estimates": (
         Column("estimate_id", "str", "Estimate"),
         Column("drive_id", "str", "Drive"),
@@ -86,20 +107,12 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         Column("cep95_m", "float64", "CEP95", "m"),
         Column("flags", "str", "Flags"),
     ),
-    "nvdb_signs": (
-        Column("nvdb_id", "int64", "NVDB id"),
-        Column("nvdb_type", "int64", "NVDB object type"),
-        Column("version", "Int64", "NVDB version"),
-        Column("point_id", "Int64", "Skiltpunkt of the plate"),
-        Column("skiltnummer", "str", "Sign code"),
-        Column("text", "str", "Text on the sign"),
-        Column("own_geometry", "bool", "Has its own geometry"),
-        Column("accuracy_cm", "float64", "Stated accuracy", "cm"),
-        Column("capture_method", "str", "Capture method"),
-        Column("road_reference", "str", "Road reference"),
-        Column("ansiktsside", "str", "Ansiktsside"),
-        Column("last_modified", "str", "Last modified"),
-        Column("synced_at", "str", "Fetched from NVDB"),
+    "ellipses": (
+        Column("estimate_id", "str", "Estimate"),
+        Column("object", "str", "Annotated object"),
+        Column("sigma_major_m", "float64", "Standard deviation along the error ellipse", "m"),
+        Column("sigma_minor_m", "float64", "Standard deviation across the error ellipse", "m"),
+        Column("cep95_m", "float64", "CEP95", "m"),
     ),
     "drives": (
         Column("drive_id", "str", "Drive"),
@@ -113,26 +126,32 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         Column("length_m", "float64", "Length", "m"),
     ),
 }
-"""Layer → its columns, in order; the geometry comes after them."""
+"""Layer → its columns, in order; the geometry comes after them. The first layer belongs on top of the map."""
 
 GEOMETRY: dict[str, str] = {
     "changes": "Point",
-    "estimates": "Point",
+    "moves": "LineString",
     "nvdb_signs": "Point",
+    "estimates": "Point",
+    "ellipses": "Polygon",
     "drives": "LineString",
 }
 KEY: dict[str, str] = {
     "changes": "change_id",
-    "estimates": "estimate_id",
+    "moves": "change_id",
     "nvdb_signs": "nvdb_id",
+    "estimates": "estimate_id",
+    "ellipses": "estimate_id",
     "drives": "drive_id",
 }
 """Layer → the column that is unique and that its rows are sorted by."""
 
 DESCRIPTION: dict[str, str] = {
     "changes": "What a drive says about NVDB's signs: unchanged, moved, wrong type, new, missing, for review",
-    "estimates": "Where the annotated signs stand, one point an object, with its error ellipse",
+    "moves": "From NVDB's position of a sign to the measured one",
     "nvdb_signs": "Skiltpunkt and Skiltplate as fetched from NVDB",
+    "estimates": "Where the annotated signs stand, one point an object",
+    "ellipses": "Where the annotated signs stand with 95 % probability: the error ellipses of the estimates",
     "drives": "Where the car drove",
 }
 
@@ -146,7 +165,9 @@ _ALLOWED: dict[tuple[str, str], frozenset[object]] = {
 
 @dataclass(frozen=True, slots=True)
 class ExportLayers:
-    """The four layers of an export: GeoDataFrames in EPSG:25833 with exactly the columns of `COLUMNS`.
+    """What an export is made of: GeoDataFrames in EPSG:25833 with exactly the columns of `COLUMNS`.
+
+    The other layers of the file follow from these (:func:`twin.export.derived.file_layers`).
 
     Attributes
     ----------
@@ -172,9 +193,13 @@ class ExportLayers:
     drives: gpd.GeoDataFrame
 
 
+GIVEN = tuple(field.name for field in fields(ExportLayers))
+"""The layers that an export is given; the others are derived from them."""
+
+
 def empty_layers() -> ExportLayers:
     """Make four layers without rows, with the right columns, dtypes and CRS."""
-    return ExportLayers(**{name: _empty(name) for name in COLUMNS})
+    return ExportLayers(**{name: _empty(name) for name in GIVEN})
 
 
 def normalised(layers: ExportLayers) -> ExportLayers:
@@ -189,7 +214,7 @@ def normalised(layers: ExportLayers) -> ExportLayers:
         A column is missing, unknown, or holds what it must not; an id occurs twice; the CRS is not
         EPSG:25833; a geometry is of the wrong type.
     """
-    return ExportLayers(**{name: _normalise(name, getattr(layers, name)) for name in COLUMNS})
+    return ExportLayers(**{name: _normalise(name, getattr(layers, name)) for name in GIVEN})
 
 
 def data_time(layers: ExportLayers) -> str:

@@ -19,6 +19,14 @@ MAP_TIPS: dict[str, str] = {
 <br>{reason}
 <br><small>Decision: {= represent_value("decision") }</small>
 """,
+    "moves": """
+<b>{= represent_value("verdict") }</b> &nbsp; {distance_m:2 m} ± {distance_sigma_m:2 m} from NVDB's position
+<br><small>Change {change_id}</small>
+""",
+    "ellipses": """
+95 % ellipse of object <b>{object}</b>
+<br>σ {sigma_major_m:2 m} × {sigma_minor_m:2 m}, CEP95 {cep95_m:2 m}
+""",
     "estimates": """
 <b>{skiltnummer}</b> &nbsp; object {object}, drive {drive_id}
 <br>{n_sightings:0} sightings in {n_frames:0} frames of {n_cameras:0} cameras, nearest {range_min_m:1 m}

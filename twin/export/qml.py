@@ -10,8 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 DOCTYPE = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
-METRES = "RenderMetersInMapUnits"
-"""QGIS's unit for sizes in metres on the ground, whatever the map's CRS."""
 
 
 def rgba(colour: str, alpha: float = 1.0) -> str:
@@ -28,11 +26,11 @@ def symbol_layer(
     Parameters
     ----------
     kind : str
-        QGIS's class: ``SimpleMarker``, ``EllipseMarker``, ``SimpleLine``.
+        QGIS's class: ``SimpleMarker``, ``SimpleLine``, ``SimpleFill``.
     options : mapping
         QGIS's option names → values.
     expressions : mapping, optional
-        Data-defined properties: QGIS's property name (``width``, ``height``, ``angle``) → expression.
+        Data-defined properties: QGIS's property name (e.g. ``size``) → expression.
     """
     layer = ET.Element("layer", {"class": kind, "enabled": "1", "locked": "0", "pass": "0"})
     bag = ET.SubElement(layer, "Option", {"type": "Map"})
@@ -45,8 +43,8 @@ def symbol_layer(
     return layer
 
 
-def simple_marker(shape: str, colour: str, size_mm: float, **options: str) -> ET.Element:
-    """Make a marker of a fixed size on paper; `options` override QGIS's own."""
+def simple_marker(shape: str, colour: str, size_mm: float, scale: str = "", **options: str) -> ET.Element:
+    """Make a marker of a size on paper, times the expression `scale`; `options` override QGIS's own."""
     given = {
         "name": shape,
         "color": colour,
@@ -57,14 +55,15 @@ def simple_marker(shape: str, colour: str, size_mm: float, **options: str) -> ET
         "outline_width_unit": "MM",
         "joinstyle": "miter",
     }
-    return symbol_layer("SimpleMarker", given | options)
+    sized = {"size": f"{size_mm:g} * ({scale})"} if scale else None
+    return symbol_layer("SimpleMarker", given | options, sized)
 
 
-def simple_line(colour: str, width_mm: float) -> ET.Element:
-    """Make a solid line of a fixed width on paper."""
+def simple_line(colour: str, width_mm: float, pattern: str = "solid") -> ET.Element:
+    """Make a line of a fixed width on paper, ``solid`` or ``dash``."""
     options = {
         "line_color": colour,
-        "line_style": "solid",
+        "line_style": pattern,
         "line_width": f"{width_mm:g}",
         "line_width_unit": "MM",
         "capstyle": "round",
@@ -73,20 +72,27 @@ def simple_line(colour: str, width_mm: float) -> ET.Element:
     return symbol_layer("SimpleLine", options)
 
 
+def simple_fill(colour: str, outline_colour: str, outline_mm: float, pattern: str) -> ET.Element:
+    """Make an area with a rim of a fixed width on paper, ``solid`` or ``dash``."""
+    options = {
+        "color": colour,
+        "style": "solid",
+        "outline_color": outline_colour,
+        "outline_style": pattern,
+        "outline_width": f"{outline_mm:g}",
+        "outline_width_unit": "MM",
+        "joinstyle": "round",
+    }
+    return symbol_layer("SimpleFill", options)
+
+
 def symbol(kind: str, layers: Iterable[ET.Element], name: str = "0") -> ET.Element:
-    """Make a symbol (`kind` is ``marker`` or ``line``) of symbol layers, the lowest first."""
+    """Make a symbol (`kind` is ``marker``, ``line`` or ``fill``) of symbol layers, the lowest first."""
     element = ET.Element(
         "symbol", {"type": kind, "name": name, "alpha": "1", "clip_to_extent": "1", "force_rhr": "0"}
     )
     element.extend(layers)
     return element
-
-
-def single_renderer(one: ET.Element) -> ET.Element:
-    """Draw every feature with one symbol."""
-    renderer = ET.Element("renderer-v2", {"type": "singleSymbol", "symbollevels": "0", "forceraster": "0"})
-    ET.SubElement(renderer, "symbols").append(one)
-    return renderer
 
 
 def categorised_renderer(

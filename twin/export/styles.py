@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from twin.export import qml
-from twin.export.layers import COLUMNS, EPSG_UTM33
+from twin.export.layers import COLUMNS
 from twin.export.map_tips import map_tip
 from twin.export.verdicts import (
     DECISIONS,
@@ -24,36 +24,39 @@ if TYPE_CHECKING:
 SIGMAS_95 = 2.4477468306808166
 """Half axis of the 95 % ellipse of a two-dimensional Gaussian, in sigmas: sqrt(-2 ln 0.05)."""
 
-# Grid convergence of UTM zone 33 to the first order: tan γ = tan(λ - 15°) sin φ. Better than 0.01° in Norway.
-_CONVERGENCE = (
-    f"with_variable('p', transform($geometry, 'EPSG:{EPSG_UTM33}', 'EPSG:4326'), "
-    "degrees(atan(tan(radians(x(@p) - 15)) * sin(radians(y(@p))))))"
-)
+REQUIRED_M = 1.0
+"""NVDB's own requirement for sign positions since 2015."""
+
 _TYPES = {"95": "Skiltpunkt", "96": "Skiltplate"}
+_RANKS = " ".join(f"WHEN '{verdict.name}' THEN {number}" for number, verdict in enumerate(VERDICTS))
+# What matters most is drawn last.
+_ORDER = f'CASE "verdict" {_RANKS} ELSE {len(VERDICTS)} END'
+# A mark is from 0.8 to 1.2 times the verdict's size, by its confidence.
+_SURER = '0.8 + 0.4 * coalesce("confidence", 0.5)'
 
 
-def style(layer: str, *, epsg: int, verdicts: Collection[str]) -> str:
+def style(layer: str, *, verdicts: Collection[str]) -> str:
     """QML document of a layer.
 
     Parameters
     ----------
     layer : str
         A key of :data:`twin.export.layers.COLUMNS`.
-    epsg : int
-        CRS of the file: error ellipses turn with the map's north.
     verdicts : collection of str
-        The verdicts that occur: the legend of ``changes`` shows these, or all where there is none.
+        The verdicts that occur in the layer: the legends of ``changes`` and ``moves`` show these, or all
+        where there is none.
     """
+    occurring = [verdict for verdict in VERDICTS if verdict.name in verdicts] or VERDICTS
     if layer == "changes":
-        return _changes([verdict for verdict in VERDICTS if verdict.name in verdicts] or VERDICTS)
-    if layer == "estimates":
-        return _estimates(epsg)
-    return _nvdb_signs() if layer == "nvdb_signs" else _drives()
+        return _changes(occurring)
+    if layer == "moves":
+        return _moves(occurring)
+    return {"nvdb_signs": _nvdb_signs, "estimates": _estimates, "ellipses": _ellipses, "drives": _drives}[
+        layer
+    ]()
 
 
 def _changes(occurring: Sequence[Verdict]) -> str:
-    rank = " ".join(f"WHEN '{verdict.name}' THEN {number}" for number, verdict in enumerate(VERDICTS))
-    order = f'CASE "verdict" {rank} ELSE {len(VERDICTS)} END'
     shown = [(verdict.name, verdict.label, _verdict_symbol(verdict)) for verdict in reversed(occurring)]
     other = qml.simple_marker(
         "circle", qml.rgba("#ffffff"), 3.0, outline_color=qml.rgba(OTHER_COLOUR), outline_width="0.4"
@@ -64,7 +67,7 @@ def _changes(occurring: Sequence[Verdict]) -> str:
         "WHEN \"skiltnummer_seen\" <> '' THEN \"skiltnummer_seen\" ELSE \"skiltnummer_nvdb\" END, ';', ' + ')"
     )
     return qml.document(
-        qml.categorised_renderer("verdict", [*shown, ("", "Other", qml.symbol("marker", [other]))], order),
+        qml.categorised_renderer("verdict", [*shown, ("", "Other", qml.symbol("marker", [other]))], _ORDER),
         aliases=_aliases("changes"),
         editable=frozenset({"decision"}),
         widgets={
@@ -78,35 +81,62 @@ def _changes(occurring: Sequence[Verdict]) -> str:
     )
 
 
-def _estimates(epsg: int) -> str:
-    turned = f'"sigma_azimuth_deg" - {_CONVERGENCE}' if epsg == EPSG_UTM33 else '"sigma_azimuth_deg"'
-    ellipse = qml.symbol_layer(
-        "EllipseMarker",
-        {
-            "symbol_name": "circle",
-            "symbol_width": "0",
-            "symbol_width_unit": qml.METRES,
-            "symbol_height": "0",
-            "symbol_height_unit": qml.METRES,
-            "color": qml.rgba(ESTIMATE_COLOUR, 0.15),
-            "outline_color": qml.rgba(ESTIMATE_COLOUR, 0.8),
-            "outline_width": "0.3",
-            "outline_width_unit": "MM",
-        },
-        {
-            "width": f'{2 * SIGMAS_95:.6f} * "sigma_minor_m"',
-            "height": f'{2 * SIGMAS_95:.6f} * "sigma_major_m"',
-            "angle": turned,
-        },
-    )
-    dot = qml.simple_marker("circle", qml.rgba(ESTIMATE_COLOUR), 1.4, outline_width="0.15")
+def _moves(occurring: Sequence[Verdict]) -> str:
+    shown = [
+        (
+            verdict.name,
+            verdict.label,
+            qml.symbol("line", [qml.simple_line(qml.rgba(verdict.colour), 0.2 * verdict.size_mm)]),
+        )
+        for verdict in reversed(occurring)
+    ]
     return qml.document(
-        qml.single_renderer(qml.symbol("marker", [ellipse, dot])),
+        qml.categorised_renderer("verdict", shown, _ORDER),
+        aliases=_aliases("moves"),
+        editable=frozenset(),
+        widgets={"verdict": qml.value_map({verdict.name: verdict.label for verdict in VERDICTS})},
+        display='"verdict" || \' \' || "change_id"',
+        map_tip=map_tip("moves"),
+    )
+
+
+def _estimates() -> str:
+    rim = qml.rgba(ESTIMATE_COLOUR)
+    dot = qml.simple_marker("circle", rim, 1.4, outline_width="0.15")
+    ring = qml.simple_marker(
+        "circle", qml.rgba(ESTIMATE_COLOUR, 0.0), 1.8, outline_color=rim, outline_width="0.4"
+    )
+    shown = [
+        ("plain", "Without flags", qml.symbol("marker", [dot])),
+        ("flagged", "With flags", qml.symbol("marker", [ring])),
+    ]
+    return qml.document(
+        qml.categorised_renderer("CASE WHEN \"flags\" <> '' THEN 'flagged' ELSE 'plain' END", shown),
         aliases=_aliases("estimates"),
         editable=frozenset(),
         widgets={},
         display='"object" || \' \' || "skiltnummer"',
         map_tip=map_tip("estimates"),
+    )
+
+
+def _ellipses() -> str:
+    inside, rim = qml.rgba(ESTIMATE_COLOUR, 0.15), qml.rgba(ESTIMATE_COLOUR)
+    shown = [
+        (
+            value,
+            f"CEP95 {words} {REQUIRED_M:g} m",
+            qml.symbol("fill", [qml.simple_fill(inside, rim, 0.3, outline)]),
+        )
+        for value, words, outline in (("within", "up to", "solid"), ("wide", "over", "dash"))
+    ]
+    return qml.document(
+        qml.categorised_renderer(f"if(\"cep95_m\" > {REQUIRED_M:g}, 'wide', 'within')", shown),
+        aliases=_aliases("ellipses"),
+        editable=frozenset(),
+        widgets={},
+        display='"object"',
+        map_tip=map_tip("ellipses"),
     )
 
 
@@ -140,8 +170,15 @@ def _nvdb_signs() -> str:
 
 
 def _drives() -> str:
+    shown = [
+        (value, label, qml.symbol("line", [qml.simple_line(qml.rgba(DRIVE_COLOUR), 0.6, pattern)]))
+        for value, label, pattern in (
+            ("complete", "Every sign in view annotated", "solid"),
+            ("partial", "Not every sign in view annotated", "dash"),
+        )
+    ]
     return qml.document(
-        qml.single_renderer(qml.symbol("line", [qml.simple_line(qml.rgba(DRIVE_COLOUR), 0.6)])),
+        qml.categorised_renderer("if(\"annotations_complete\", 'complete', 'partial')", shown),
         aliases=_aliases("drives"),
         editable=frozenset(),
         widgets={},
@@ -156,6 +193,6 @@ def _aliases(layer: str) -> dict[str, str]:
 
 def _verdict_symbol(verdict: Verdict) -> Element:
     marker = qml.simple_marker(
-        verdict.marker, qml.rgba(verdict.colour), verdict.size_mm, angle=f"{verdict.angle_deg:g}"
+        verdict.marker, qml.rgba(verdict.colour), verdict.size_mm, _SURER, angle=f"{verdict.angle_deg:g}"
     )
     return qml.symbol("marker", [marker])

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoloc.geodesy import geographic_from_utm33
-from twin.export.layers import COLUMNS, EPSG_WGS84, ExportLayers
+from twin.export.layers import EPSG_WGS84
 
 if TYPE_CHECKING:
     import geopandas as gpd
     from numpy.typing import NDArray
 
 
-def in_wgs84(layers: ExportLayers) -> ExportLayers:
+def in_wgs84(layers: Mapping[str, gpd.GeoDataFrame]) -> dict[str, gpd.GeoDataFrame]:
     """Layers in EPSG:4326, x longitude and y latitude in degrees.
 
     EUREF89's degrees are taken as WGS84's, as NVDB does; the two drift apart by 2.5 cm a year.
 
     Parameters
     ----------
-    layers : ExportLayers
-        Normalised, in EPSG:25833.
+    layers : mapping
+        Name → layer, in EPSG:25833.
     """
-    return ExportLayers(**{name: _frame_in_wgs84(getattr(layers, name)) for name in COLUMNS})
+    return {name: _frame_in_wgs84(frame) for name, frame in layers.items()}
 
 
 def _frame_in_wgs84(frame: gpd.GeoDataFrame) -> gpd.GeoDataFrame:

@@ -117,7 +117,8 @@ def _kept(store: Store) -> dict[str, str]:
 def test_export_findings_writes_the_layers_of_the_last_match(store: Store, out: Path) -> None:
     """All files appear; the estimates are those of the method that was matched; nobody has decided."""
     assert [path.name for path in export_findings(store, out)] == list(FILES)
-    for layer, rows in {"changes": 2, "estimates": 1, "nvdb_signs": 1, "drives": 1}.items():
+    rows_of = {"changes": 2, "moves": 0, "nvdb_signs": 1, "estimates": 1, "ellipses": 1, "drives": 1}
+    for layer, rows in rows_of.items():
         assert pyogrio.read_info(out / UTM33, layer=layer)["features"] == rows
     estimates = pyogrio.read_dataframe(out / UTM33, layer="estimates")
     assert list(estimates["method"]) == [METHOD]

@@ -16,6 +16,7 @@ from twin.errors import ExportRefusedError
 from twin.export.layers import (
     COLUMNS,
     GEOMETRY,
+    GIVEN,
     KEY,
     NO_DATA_TIME,
     ExportLayers,
@@ -29,7 +30,7 @@ def _changed(layers: ExportLayers, name: str, **columns: object) -> ExportLayers
     return dataclasses.replace(layers, **{name: getattr(layers, name).assign(**columns)})
 
 
-@pytest.mark.parametrize("name", COLUMNS)
+@pytest.mark.parametrize("name", GIVEN)
 def test_empty_layers_carry_the_contract(name: str) -> None:
     """Layers without rows have every column in its dtype, in order, and UTM33."""
     frame = getattr(empty_layers(), name)
@@ -38,7 +39,7 @@ def test_empty_layers_carry_the_contract(name: str) -> None:
     assert frame.crs.to_epsg() == 25833
 
 
-@pytest.mark.parametrize("name", COLUMNS)
+@pytest.mark.parametrize("name", GIVEN)
 def test_normalised_layers_carry_the_contract(layers: ExportLayers, name: str) -> None:
     """Layers with rows come out in the same columns and dtypes as empty ones, sorted by their key."""
     frame = getattr(normalised(layers), name)
@@ -68,7 +69,7 @@ def test_normalised_does_not_depend_on_the_order_of_rows_and_columns(seed: int) 
 
 def test_normalised_leaves_its_argument_alone(layers: ExportLayers) -> None:
     """The caller's frames are the same objects with the same content afterwards."""
-    before = {name: getattr(layers, name).copy() for name in COLUMNS}
+    before = {name: getattr(layers, name).copy() for name in GIVEN}
     normalised(layers)
     for name, frame in before.items():
         pd.testing.assert_frame_equal(getattr(layers, name), frame)

@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import pyogrio
 import pytest
 import shapely
 from pyproj import Proj
@@ -18,13 +20,14 @@ from twin.export import COLUMNS, VERDICTS, ExportLayers, export_all
 from twin.export.folder import UTM33, WGS84
 from twin.export.layers import EPSG_UTM33
 from twin.export.styles import SIGMAS_95
-from twin.export.verdicts import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR
+from twin.export.verdicts import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR, VERDICT
 
 pytestmark = pytest.mark.qgis
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 SCRIPT = Path(__file__).resolve().parents[2] / "qgis_open_layer.py"
 FILES = {UTM33: "EPSG:25833", WGS84: "EPSG:4326"}
+ROWS = {"changes": 7, "moves": 3, "nvdb_signs": 6, "estimates": 5, "ellipses": 5, "drives": 2}
 ENVIRONMENT = {
     # A French desktop would write 0,25: the map tips must not depend on the test machine's language.
     "PATH": os.environ.get("PATH", ""),
@@ -55,7 +58,11 @@ def opened(
 ) -> dict[tuple[str, str], dict[str, Any]]:
     """Return what QGIS says of every layer in both files."""
     folder: Path = tmp_path_factory.mktemp("qgis")
-    export_all(layers, folder)
+    # Apart from what was seen, so that there are lines to draw; each category of a style has a feature.
+    signs = layers.nvdb_signs.set_geometry(layers.nvdb_signs.geometry.translate(0.0, -6.0))
+    wide = layers.estimates.assign(sigma_major_m=3.0, cep95_m=[1.0, 1.0, 1.0, 2.0, 2.0])
+    twice = pd.concat([layers.drives, layers.drives.assign(drive_id="b", annotations_complete=False)])
+    export_all(dataclasses.replace(layers, nvdb_signs=signs, estimates=wide, drives=twice), folder)
     wanted = [(file, layer) for file in FILES for layer in COLUMNS]
     found = _open(*((folder / file, layer, folder / f"{file}-{layer}.png") for file, layer in wanted))
     return dict(zip(wanted, found, strict=True))
@@ -66,13 +73,13 @@ EVERY = pytest.mark.parametrize(("file", "layer"), [(file, layer) for file in FI
 
 @EVERY
 def test_qgis_opens_the_layer_with_its_style(
-    opened: dict[tuple[str, str], dict[str, Any]], layers: ExportLayers, file: str, layer: str
+    opened: dict[tuple[str, str], dict[str, Any]], file: str, layer: str
 ) -> None:
     """QGIS finds the style by itself: CRS, rows, renderer, and an alias for every field."""
     said = opened[file, layer]
     assert said["crs"] == FILES[file]
-    assert said["features"] == len(getattr(layers, layer))
-    assert said["renderer"] == ("categorizedSymbol" if layer in {"changes", "nvdb_signs"} else "singleSymbol")
+    assert said["features"] == ROWS[layer]
+    assert said["renderer"] == "categorizedSymbol"
     assert said["aliases"] == {"fid": ""} | {column.name: column.label for column in COLUMNS[layer]}
     assert said["errors"] == []
 
@@ -84,7 +91,9 @@ def test_qgis_draws_the_layer_in_its_colours(
     """The picture that QGIS renders has pixels of every colour of the style."""
     colours = {
         "changes": [verdict.colour for verdict in VERDICTS],
+        "moves": [VERDICT[name].colour for name in ("unchanged", "moved", "wrong_type")],
         "estimates": [ESTIMATE_COLOUR],
+        "ellipses": [ESTIMATE_COLOUR],
         "nvdb_signs": [NVDB_COLOUR],
         "drives": [DRIVE_COLOUR],
     }[layer]
@@ -128,7 +137,9 @@ def test_qgis_map_tips_tell_the_finding(opened: dict[tuple[str, str], dict[str, 
     assert "<b>Skiltpunkt 900000000</b> version 1" in sign
     assert "stated accuracy 10 cm" in sign
     assert "2026-06-10 08:00:00 – 2026-06-10 08:01:00 UTC, 250 m" in opened[file, "drives"]["map_tips"][0]
-    assert "σ 0.5 m × 0.2 m, CEP95 1 m" in opened[file, "estimates"]["map_tips"][0]
+    assert "σ 3 m × 0.2 m, CEP95 1 m" in opened[file, "estimates"]["map_tips"][0]
+    assert "σ 3 m × 0.2 m, CEP95 1 m" in opened[file, "ellipses"]["map_tips"][0]
+    assert "<b>Moved</b> &nbsp; 0.25 m ± 0.4 m from NVDB's position" in opened[file, "moves"]["map_tips"][1]
 
 
 def test_qgis_draws_error_ellipses_to_scale_and_turned(layers: ExportLayers, tmp_path: Path) -> None:
@@ -145,12 +156,15 @@ def test_qgis_draws_error_ellipses_to_scale_and_turned(layers: ExportLayers, tmp
     )
     estimates = estimates.set_geometry(shapely.points(east, north), crs=EPSG_UTM33)
     export_all(dataclasses.replace(layers, estimates=estimates), tmp_path)
-    _open((tmp_path / UTM33, "estimates", tmp_path / "map.png"))
+    _open((tmp_path / UTM33, "ellipses", tmp_path / "map.png"))
 
     picture = cv2.imread(str(tmp_path / "map.png"), cv2.IMREAD_GRAYSCALE)
     assert picture is not None
     row, column = np.nonzero(picture[:, : picture.shape[1] // 2] < 250)
-    metres_per_px = 1.2 * 500.0 / picture.shape[1]
+    west, _, east_end, _ = pyogrio.read_info(tmp_path / UTM33, layer="ellipses", force_total_bounds=True)[
+        "total_bounds"
+    ]
+    metres_per_px = 1.2 * (east_end - west) / picture.shape[1]
     covariance = np.cov(np.stack([column, -row]) * metres_per_px)
     values, vectors = np.linalg.eigh(covariance)
     half_axes_m = 2 * np.sqrt(values)
@@ -161,3 +175,28 @@ def test_qgis_draws_error_ellipses_to_scale_and_turned(layers: ExportLayers, tmp
     assert convergence == pytest.approx(-4.1, abs=0.1)
     np.testing.assert_allclose(half_axes_m, [5 * SIGMAS_95, 20 * SIGMAS_95], rtol=0, atol=2 * metres_per_px)
     assert azimuth_deg == pytest.approx(30.0 - convergence, abs=0.5)
+
+
+def test_qgis_draws_surer_findings_larger(layers: ExportLayers, tmp_path: Path) -> None:
+    """Of two findings for review, squares of 3.2 mm, the one with confidence 0 is drawn at 0.8, 1 at 1.2.
+
+    96 pixels an inch; the white rim covers half its 0.15 mm on each side, and antialiasing up to a pixel.
+    """
+    import cv2
+
+    review = VERDICT["review"]
+    changes = layers.changes.iloc[:2].assign(verdict="review", confidence=[0.0, 1.0])
+    changes = changes.set_geometry(
+        shapely.points([270_000.0, 270_500.0], [7_041_000.0, 7_041_000.0]), crs=EPSG_UTM33
+    )
+    export_all(dataclasses.replace(layers, changes=changes), tmp_path)
+    _open((tmp_path / UTM33, "changes", tmp_path / "map.png"))
+
+    picture = cv2.imread(str(tmp_path / "map.png"))
+    assert picture is not None
+    blue_green_red = [int(review.colour[i : i + 2], 16) for i in (5, 3, 1)]
+    drawn = (picture == blue_green_red).all(axis=2).any(axis=0)
+    half = picture.shape[1] // 2
+    widths_px = np.array([drawn[:half].sum(), drawn[half:].sum()])
+    wanted_px = (review.size_mm * np.array([0.8, 1.2]) - 0.15) * 96 / 25.4
+    np.testing.assert_allclose(widths_px, wanted_px, rtol=0, atol=1.5)

@@ -65,11 +65,10 @@ def test_unchanged_is_the_smallest_mark() -> None:
     assert min(VERDICTS, key=lambda verdict: verdict.size_mm).name == "unchanged"
 
 
-@pytest.mark.parametrize("epsg", [25833, 4326])
 @pytest.mark.parametrize("layer", COLUMNS)
-def test_style_is_well_formed_and_names_every_field(layer: str, epsg: int) -> None:
+def test_style_is_well_formed_and_names_every_field(layer: str) -> None:
     """The QML parses, and every column has a non-empty alias at its place after the fid."""
-    root = fromstring(style(layer, epsg=epsg, verdicts=ALL))
+    root = fromstring(style(layer, verdicts=ALL))
     aliases = [
         (alias.get("field"), alias.get("index"), bool(alias.get("name"))) for alias in root.iter("alias")
     ]
@@ -77,17 +76,18 @@ def test_style_is_well_formed_and_names_every_field(layer: str, epsg: int) -> No
     assert root.findtext("mapTip")
 
 
-def test_style_of_changes_draws_the_verdicts_that_occur() -> None:
-    """The legend shows the verdicts in the data and a fallback; all verdicts where there is no data."""
-    some = fromstring(style("changes", epsg=25833, verdicts=["moved", "unchanged"]))
-    assert [c.get("value") for c in some.iter("category")] == ["moved", "unchanged", ""]
-    none = fromstring(style("changes", epsg=25833, verdicts=[]))
-    assert {c.get("value") for c in none.iter("category")} == {*ALL, ""}
+@pytest.mark.parametrize(("layer", "fallback"), [("changes", [""]), ("moves", [])])
+def test_style_draws_the_verdicts_that_occur(layer: str, fallback: list[str]) -> None:
+    """The legend shows the verdicts in the data, of changes also a fallback; all where there is no data."""
+    some = fromstring(style(layer, verdicts=["moved", "unchanged"]))
+    assert [c.get("value") for c in some.iter("category")] == ["moved", "unchanged", *fallback]
+    none = fromstring(style(layer, verdicts=[]))
+    assert {c.get("value") for c in none.iter("category")} == {*ALL, *fallback}
 
 
 def test_style_of_changes_lets_only_the_decision_be_edited() -> None:
     """Findings are read-only; the decision is chosen from its four values."""
-    root = fromstring(style("changes", epsg=25833, verdicts=ALL))
+    root = fromstring(style("changes", verdicts=ALL))
     assert [f.get("name") for f in root.find("editable") if f.get("editable") == "1"] == ["decision"]
     widget = root.find("fieldConfiguration/field[@name='decision']/editWidget")
     assert widget.get("type") == "ValueMap"

@@ -1,0 +1,295 @@
+"""Accepted findings of the sample become change sets that say what was found, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+
+from nvdb.datakatalog import snapshot
+from nvdb.endringssett import (
+    Assosiasjon,
+    Datter,
+    Egenskap,
+    Endring,
+    Endringssett,
+    from_json,
+    from_xml,
+    validate,
+)
+from twin import schema
+from twin.changesets import ChangeSets, files_of, groups_from_store
+from twin.changesets.merge import merged
+from twin.changesets.operations import is_correction
+from twin.export import FILES
+from twin.store import Store
+
+Twin = Callable[..., Any]
+DAY = date(2026, 6, 10)
+MOVED, WRONG_PLATE, MISSING, THREE_PLATES = 1042500106, 1042600114, 1042500115, 1042500105
+SETS = ["endringssett-1-before.json", "endringssett-1.json", "endringssett-1.xml", "proveniens.json"]
+
+
+def made_from(path: Path, decision: str = "accept") -> ChangeSets:
+    """What the store's findings become."""
+    with Store.open(path) as opened:
+        return groups_from_store(opened, decision)
+
+
+def change(path: Path, *statements: str) -> None:
+    """Write to the store behind twin's back."""
+    with closing(sqlite3.connect(path)) as database:
+        for statement in statements:
+            database.execute(statement)
+        database.commit()
+
+
+def accept_all(twin: Twin, path: Path) -> None:
+    """Accept every finding that is open."""
+    verdicts = [part for name in ("new", "missing", "moved", "wrong_type") for part in ("--verdict", name)]
+    assert twin("decide", "accept", *verdicts, "--by", "kari", "--store", path).code == 0
+
+
+def operations(made: ChangeSets) -> list[tuple[str, int, int | None]]:
+    """Operation, type and id of every change."""
+    return [(e.operasjon, e.type_id, e.nvdb_id) for item in made.setts for e in item.sett.endringer]
+
+
+def exported(folder: Path) -> list[str]:
+    """Names of the files of change sets."""
+    return sorted(path.name for path in folder.iterdir() if path.name not in FILES)
+
+
+def test_every_verdict_becomes_its_operation(twin: Twin, road_store: Path) -> None:
+    """Wrong type and move update, a new pole is registered with its plates, what is missing is closed."""
+    accept_all(twin, road_store)
+    made = made_from(road_store)
+    assert made.left_out == ()
+    assert sorted(operations(made), key=str) == [
+        ("delvisOppdater", 95, MOVED),
+        ("delvisOppdater", 96, 1042600108),
+        ("delvisOppdater", 96, WRONG_PLATE),
+        ("lukk", 95, MISSING),
+        ("registrer", 95, None),
+        ("registrer", 96, None),
+        ("registrer", 96, None),
+    ]
+    (item,) = made.setts
+    assert (item.errors, item.not_undone) == ((), ())
+    assert {e.startdato or e.lukkedato for e in item.sett.endringer} == {DAY}
+    places = {e.stedfesting for e in item.sett.endringer if e.nvdb_id in {MOVED, 1042600108}}
+    assert len(places) == 1
+    (punkt,) = next(iter(places)).punkter
+    assert punkt.veglenkesekvens_id == 3041771
+    assert abs(punkt.posisjon - 0.203) < 0.001  # 3 m before NVDB's place, of 1,000 m
+
+
+def test_geometry_says_how_well_it_is_known(twin: Twin, road_store: Path) -> None:
+    """Accuracy in whole centimetres from our covariance, rounded up; no height, no quality of a height."""
+    accept_all(twin, road_store)
+    made = made_from(road_store)
+    finding = next(row for row in made.findings.values() if row["verdict"] == "moved")
+    std_cm = 100 * (finding["cov_ee_m2"] + finding["cov_nn_m2"]) ** 0.5
+    for endring in (e for e in made.setts[0].sett.endringer if e.nvdb_id in {MOVED, 1042600108}):
+        (geometri,) = (e.geometri for e in endring.egenskaper if e.geometri is not None)
+        kvalitet = geometri.kvalitet
+        assert kvalitet is not None
+        assert std_cm <= (kvalitet.noyaktighet_cm or 0) < std_cm + 1
+        assert ("Z" in geometri.wkt) == (kvalitet.noyaktighet_hoyde_cm is not None)
+        assert geometri.datafangstdato == DAY
+
+
+def test_without_a_road_network_only_what_needs_a_place_is_left_out(twin: Twin, store: Path) -> None:
+    """New and moved name the cure; the others go."""
+    accept_all(twin, store)
+    made = made_from(store)
+    assert [kind for kind, _, _ in operations(made)] == ["delvisOppdater", "lukk"]
+    assert len(made.left_out) == 2
+    for item in made.left_out:
+        assert item.sentence.startswith(item.change_id)
+        assert "twin sync-nvdb --vegnett" in item.sentence
+
+
+def test_badly_measured_sign_is_corrected_not_moved(twin: Twin, store: Path) -> None:
+    """Within three of NVDB's sigmas and twice as well measured: the same version, as of when it was read."""
+    change(store, f"UPDATE skiltpunkt SET accuracy_cm=100, capture_method='ukj' WHERE nvdb_id={MOVED}")
+    assert twin("match", "--store", store).code == 0
+    assert twin("decide", "accept", "--verdict", "moved", "--by", "kari", "--store", store).code == 0
+    made = made_from(store)
+    assert operations(made) == [("delvisKorriger", 95, MOVED), ("delvisKorriger", 96, 1042600108)]
+    with Store.open(store) as opened:
+        rows = opened.rows(sa.select(schema.skiltpunkt.c.nvdb_id, schema.skiltpunkt.c.synced_at))
+        rows += opened.rows(sa.select(schema.skiltplate.c.nvdb_id, schema.skiltplate.c.synced_at))
+    read = {row["nvdb_id"]: datetime.fromisoformat(row["synced_at"]) for row in rows}
+    for endring in made.setts[0].sett.endringer:
+        assert endring.lest_fra_nvdb == read[endring.nvdb_id]
+        assert (endring.startdato, endring.stedfesting) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("ours_m", "nvdb_m", "distance_m", "wanted"),
+    [(0.5, 1.0, 3.0, True), (0.51, 1.0, 3.0, False), (0.1, 1.0, 3.01, False), (0.1, 0.1, 0.2, False)],
+)
+def test_correction_needs_a_much_better_position_nearby(
+    ours_m: float, nvdb_m: float, distance_m: float, wanted: bool
+) -> None:
+    """Half of NVDB's standard deviation, and no further than three of them."""
+    finding = {
+        "cov_ee_m2": ours_m**2 * 0.36,
+        "cov_nn_m2": ours_m**2 * 0.64,
+        "distance_m": distance_m,
+        "terms": {"nvdb_sigma_m": nvdb_m},
+    }
+    assert is_correction(finding) is wanted
+
+
+def test_findings_about_one_pole_make_one_operation_a_version(twin: Twin, store: Path) -> None:
+    """A new plate, a plate of another code: one update of the pole, in one group, at NVDB's own place."""
+    change(
+        store,
+        "DELETE FROM skiltplate WHERE nvdb_id=1042600107",
+        f"UPDATE skiltpunkt SET plate_ids='[1042600105, 1042600106]' WHERE nvdb_id={THREE_PLATES}",
+        "UPDATE skiltplate SET skiltnummer='202' WHERE nvdb_id=1042600106",
+    )
+    changes = twin("match", "--store", store, "--json").json["changes"]
+    about = [c for c in changes if c["verdict"] in {"new", "wrong_type"} and c["nvdb_id"] != WRONG_PLATE]
+    about = [c for c in about if c["nvdb_type"] == 96]
+    assert sorted(c["verdict"] for c in about) == ["new", "wrong_type"]
+    ids = [c["change_id"] for c in about]
+    assert twin("decide", "accept", *ids, "--by", "kari", "--store", store).code == 0
+    made = made_from(store)
+    assert made.left_out == ()
+    assert operations(made) == [
+        ("delvisOppdater", 96, 1042600106),
+        ("delvisOppdater", 95, THREE_PLATES),
+        ("registrer", 96, None),
+    ]
+    (group,) = made.setts[0].groups
+    assert sorted(group.change_ids) == sorted(ids)
+    registered = group.endringer[-1]
+    assert registered.stedfesting is not None
+    assert registered.stedfesting.punkter[0].posisjon == 0.178
+    assert made.setts[0].errors == ()
+
+
+def test_merged_update_takes_a_correction_in() -> None:
+    """A correction beside an update becomes part of it; what is closed is only closed."""
+    where = Egenskap(type_id=4794, operasjon="oppdater")
+    correction = Endring(
+        operasjon="delvisKorriger", type_id=95, nvdb_id=1, versjon=2, lest_fra_nvdb=datetime.now(UTC),
+        egenskaper=(where,),
+    )  # fmt: skip
+    child = Assosiasjon(type_id=220004, dotre=(Datter(temp_id="a", operasjon="ny"),), operasjon="oppdater")
+    update = Endring(
+        operasjon="delvisOppdater", type_id=95, nvdb_id=1, versjon=2, startdato=DAY, assosiasjoner=(child,)
+    )
+    other = replace(update, assosiasjoner=(replace(child, dotre=(Datter(temp_id="b", operasjon="ny"),)),))
+    both = replace(child, dotre=(*child.dotre, *other.assosiasjoner[0].dotre))
+    assert merged([correction, update, other]) == (
+        replace(update, egenskaper=(where,), assosiasjoner=(both,)),
+    )
+    closed = Endring(operasjon="lukk", type_id=95, nvdb_id=1, versjon=2, lukkedato=DAY)
+    assert merged([closed, update]) == merged([update, closed]) == (closed,)
+
+
+@pytest.mark.parametrize(
+    ("statement", "cure"),
+    [
+        ("UPDATE skiltplate SET start_date='2026-06-10' WHERE nvdb_id=1042600114", "defer it until"),
+        ("UPDATE skiltplate SET version=NULL WHERE nvdb_id=1042600114", "twin sync-nvdb"),
+        ("UPDATE change SET skiltnummer_seen='999.77' WHERE verdict='wrong_type'", "fetch the datakatalog"),
+        ("UPDATE change SET skiltnummer_seen='' WHERE verdict='wrong_type'", "annotate it"),
+    ],
+)
+def test_what_cannot_be_sent_is_left_out_with_its_cure(
+    twin: Twin, store: Path, statement: str, cure: str
+) -> None:
+    """NVDB is newer than the drive, no version, a code that is not known, no code at all."""
+    assert twin("decide", "accept", "--verdict", "wrong_type", "--by", "kari", "--store", store).code == 0
+    change(store, statement)
+    made = made_from(store)
+    assert made.setts == ()
+    (item,) = made.left_out
+    assert cure in item.sentence
+
+
+def test_export_without_acceptance_writes_no_change_set(twin: Twin, store: Path, tmp_path: Path) -> None:
+    """Nothing that nobody accepted; what was accepted and taken back is removed from the folder."""
+    out = tmp_path / "out"
+    assert twin("export", out, "--store", store).code == 0
+    assert exported(out) == []
+    assert twin("decide", "accept", "--verdict", "missing", "--by", "kari", "--store", store).code == 0
+    assert twin("export", out, "--store", store).code == 0
+    assert exported(out) == SETS
+    assert twin("decide", "undo", "--by", "kari", "--store", store).code == 0
+    assert twin("export", out, "--store", store).code == 0
+    assert exported(out) == []
+
+
+def test_export_writes_sets_with_their_provenance(twin: Twin, road_store: Path, tmp_path: Path) -> None:
+    """XML and JSON say the same and validate; every change names who, which drives, frames and versions."""
+    accept_all(twin, road_store)
+    answer = twin("export", tmp_path / "a", "--store", road_store, "--json")
+    assert answer.code == 0
+    assert [Path(name).name for name in answer.json["files"]][-1] == "proveniens.json"
+    folder = tmp_path / "a"
+    assert exported(folder) == SETS
+    sett = from_xml((folder / "endringssett-1.xml").read_bytes())
+    assert isinstance(sett, Endringssett)
+    assert sett == from_json((folder / "endringssett-1.json").read_bytes())
+    assert all(finding.severity == "advarsel" for finding in validate(sett))
+    document = json.loads((folder / "proveniens.json").read_bytes())
+    assert [change["verdict"] for change in document["changes"]].count("moved") == 1
+    for told in document["changes"]:
+        assert told["decision"]["by"] == "kari"
+        assert [drive["name"] for drive in told["drives"]] == ["trip_trondheim"]
+        assert bool(told["frames"]) == (told["verdict"] != "missing")
+        assert bool(told["nvdb"]["read"]) == (told["nvdb"]["id"] is not None)
+    assert twin("export", tmp_path / "b", "--store", road_store).code == 0
+    for name in SETS:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_preview_of_open_findings_is_named_so(twin: Twin, store: Path, tmp_path: Path) -> None:
+    """`--decision open` shows what accepting would do, in files that cannot be taken for accepted ones."""
+    out = tmp_path / "out"
+    answer = twin("export", out, "--decision", "open", "--store", store)
+    assert answer.code == 0
+    assert "cannot be sent" in answer.err
+    assert exported(out) == [
+        "preview-endringssett-1.json",
+        "preview-endringssett-1.xml",
+        "preview-proveniens.json",
+    ]
+
+
+def test_set_with_errors_is_not_written(twin: Twin, store: Path, tmp_path: Path) -> None:
+    """Our own checks stop a set; the other files are written, each error is told, the exit code is 4."""
+    assert twin("decide", "accept", "--verdict", "wrong_type", "--by", "kari", "--store", store).code == 0
+    with Store.open(store) as opened, opened.transaction() as connection:
+        opened.put_fact(connection, "datakatalog", {**snapshot().to_document(), "version": "beta"})
+    answer = twin("export", tmp_path / "out", "--store", store)
+    assert answer.code == 4
+    assert "set 1 is not written: endringssett has the datakatalogversjon 'beta'" in answer.err
+    assert exported(tmp_path / "out") == ["proveniens.json"]
+    assert (tmp_path / "out" / FILES[0]).exists()
+
+
+def test_nothing_decided_gives_no_files(store: Path) -> None:
+    """A store without accepted findings has nothing to write."""
+    assert files_of(made_from(store)) == {}
+
+
+@pytest.fixture
+def road_store(matched_road: Path, tmp_path: Path) -> Path:
+    """A copy of the matched store that also has a road network."""
+    return Path(shutil.copy(matched_road, tmp_path / "road.db"))

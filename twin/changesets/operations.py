@@ -1,0 +1,222 @@
+"""One pole's findings → what API Skriv is to do: which operation for which verdict."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from nvdb.datakatalog import Datakatalog
+from nvdb.endringssett import (
+    Endring,
+    NewPlate,
+    Punkt,
+    changed_type,
+    gone,
+    moved,
+    new_plates,
+    new_sign,
+    position_correction,
+    skiltnummer_enum,
+)
+from nvdb.errors import RequestError
+from twin.changesets.merge import merged
+from twin.changesets.mirrored import Mirrored
+from twin.changesets.places import Places
+from twin.changesets.seen import Seen, measured_position
+from twin.matching.observed import split_codes
+from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site
+
+Row = Mapping[str, Any]
+
+BETTER = 0.5
+"""Our standard deviation in plan is at most this share of NVDB's where a position is corrected."""
+WITHIN_SIGMAS = 3.0
+"""A sign within this many of NVDB's own standard deviations is believed unmoved."""
+DEFAULT_SIGMA_M = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A finding that no change set can bring in; `sentence` says what, which, and the cure."""
+
+    change_id: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """What belongs together: the findings about one pole, and the operations that they became."""
+
+    change_ids: tuple[str, ...]
+    endringer: tuple[Endring, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """What operations are made from; `seen` by ``change_id``."""
+
+    mirrored: Mirrored
+    seen: Mapping[str, Seen]
+    places: Places
+    katalog: Datakatalog
+
+
+def is_correction(finding: Row) -> bool:
+    """Whether a sign that stands elsewhere than NVDB says was never moved, but badly measured before.
+
+    NVDB's own standard deviation explains the distance, and ours is much better.
+    """
+    nvdb_sigma_m = float((finding["terms"] or {}).get("nvdb_sigma_m") or DEFAULT_SIGMA_M)
+    ours_m = math.sqrt(finding["cov_ee_m2"] + finding["cov_nn_m2"])
+    return bool(ours_m <= BETTER * nvdb_sigma_m and finding["distance_m"] <= WITHIN_SIGMAS * nvdb_sigma_m)
+
+
+def new_pole(finding: Row, scene: Scene) -> Group | LeftOut:
+    """``registrer`` of a Skiltpunkt and its plates."""
+    try:
+        seen = _need_seen(finding, scene)
+        plates = [
+            NewPlate(skiltnummer=code, plasseringskode=10 * number)
+            for number, code in enumerate(_codes(finding, scene), start=1)
+        ]
+        position = measured_position(finding, seen)
+        group = new_sign(
+            finding["change_id"],
+            position,
+            on_date=seen.first_day,
+            stedfesting=scene.places.place(position.east_m, position.north_m, seen.first_day),
+            plates=plates,
+            katalog=scene.katalog,
+        )
+    except RequestError as error:
+        return _left_out(finding, error)
+    return Group((finding["change_id"],), group)
+
+
+def known_pole(site: Site, findings: Sequence[Row], scene: Scene) -> Iterator[Group | LeftOut]:
+    """Everything that was found about one site of NVDB, as one group; what cannot be done is left out."""
+    pole = _Pole(site, scene)
+    done: list[str] = []
+    endringer: list[Endring] = []
+    order = {"missing": 0, "moved": 1, "wrong_type": 2, "new": 3}
+    for finding in sorted(findings, key=lambda row: (order[row["verdict"]], row["change_id"])):
+        try:
+            endringer += pole.work[finding["verdict"]](finding)
+            done.append(finding["change_id"])
+        except RequestError as error:
+            yield _left_out(finding, error)
+    if done:
+        yield Group(tuple(done), merged(endringer))
+
+
+class _Pole:
+    """A site of NVDB while its findings become operations."""
+
+    def __init__(self, site: Site, scene: Scene) -> None:
+        self.site, self.scene = site, scene
+        self.closed: set[int] = set()
+        self.place: Punkt | None = None
+        self.work: dict[str, Callable[[Row], Iterable[Endring]]] = {
+            "missing": self.missing,
+            "moved": self.moved,
+            "wrong_type": self.wrong_type,
+            "new": self.new_plate,
+        }
+
+    def missing(self, finding: Row) -> Iterable[Endring]:
+        """``lukk``, of a whole pole with its plates."""
+        kind, number = finding["nvdb_type"], finding["nvdb_id"]
+        if kind == SKILTPLATE and len(split_codes(finding["skiltnummer_nvdb"])) > 1:
+            raise RequestError(
+                "it is about several plates that have no Skiltpunkt in the mirror: close them in NVDB by hand"
+            )
+        day = _need_seen(finding, self.scene).last_day
+        if kind == SKILTPUNKT:
+            for plate in self.site.plates:
+                self.scene.mirrored.newer_than((SKILTPLATE, plate.nvdb_id), day)
+        endring = gone(self._target(kind, number, day), on_date=day, with_plates=kind == SKILTPUNKT)
+        self.closed.add(number)
+        return endring
+
+    def moved(self, finding: Row) -> Iterable[Endring]:
+        """A better position (``delvisKorriger``) or a new one (``delvisOppdater``), with the plates."""
+        self._need_point("moves with its Skiltpunkt")
+        seen, mirrored = _need_seen(finding, self.scene), self.scene.mirrored
+        position = measured_position(finding, seen)
+        plates = [plate.nvdb_id for plate in self.site.plates if plate.nvdb_id not in self.closed]
+        if is_correction(finding):
+            point = mirrored.target(SKILTPUNKT, self.site.nvdb_id)
+            targets = [mirrored.target(SKILTPLATE, number) for number in plates]
+            return position_correction(point, position, plates=targets)
+        day = seen.last_day
+        point = self._target(SKILTPUNKT, self.site.nvdb_id, day)
+        targets = [self._target(SKILTPLATE, number, day) for number in plates]
+        place = self.scene.places.place(position.east_m, position.north_m, day, self._place_before())
+        self.place = place
+        return moved(point, position, on_date=day, stedfesting=place, plates=targets)
+
+    def wrong_type(self, finding: Row) -> Iterable[Endring]:
+        """``delvisOppdater`` of the plate."""
+        (code,) = _codes(finding, self.scene)
+        day = _need_seen(finding, self.scene).last_day
+        plate = self._target(SKILTPLATE, finding["nvdb_id"], day)
+        return changed_type(plate, code, on_date=day, katalog=self.scene.katalog)
+
+    def new_plate(self, finding: Row) -> Iterable[Endring]:
+        """``registrer`` of the plate, ``delvisOppdater`` of its Skiltpunkt."""
+        self._need_point("is registered on its Skiltpunkt")
+        seen = _need_seen(finding, self.scene)
+        point = self._target(SKILTPUNKT, self.site.nvdb_id, seen.last_day)
+        return new_plates(
+            point,
+            finding["change_id"],
+            measured_position(finding, seen),
+            on_date=seen.last_day,
+            stedfesting=self.place or self.scene.mirrored.place((SKILTPUNKT, self.site.nvdb_id)),
+            plates=[NewPlate(skiltnummer=code) for code in _codes(finding, self.scene)],
+            katalog=self.scene.katalog,
+        )
+
+    def _need_point(self, what: str) -> None:
+        if self.site.nvdb_type != SKILTPUNKT:
+            raise RequestError(
+                f"a plate {what}, and the mirror has none for it: sync again, or do it in NVDB by hand"
+            )
+
+    def _target(self, kind: int, number: int, day: dt.date) -> Any:
+        target = self.scene.mirrored.target(kind, number)
+        self.scene.mirrored.newer_than((kind, number), day)
+        return target
+
+    def _place_before(self) -> Punkt | None:
+        try:
+            return self.scene.mirrored.place((SKILTPUNKT, self.site.nvdb_id))
+        except RequestError:
+            return None
+
+
+def _codes(finding: Row, scene: Scene) -> tuple[str, ...]:
+    codes = split_codes(finding["skiltnummer_seen"])
+    if not codes:
+        raise RequestError("no sign code was annotated: annotate it and ingest the drive again")
+    for code in codes:
+        skiltnummer_enum(code, scene.katalog)
+    return codes
+
+
+def _need_seen(finding: Row, scene: Scene) -> Seen:
+    seen = scene.seen[finding["change_id"]]
+    if not seen.drives:
+        raise RequestError("the store has none of its drives any more: run `twin match` again")
+    return seen
+
+
+def _left_out(finding: Row, error: RequestError) -> LeftOut:
+    about = finding["nvdb_id"] or finding["skiltnummer_seen"] or "without a sign code"
+    why = str(error).strip().rstrip(".")
+    return LeftOut(
+        finding["change_id"], f"{finding['change_id']} ({finding['verdict']}, {about}) is left out: {why}."
+    )
