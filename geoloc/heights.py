@@ -78,7 +78,7 @@ def _shifted(
     lat, lon, height = np.broadcast_arrays(*(np.asarray(value, dtype=np.float64) for value in given))
     unknown = np.full(lat.shape, np.nan)
     try:
-        # Not cached: a grid may be installed while a session runs.
+        # Not cached: a grid may be installed while a program runs.
         transformer = Transformer.from_pipeline(_NN2000_FROM_ELLIPSOIDAL)
     except ProjError:
         how = "NN2000 heights are unknown: the geoid model HREF2018B is not installed"
