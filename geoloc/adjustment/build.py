@@ -141,6 +141,7 @@ def model_of(
         nodes.left[n:],
         nodes.share[n:],
     )
+    ages_s = _ages_s(nodes, trajectory)
     model = Model(
         scene,
         layout,
@@ -148,6 +149,7 @@ def model_of(
         nodes.left[:n],
         nodes.share[:n],
         nodes.epoch_ns,
+        ages_s,
         readout_s,
         np.where(scene.is_foot, pole_radius_m, 0.0)[scene.point],
         np.einsum("nij,nj->ni", scene.body.enu_R_rig[:, :2], scene.rig_t_camera_m[scene.camera]),
@@ -156,7 +158,6 @@ def model_of(
     links = links_of(scene.object, scene.is_foot, _side_by_side(scene))
     node_sigma = _at_nodes(nodes, sigma)
     fast = _fast_sigma(scene, budget)
-    ages_s = _ages_s(nodes, trajectory)
     return model, prior_of(layout, budget, ages_s, node_sigma, scene.instant_ns, fast, links)
 
 

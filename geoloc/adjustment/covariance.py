@@ -16,8 +16,9 @@ from geoloc.adjustment.solve import Solution
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# What correlates points other than what all share fades with the attitude's processes, the slowest in 6 s.
-_APART_NS = 60_000_000_000
+# What correlates points other than what all share fades with the attitude's processes, the slowest in 8 s on
+# the clock of `Model.node_age_s`.
+_APART_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,9 @@ def spread(model: Model, solution: Solution) -> Spread:
 
     With A the part of N that belongs to one time, B its border and C what is shared, a column of ``N⁻¹`` for
     a point is ``y + S Σ Sᵀ e`` and ``Σ Sᵀ e``, where ``y = A⁻¹ e``, ``S = -A⁻¹ B`` and Σ is the inverse of
-    ``C - Bᵀ A⁻¹ B``. The y fade within seconds: points a minute apart are solved for in one column.
+    ``C - Bᵀ A⁻¹ B``. The y fade within seconds of driving: points that are a minute of it apart,
+    and belong to different objects, are solved for in one column. (An object that is seen on two passes ties
+    their points together a little: the shares of the sources are then good to a per cent.)
     """
     layout, equations = model.layout, solution.equations
     n_shared = layout.first_point
@@ -115,22 +118,26 @@ def _parts(solution: Solution) -> dict[str, Any]:
     return {**parts, "ground": vstack(equations.ground(solution.x)).tocsr()}
 
 
-def _seen_between(model: Model) -> tuple[IntArray, IntArray]:
-    """First and last epoch (m,) at which each point was seen."""
-    scene, m = model.scene, model.layout.n_points
-    first, last = np.full(m, np.iinfo(np.int64).max), np.full(m, np.iinfo(np.int64).min)
-    np.minimum.at(first, scene.point, scene.epoch_ns)
-    np.maximum.at(last, scene.point, scene.epoch_ns)
+def _spans(model: Model, at_nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """First and last of what the nodes say (m,), by each point's sightings and its ground."""
+    first, last = np.full(model.layout.n_points, np.inf), np.full(model.layout.n_points, -np.inf)
+    ground = model.ground
+    for point, left in ((model.scene.point, model.left), (ground.point, ground.left)):
+        np.minimum.at(first, point, at_nodes[left])
+        np.maximum.at(last, point, at_nodes[left + 1])
     return first, last
 
 
 def _far_apart(model: Model) -> list[IntArray]:
-    """Sort points into groups, each in the order of time and with a minute between its points."""
-    first, last = _seen_between(model)
+    """Sort points into groups, each in the order of time and with a minute of driving between its points."""
+    first, last = _spans(model, model.node_age_s)
+    number = model.scene.object
     groups: list[list[int]] = []
     for point in np.argsort(first, kind="stable").tolist():
         for group in groups:
-            if first[point] - last[group[-1]] > _APART_NS:
+            # The foot and the face of one object are tied together however far apart they were seen.
+            apart = first[point] - last[group].max() > _APART_S
+            if apart and number[point] not in number[group]:
                 group.append(point)
                 break
         else:
@@ -140,6 +147,6 @@ def _far_apart(model: Model) -> list[IntArray]:
 
 def _between(model: Model, points: IntArray) -> FloatArray:
     """Times half-way between neighbouring points of a group, with both ends open."""
-    first, last = _seen_between(model)
-    middle = 0.5 * (last[points[:-1]].astype(np.float64) + first[points[1:]].astype(np.float64))
+    first, last = _spans(model, model.node_ns.astype(np.float64))
+    middle = 0.5 * (last[points[:-1]] + first[points[1:]])
     return np.concatenate([[-np.inf], middle, [np.inf]])

@@ -119,6 +119,8 @@ class Model:
         Node before each sighting, and how far on the way to the next.
     node_ns : int64 (nodes,)
         Epochs of the nodes.
+    node_age_s : float64 (nodes,)
+        The same on a clock that almost stops with the car: errors of the pose fade by it.
     readout_s : float
         Rolling shutter's readout that the drive states.
     radius_m : float64 (n,)
@@ -135,6 +137,7 @@ class Model:
     left: IntArray
     share: FloatArray
     node_ns: IntArray
+    node_age_s: FloatArray
     readout_s: float
     radius_m: FloatArray
     eye_m: FloatArray
