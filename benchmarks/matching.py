@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import sqlalchemy as sa
-from municipality import BLOCK_M, BLOCKS, NVDB_SIGMA_M, World, make_world
+from municipality_world import BLOCK_M, BLOCKS, NVDB_SIGMA_M, World, make_world
 
 from twin import schema
 from twin.cli.output import print_table

@@ -22,6 +22,18 @@ from twin.store import Store
 Twin = Callable[..., Any]
 
 
+AS_MADE = {
+    "unchanged": 12,
+    "moved": 1,
+    "wrong_type": 1,
+    "new": 1,
+    "missing": 1,
+    "not_observable": 0,
+    "review": 0,
+}
+"""What the sample was made to show (`data/README.md`)."""
+
+
 @pytest.fixture
 def trip(sample: Path, tmp_path: Path) -> Path:
     """A copy of the sample's drive."""
@@ -78,15 +90,7 @@ def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) 
     with Store.open(synced) as store:
         ingest_drive(store, trip)
         verdicts = match(store).verdicts
-    assert verdicts == {
-        "unchanged": 12,
-        "moved": 1,
-        "wrong_type": 1,
-        "new": 1,
-        "missing": 1,
-        "not_observable": 0,
-        "review": 0,
-    }
+    assert verdicts == AS_MADE
 
 
 def boxed(trip: Path) -> None:
@@ -119,15 +123,7 @@ def test_match_finds_the_same_where_only_boxes_were_drawn(synced: Path, trip: Pa
         report = ingest_drive(store, trip)
         verdicts = match(store).verdicts
     assert report.n_estimates == 15
-    assert verdicts == {
-        "unchanged": 12,
-        "moved": 1,
-        "wrong_type": 1,
-        "new": 1,
-        "missing": 1,
-        "not_observable": 0,
-        "review": 0,
-    }
+    assert verdicts == AS_MADE
 
 
 def test_match_does_not_miss_what_was_put_up_later(synced: Path, trip: Path) -> None:
@@ -239,14 +235,6 @@ def test_match_knows_by_the_road_which_side_of_a_sign_was_seen(synced: Path, tri
         with store.transaction() as connection:
             connection.execute(sa.update(schema.veglenke).values(retning=-1))
         against = match(store).verdicts
-    assert with_it == {
-        "unchanged": 12,
-        "moved": 1,
-        "wrong_type": 1,
-        "new": 1,
-        "missing": 1,
-        "not_observable": 0,
-        "review": 0,
-    }
+    assert with_it == AS_MADE
     assert against["missing"] == 0
     assert against["not_observable"] > 0
