@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
-from numpy.typing import NDArray
 
 from nvdb.datakatalog import Datakatalog
 from nvdb.endringssett import Earlier, Endring, Punkt, Target, earlier_from_vegobjekt
@@ -17,7 +16,6 @@ from nvdb.errors import NvdbError, RequestError
 from nvdb.uberiket_form import vegobjekt_from_uberiket
 from nvdb.vegobjekt import vegobjekt_from_les_v4
 from twin import schema
-from twin.matching.change import change_id
 from twin.matching.config import MatchConfig
 from twin.matching.nearby import mirror_near
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site, sites_from_mirror
@@ -38,16 +36,11 @@ class Mirrored:
 
     Attributes
     ----------
-    sites : tuple of Site
-    places : float64 (n_sites, 2)
-        EPSG:25833.
     rows : mapping of (type, id) → row of the mirror
     by_id : mapping of (type, id) → Site
         Of Skiltpunkter and of plates.
     """
 
-    sites: tuple[Site, ...]
-    places: NDArray[np.float64]
     rows: Mapping[Key, Row]
     by_id: Mapping[Key, Site]
 
@@ -55,19 +48,10 @@ class Mirrored:
         """The site that a finding is about; None for a new pole, or where the mirror has none."""
         kind, number = finding["nvdb_type"], finding["nvdb_id"]
         if number is None:
-            return self._site_of_new_plate(finding) if kind == SKILTPLATE else None
+            # A new plate's finding names the pole that it hangs on.
+            site = (finding["terms"] or {}).get("site")
+            return None if site is None else self.by_id.get((site["nvdb_type"], site["nvdb_id"]))
         return self.by_id.get((kind, number))
-
-    def _site_of_new_plate(self, finding: Row) -> Site | None:
-        """A new plate's finding names its site only in its own id, which is made from it."""
-        seen = finding["skiltnummer_seen"]
-        away = self.places - (finding["east_m"], finding["north_m"])
-        for number in np.flatnonzero(np.hypot(*away.T) <= _NEAR_M).tolist():
-            site = self.sites[number]
-            start = (finding["verdict"], SKILTPLATE, site.nvdb_type, site.nvdb_id, seen)
-            if finding["change_id"] in {change_id(*start), *(change_id(*start, k) for k in range(1, 10))}:
-                return site
-        return None
 
     def target(self, kind: int, number: int) -> Target:
         """Version and time of reading of an object.
@@ -117,11 +101,10 @@ def mirrored_near(view: Snapshot, findings: Sequence[Row]) -> Mirrored:
     points, plates = mirror_near(view, places, config)
     rows = {(SKILTPUNKT, row["nvdb_id"]): row for row in points}
     rows |= {(SKILTPLATE, row["nvdb_id"]): row for row in plates}
-    sites = tuple(sites_from_mirror(points, plates, config))
+    sites = sites_from_mirror(points, plates, config)
     by_id = {(SKILTPLATE, plate.nvdb_id): site for site in sites for plate in site.plates}
     by_id |= {(site.nvdb_type, site.nvdb_id): site for site in sites}
-    stand = np.array([(site.east_m, site.north_m) for site in sites]).reshape(-1, 2)
-    return Mirrored(sites, stand, rows, by_id)
+    return Mirrored(rows, by_id)
 
 
 def earlier_states(

@@ -89,7 +89,7 @@ def _plate_change(
         n_sightings=match.pole.n_sightings,
         east_m=match.pole.east_m,
         north_m=match.pole.north_m,
-        terms=match.terms,
+        terms={**match.terms, "site": {"nvdb_type": match.site.nvdb_type, "nvdb_id": match.site.nvdb_id}},
     )
 
 
