@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geoloc.adjust import Adjusted, Correction
 from geoloc.combine import combine
 from geoloc.geodesy import utm33_covariance_from_enu, utm33_from_geographic
-from twin.drives.drive import Annotations, Drive
+from twin.drives.drive import Drive
 from twin.sighted import SightedObjects
 
 FloatArray = NDArray[np.float64]
@@ -133,7 +133,7 @@ def estimate_rows(
                 "n_rejected": int(positions.n_rejected[g]),
                 "flags": _flags(positions, sighted, g, used),
                 "budget": _budget(positions, g),
-                **_summary(drive.annotations, sighted, used),
+                **_summary(drive, sighted, used),
             }
         )
     return rows
@@ -234,13 +234,15 @@ def _budget(positions: Positions, g: int) -> dict[str, list[float]]:
     }
 
 
-def _summary(annotations: Annotations, sighted: SightedObjects, member: IntArray) -> dict[str, Any]:
-    """Label, code and counts of the sightings that one object's position comes from."""
-    rows = sighted.index[member]
+def _summary(drive: Drive, sighted: SightedObjects, member: IntArray) -> dict[str, Any]:
+    """Label, code, type and counts of the sightings that one object's position comes from."""
+    annotations, rows = drive.annotations, sighted.index[member]
+    label, codes = _commonest(annotations.label[rows]), _commonest(annotations.skiltnummer[rows])
     cameras = sorted({str(camera) for camera in annotations.camera[rows]})
     return {
-        "label": _commonest(annotations.label[rows]),
-        "skiltnummer": _commonest(annotations.skiltnummer[rows]),
+        "label": label,
+        "skiltnummer": codes,
+        "nvdb_type": None if codes else drive.other_objects.get(label),
         "n_sightings": len(member),
         # Cameras that run side by side show the same instant in frames of their own.
         "n_frames": len({(annotations.camera[i], annotations.frame[i]) for i in rows}),

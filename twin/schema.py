@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
-VERSION = 4
-"""Raised with every change of the tables: a store of another version is refused, never guessed at."""
+VERSION = 5
+"""Raised with every change of the tables: a store of another version is upgraded or refused."""
+
+UPGRADES: Mapping[int, tuple[str, ...]] = {4: ("ALTER TABLE estimate ADD COLUMN nvdb_type INTEGER",)}
+"""What makes a store of one version one of the next; without an entry it is refused."""
 
 metadata = sa.MetaData()
 
@@ -220,6 +223,7 @@ estimate = sa.Table(
     sa.Column("n_rejected", sa.Integer, nullable=False),
     sa.Column("flags", sa.String, nullable=False),
     sa.Column("budget", sa.JSON, nullable=False),  # source → covariance, true east and north
+    sa.Column("nvdb_type", sa.Integer),  # of an object that is no sign; null for signs
 )
 
 change = sa.Table(

@@ -42,6 +42,12 @@ class Snapshot:
         """Run a query and return its rows as mappings."""
         return [dict(row) for row in self._connection.execute(statement).mappings()]
 
+    def columns(self, statement: sa.Select[Any]) -> dict[str, list[Any]]:
+        """Run a query and return its columns: much faster than rows where there are many."""
+        found = self._connection.execute(statement)
+        names, rows = list(found.keys()), found.fetchall()
+        return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
 
 class Store:
     """An open store. Use :meth:`open`; close it or use it as a context manager.
@@ -320,10 +326,30 @@ def _check_or_create(engine: sa.Engine, path: Path, *, create: bool) -> None:
             f"{schema.VERSION}): upgrade twin, or name another --store."
         )
     if found < schema.VERSION:
+        _upgrade(engine, path, found)
+
+
+def _upgrade(engine: sa.Engine, path: Path, found: int) -> None:
+    """Bring the tables of an older store to this version, in one transaction; what it holds stays.
+
+    Raises
+    ------
+    StoreError
+        The store is older than any that can be upgraded, or cannot be written.
+    """
+    if any(version not in schema.UPGRADES for version in range(found, schema.VERSION)):
         raise StoreError(
             f"The store {path} was written by an older twin (schema {found}; this twin needs "
             f"{schema.VERSION}): sync and ingest into a new --store."
         )
+    is_version = schema.meta.c.key == "schema_version"
+    with store_errors(path), engine.execution_options(writes=True).begin() as connection:
+        # Asked again inside the transaction: another process may have upgraded it meanwhile.
+        current = int(connection.execute(sa.select(schema.meta.c.value).where(is_version)).scalar_one())
+        for version in range(current, schema.VERSION):
+            for statement in schema.UPGRADES[version]:
+                connection.exec_driver_sql(statement)
+        connection.execute(sa.update(schema.meta).where(is_version).values(value=str(schema.VERSION)))
 
 
 def _create(engine: sa.Engine) -> None:

@@ -1,9 +1,9 @@
-"""CVAT shapes of one drive → :class:`~twin.drives.drive.Annotations`: camera, frame, object and sign codes.
+"""Shapes of one drive → :class:`~twin.drives.drive.Annotations`: camera, frame, object and sign codes.
 
 Which camera a shape belongs to
-    What ``drive.toml`` says; else the camera whose name stands in the name of the CVAT file, of its task or
-    video, or of the image. If those disagree or say nothing, the drive is refused. A rig with a single camera
-    needs no name.
+    What ``drive.toml`` says; else the camera whose name stands in the name of the file or folder, of its
+    task or video, or of the image. If those disagree or say nothing, the drive is refused. A rig with a
+    single camera needs no name.
 
 Which object it is
     The attribute ``object`` (or ``object_id``) as written: the same value is the same physical object, in
@@ -13,6 +13,14 @@ Which object it is
     file where a camera has several (``C3_tricam120/evening:12``). Image tasks have no tracks: there the
     attribute ``track_id`` counts as one, and a shape without it is an object of its own (``f123.1``: frame
     123, first such shape) until :mod:`twin.drives.identify` finds out where it belongs.
+
+Which frame
+    The number that the tool gives; else that of the image among the drive's pictures; else the last digits of
+    the image's name.
+
+What it is
+    The attribute ``skiltnummer``; else what the drive's ``labels.toml`` says of the label; else a label that
+    begins with a sign code; else the labels that ship with twin (:mod:`twin.drives.label_map`).
 """
 
 from __future__ import annotations
@@ -20,7 +28,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
@@ -29,14 +37,19 @@ from numpy.typing import NDArray
 
 from geoloc.rig import Rig, RigCamera
 from twin.drives.camera_names import CameraChooser
-from twin.drives.cvat import CvatFile, CvatShape
 from twin.drives.drive import Annotations, IntArray, Skipped
-from twin.drives.labels import codes_from_attribute, codes_from_label
+from twin.drives.label_map import LabelMap, Meanings
+from twin.drives.labels import codes_from_attribute
+from twin.drives.shapes import AnnotationFile, Shape
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
 
 OBJECT_ATTRIBUTES = ("object", "object_id")
 _HIGHEST_FRAME = 2**62
+_LONGEST_TEXT = 200
+"""Texts are kept in arrays of one width: a single long one would take its length in every row."""
+_DOWNLOADED = re.compile(r"(?:_(?:jpe?g|png|bmp))?\.rf\.[0-9a-f]+$", re.IGNORECASE)
+"""What Roboflow puts after the name of an image: ``frame_12_jpg.rf.0a1b2c``."""
 
 
 class _Row(NamedTuple):
@@ -59,14 +72,29 @@ class _Row(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AnnotationsRead:
-    """Annotations of a drive, the cameras that were annotated, and what was left out."""
+    """Annotations of a drive, the cameras that were annotated, and what was left out.
+
+    Attributes
+    ----------
+    other_objects : mapping of label to vegobjekttype
+        Labels of what is no sign.
+    unmapped : mapping of label to count
+        Labels that say no sign code and no type.
+    """
 
     annotations: Annotations
     cameras: tuple[str, ...]
     skipped: tuple[Skipped, ...]
+    other_objects: Mapping[str, int] = field(default_factory=dict)
+    unmapped: Mapping[str, int] = field(default_factory=dict)
 
 
-def gather(files: Sequence[tuple[CvatFile, str | None]], rig: Rig) -> AnnotationsRead:
+def gather(
+    files: Sequence[tuple[AnnotationFile, str | None]],
+    rig: Rig,
+    labels: LabelMap | None = None,
+    image_frames: Mapping[str, Mapping[str, int]] | None = None,
+) -> AnnotationsRead:
     """Bring the shapes of all annotation files of a drive together.
 
     Parameters
@@ -74,6 +102,10 @@ def gather(files: Sequence[tuple[CvatFile, str | None]], rig: Rig) -> Annotation
     files : sequence of (file, camera)
         `camera` is None where ``drive.toml`` does not say it.
     rig : Rig
+    labels : LabelMap, optional
+        The drive's own.
+    image_frames : mapping of camera to frame number by image name, optional
+        Of cameras whose pictures are files.
 
     Returns
     -------
@@ -88,14 +120,22 @@ def gather(files: Sequence[tuple[CvatFile, str | None]], rig: Rig) -> Annotation
     rows: list[_Row] = []
     cameras: set[str] = set()
     skipped: list[Skipped] = []
+    meanings = Meanings(labels)
     for file, declared in files:
         skipped += file.skipped
         faults: Counter[str] = Counter()
         codeless: Counter[str] = Counter()
         chooser = CameraChooser(file, declared, rig)
         cameras |= chooser.of_empty_file() if not file.shapes else set()
-        rows += _rows(file, chooser, rig.source, faults, codeless)
+        ignored: Counter[str] = Counter()
+        rows += _rows(
+            file, chooser, _Context(rig.source, meanings, image_frames or {}, faults, codeless, ignored)
+        )
         skipped += (Skipped("annotations", file.where, n, reason) for reason, n in sorted(faults.items()))
+        skipped += (
+            Skipped("labels", file.where, n, f"no road object: {label!r:.60}")
+            for label, n in sorted(ignored.items())
+        )
         skipped += (
             Skipped("sign codes", file.where, n, f"not a sign code: {text!r:.60}")
             for text, n in sorted(codeless.items())
@@ -107,7 +147,13 @@ def gather(files: Sequence[tuple[CvatFile, str | None]], rig: Rig) -> Annotation
     if len(unique) < len(named):
         where = ", ".join(sorted({row.file for row in named}))
         skipped.append(Skipped("annotations", where, len(named) - len(unique), "the same annotation again"))
-    return AnnotationsRead(_arrays(unique), tuple(sorted(cameras)), tuple(skipped))
+    return AnnotationsRead(
+        _arrays(unique),
+        tuple(sorted(cameras)),
+        tuple(skipped),
+        meanings.other_objects(),
+        dict(sorted(meanings.unmapped.items(), key=lambda item: (-item[1], item[0]))),
+    )
 
 
 def stamped(
@@ -160,22 +206,37 @@ def only(annotations: Annotations, keep: NDArray[np.bool_]) -> Annotations:
     return Annotations(**{f.name: getattr(annotations, f.name)[keep] for f in fields(Annotations)})
 
 
-def _rows(
-    file: CvatFile, chooser: CameraChooser, rig_source: str, faults: Counter[str], codeless: Counter[str]
-) -> Iterable[_Row]:
+class _Context(NamedTuple):
+    """What the shapes of one file are read with, and the counts of what is left out."""
+
+    rig_source: str
+    labels: Meanings
+    image_frames: Mapping[str, Mapping[str, int]]
+    faults: Counter[str]
+    codeless: Counter[str]
+    ignored: Counter[str]
+
+
+def _rows(file: AnnotationFile, chooser: CameraChooser, context: _Context) -> Iterable[_Row]:
     inherited = _track_attributes(file.shapes)
     singles: Counter[tuple[str, int]] = Counter()
-    for shape in file.shapes:
-        camera = chooser.of(shape)
-        _check_size(shape, camera, file.where, rig_source)
-        frame = _frame_of_image(shape, camera.name) if shape.frame is None else shape.frame
-        reason = _unusable(shape, frame, camera)
-        if reason:
-            faults[reason] += 1
-            continue
+    for drawn in file.shapes:
+        camera = chooser.of(drawn)
+        _check_size(drawn, camera, file.where, context.rig_source)
+        shape = drawn.in_pixels(camera.model.width_px, camera.model.height_px)
+        frame = _frame_of(shape, camera.name, context.image_frames)
         attributes = inherited.get((shape.task, shape.track), {}) | _filled(shape)
         track = shape.track or attributes.get("track_id", "")
         name = next((attributes[a] for a in OBJECT_ATTRIBUTES if a in attributes), "")
+        reason = _unusable(shape, frame, camera) or _too_long(name, track)
+        if reason:
+            context.faults[reason] += 1
+            continue
+        label = shape.label[:_LONGEST_TEXT]
+        meaning = context.labels.of(label, _codes(attributes.get("skiltnummer", ""), context.codeless))
+        if meaning.is_ignored:
+            context.ignored[label] += 1
+            continue
         has_id = bool(name or track)
         if not track:
             singles[camera.name, frame] += 1
@@ -187,19 +248,23 @@ def _rows(
             track=track,
             has_id=has_id,
             file=file.where,
-            label=shape.label,
-            skiltnummer=_codes(attributes.get("skiltnummer", ""), shape.label, codeless),
+            label=label,
+            skiltnummer=meaning.codes,
             kind=shape.kind,
             pixel_px=shape.pixel_px,
             box_px=shape.box_px,
         )
 
 
-def _filled(shape: CvatShape) -> dict[str, str]:
+def _too_long(*names: str) -> str:
+    return f"object id longer than {_LONGEST_TEXT} characters" if max(map(len, names)) > _LONGEST_TEXT else ""
+
+
+def _filled(shape: Shape) -> dict[str, str]:
     return {name: text for name, text in shape.attributes.items() if text}
 
 
-def _track_attributes(shapes: Sequence[CvatShape]) -> dict[tuple[str, str], dict[str, str]]:
+def _track_attributes(shapes: Sequence[Shape]) -> dict[tuple[str, str], dict[str, str]]:
     """First value of each attribute in a track: exports may write it on one row only."""
     found: dict[tuple[str, str], dict[str, str]] = {}
     for shape in shapes:
@@ -210,14 +275,14 @@ def _track_attributes(shapes: Sequence[CvatShape]) -> dict[tuple[str, str], dict
     return found
 
 
-def _codes(attribute: str, label: str, codeless: Counter[str]) -> str:
-    codes = codes_from_attribute(attribute)
+def _codes(attribute: str, codeless: Counter[str]) -> str:
+    codes = codes_from_attribute(attribute[:_LONGEST_TEXT])
     if attribute and not codes:
-        codeless[attribute] += 1
-    return codes or codes_from_label(label)
+        codeless[attribute[:_LONGEST_TEXT]] += 1
+    return codes
 
 
-def _check_size(shape: CvatShape, camera: RigCamera, where: str, source: str) -> None:
+def _check_size(shape: Shape, camera: RigCamera, where: str, source: str) -> None:
     size = (camera.model.width_px, camera.model.height_px)
     if shape.size_px is not None and shape.size_px != size:
         drawn = f"{shape.size_px[0]} x {shape.size_px[1]}"
@@ -227,16 +292,28 @@ def _check_size(shape: CvatShape, camera: RigCamera, where: str, source: str) ->
         )
 
 
-def _frame_of_image(shape: CvatShape, camera: str) -> int:
-    """Frame number of an image: the last digits of its name, the camera's own name taken out; else its id."""
-    stem = PurePosixPath(shape.image.replace("\\", "/")).stem.replace(camera, "")
+_NOT_AMONG_PICTURES = -2
+
+
+def _frame_of(shape: Shape, camera: str, image_frames: Mapping[str, Mapping[str, int]]) -> int:
+    """Frame number of a shape, as the module's text says."""
+    if shape.frame is not None:
+        return shape.frame
+    name = PurePosixPath(shape.image.replace("\\", "/"))
+    frames = image_frames.get(camera)
+    if frames:
+        plain = _DOWNLOADED.sub("", name.stem)
+        return frames.get(name.name, frames.get(name.stem, frames.get(plain, _NOT_AMONG_PICTURES)))
+    stem = _DOWNLOADED.sub("", name.stem).replace(camera, "")
     digits = re.findall(r"[0-9]+", stem)
     # The longest number that is converted keeps int() linear; it is far above any frame.
     return int(digits[-1][:30]) if digits else shape.image_id
 
 
-def _unusable(shape: CvatShape, frame: int, camera: RigCamera) -> str:
+def _unusable(shape: Shape, frame: int, camera: RigCamera) -> str:
     """Why a shape is left out; "" if it is not."""
+    if frame == _NOT_AMONG_PICTURES:
+        return "image that is not among the drive's pictures"
     if not 0 <= frame < _HIGHEST_FRAME:
         return "frame number unreadable"
     width, height = camera.model.width_px, camera.model.height_px
@@ -262,11 +339,16 @@ def _named(rows: list[_Row]) -> list[_Row]:
         if row.object or alone:
             return row.object or row.track
         if len(files_of[row.camera]) > 1:
-            return f"{row.camera}/{PurePosixPath(row.file).with_suffix('')}:{row.track}"
+            return f"{row.camera}/{_without_suffix(row.file)}:{row.track}"
         return f"{row.camera}:{row.track}"
 
     named = [row._replace(object=name(row)) for row in rows]
     return sorted(named, key=lambda r: (r.camera, r.frame, r.object, r.kind, r.pixel_px))
+
+
+def _without_suffix(file: str) -> str:
+    path = PurePosixPath(file)
+    return str(path.with_suffix("")) if path.name else file
 
 
 def _arrays(rows: list[_Row]) -> Annotations:

@@ -8,8 +8,8 @@ from pathlib import PurePosixPath
 
 from geoloc.errors import CalibrationError
 from geoloc.rig import Rig, RigCamera
-from twin.drives.cvat import CvatFile, CvatShape
 from twin.drives.settings import SETTINGS_FILE
+from twin.drives.shapes import AnnotationFile, Shape
 from twin.errors import DriveError
 
 
@@ -37,7 +37,7 @@ class CameraChooser:
 
     Parameters
     ----------
-    file : CvatFile
+    file : AnnotationFile
     declared : str or None
         The camera that ``drive.toml`` gives the file, which settles it.
     rig : Rig
@@ -48,7 +48,7 @@ class CameraChooser:
         Cameras that were named so far.
     """
 
-    def __init__(self, file: CvatFile, declared: str | None, rig: Rig) -> None:
+    def __init__(self, file: AnnotationFile, declared: str | None, rig: Rig) -> None:
         self.chosen: set[str] = set()
         self._file = file
         self._declared = declared
@@ -59,7 +59,7 @@ class CameraChooser:
                 self._aliases.setdefault(PurePosixPath(camera.video).stem, camera.name)
         self._known: dict[tuple[str, str], RigCamera] = {}
 
-    def of(self, shape: CvatShape) -> RigCamera:
+    def of(self, shape: Shape) -> RigCamera:
         """Return the camera of a shape.
 
         Raises

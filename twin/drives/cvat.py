@@ -3,9 +3,10 @@
 The format: https://docs.cvat.ai/docs/dataset_management/formats/format-cvat/. What is taken:
 
 - ``<points>`` with exactly one point, the foot of a pole;
-- ``<box>``, the face of a sign.
+- ``<skeleton>``, if one of its points is called foot (or it has only one): that point;
+- ``<box>``, and ``<polygon>`` by the box around it, the face of a sign.
 
-Polygons, polylines, skeletons, tags and the rest are counted by kind. Rows with ``outside="1"`` say that the
+Polylines, other skeletons, tags and the rest are counted by kind. Rows with ``outside="1"`` say that the
 object is *not* in view: they are no annotations, and are not counted either.
 """
 
@@ -13,116 +14,45 @@ from __future__ import annotations
 
 import io
 import math
-from collections import Counter
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError  # only the exception: parsing goes through defusedxml
 
-from twin.drives.drive import Skipped
+from twin.drives.shapes import (
+    AnnotationFile,
+    Drawn,
+    Gathering,
+    LeftOutError,
+    Place,
+    box_around,
+    box_at,
+    foot_at,
+    foot_of,
+    numbers,
+)
 from twin.errors import DriveError
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-_CORNER_TO_CENTRE_PX = 0.5
-"""CVAT counts from the corner of the first pixel, the twin from its centre."""
-
+TOOL = "CVAT"
 _NOT_SHAPES = ("attribute", "track")
-
-
-@dataclass(frozen=True, slots=True)
-class CvatShape:
-    """One point or box.
-
-    Attributes
-    ----------
-    frame : int or None
-        Absolute frame number in the source (video tasks); None in image tasks.
-    image : str
-        Name of the image; "" in video tasks.
-    image_id : int
-        Running number of the image; -1 in video tasks.
-    task : str
-        Id of the task in a project export, else "".
-    track : str
-        Track id, else "".
-    label : str
-    attributes : mapping of str to str
-    kind : str
-        ``foot`` or ``box``.
-    pixel_px : (x, y)
-        The foot, or the centre of the box; (0, 0) is the centre of the first pixel.
-    box_px : (left, top, right, bottom)
-        NaN for points.
-    size_px : (width, height) or None
-        Of the image that was annotated.
-    """
-
-    frame: int | None
-    image: str
-    image_id: int
-    task: str
-    track: str
-    label: str
-    attributes: Mapping[str, str]
-    kind: str
-    pixel_px: tuple[float, float]
-    box_px: tuple[float, float, float, float]
-    size_px: tuple[int, int] | None
-
-
-@dataclass(frozen=True, slots=True)
-class CvatFile:
-    """One export.
-
-    Attributes
-    ----------
-    where : str
-        File name.
-    source : tuple of str
-        Names of the video and of the task, in which a camera may be named.
-    tasks : mapping of task id to names
-        The same for each task of a project export.
-    shapes : tuple of CvatShape
-    skipped : tuple of Skipped
-    """
-
-    where: str
-    source: tuple[str, ...]
-    tasks: Mapping[str, tuple[str, ...]]
-    shapes: tuple[CvatShape, ...]
-    skipped: tuple[Skipped, ...]
-
-
-class _LeftOutError(Exception):
-    """A shape that is left out; its text is the reason."""
-
-
-class _Place(NamedTuple):
-    """Where a shape was drawn: the fields of `CvatShape` that it shares with its neighbours."""
-
-    frame: int | None
-    image: str
-    image_id: int
-    task: str
-    track: str
-    size_px: tuple[int, int] | None
 
 
 @dataclass(slots=True)
 class _Reading:
     """What has been gathered so far of one file."""
 
-    where: str
+    gathering: Gathering
+    feet: Collection[str] = ()
     source: tuple[str, ...] = ()
     tasks: dict[str, tuple[str, ...]] = field(default_factory=dict)
     sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
-    shapes: list[CvatShape] = field(default_factory=list)
-    faults: Counter[str] = field(default_factory=Counter)
 
 
-def read_cvat(content: bytes, where: str) -> CvatFile:
+def read_cvat(content: bytes, where: str, feet: Collection[str] = ()) -> AnnotationFile:
     """Read one CVAT XML 1.1 export.
 
     Parameters
@@ -130,6 +60,8 @@ def read_cvat(content: bytes, where: str) -> CvatFile:
     content : bytes
     where : str
         File name, for messages.
+    feet : collection of str
+        Further names of a skeleton's points that are the foot.
 
     Raises
     ------
@@ -137,7 +69,7 @@ def read_cvat(content: bytes, where: str) -> CvatFile:
         If it is not well-formed XML, carries a DTD or entities (which are refused, since they can blow up or
         read other files), or is not CVAT 1.1.
     """
-    reading = _Reading(where)
+    reading = _Reading(Gathering(where, TOOL), feet)
     for element in _children_of_root(content, where):
         if element.tag == "version" and (element.text or "").strip() != "1.1":
             version = (element.text or "").strip()
@@ -150,23 +82,29 @@ def read_cvat(content: bytes, where: str) -> CvatFile:
             _read_image(element, reading)
         elif element.tag == "track":
             _read_track(element, reading)
-    skipped = (Skipped("annotations", where, n, reason) for reason, n in sorted(reading.faults.items()))
-    return CvatFile(where, reading.source, reading.tasks, tuple(reading.shapes), tuple(skipped))
+    return reading.gathering.file(reading.source, reading.tasks)
 
 
 def is_cvat(head: bytes) -> bool:
     """Whether the beginning of a file is that of a CVAT export: its root element is ``<annotations>``."""
+    return root_tag(head) == "annotations"
+
+
+def root_tag(head: bytes) -> str:
+    """Return the root element's name of an XML file that begins so; "" if it is none."""
     from defusedxml import DefusedXmlException
     from defusedxml.ElementTree import iterparse
 
     try:
         for _, element in iterparse(io.BytesIO(head), events=("start",)):
-            return bool(element.tag == "annotations")
+            return str(element.tag)
     except DefusedXmlException:
-        return b"<annotations" in head  # so that the reader refuses it by name
+        # Taken for what it says it is, so that the reader refuses it by name.
+        found = re.search(rb"<(annotations?)\b", head)
+        return found.group(1).decode() if found else ""
     except (ParseError, ValueError, LookupError):
-        return False
-    return False
+        return ""
+    return ""
 
 
 def _children_of_root(content: bytes, where: str) -> Iterator[Element]:
@@ -232,7 +170,7 @@ def _size(width: str | None, height: str | None) -> tuple[int, int] | None:
 
 def _read_image(image: Element, reading: _Reading) -> None:
     identifier = _whole(image.get("id"))
-    place = _Place(
+    place = Place(
         frame=None,
         image=image.get("name", ""),
         image_id=-1 if identifier is None else identifier,
@@ -249,16 +187,29 @@ def _read_track(track: Element, reading: _Reading) -> None:
     task = track.get("task_id", "")
     only_size = next(iter(reading.sizes.values()), None) if len(reading.sizes) == 1 else None
     size = reading.sizes.get(task, only_size)
-    for shape in track:
-        # A skeleton's parts are tracks inside its track: the skeleton rows are counted, not their parts.
+    rows, said = _rows_of_foot(track, reading.feet)
+    for shape in rows:
         if shape.tag in _NOT_SHAPES or shape.get("outside") == "1":
             continue
         frame = _whole(shape.get("frame"))
         if frame is None:
-            reading.faults["frame number unreadable"] += 1
+            reading.gathering.leave_out("frame number unreadable")
             continue
-        place = _Place(frame, "", -1, task, track.get("id", ""), size)
-        _read_shape(shape, track.get("label", ""), place, reading)
+        place = Place(frame, "", -1, task, track.get("id", ""), size)
+        _read_shape(shape, track.get("label", ""), place, reading, said.get(frame))
+
+
+def _rows_of_foot(track: Element, feet: Collection[str]) -> tuple[Element, dict[int | None, dict[str, str]]]:
+    """Return the rows of a track, and what is said of each frame besides.
+
+    A skeleton's points are tracks inside its track: if one of them is the foot, its rows count, and the
+    skeleton's own say only the attributes. Otherwise those are the rows, and the points are not looked at.
+    """
+    parts = track.findall("track")
+    which = foot_of([part.get("label", "") for part in parts], feet)
+    if which is None:
+        return track, {}
+    return parts[which], {_whole(row.get("frame")): _attributes(row) for row in track.iter("skeleton")}
 
 
 def _whole(text: str | None) -> int | None:
@@ -270,66 +221,60 @@ def _whole(text: str | None) -> int | None:
     return number if 0 <= number < 2**63 else None
 
 
-def _read_shape(shape: Element, label: str, place: _Place, reading: _Reading) -> None:
+def _read_shape(
+    shape: Element, label: str, place: Place, reading: _Reading, said: Mapping[str, str] | None = None
+) -> None:
     try:
-        pixel, box = _pixel_and_box(shape)
-    except _LeftOutError as reason:
-        reading.faults[str(reason)] += 1
+        drawn = _drawn(shape, reading.feet)
+    except LeftOutError as reason:
+        reading.gathering.leave_out(str(reason))
         return
-    reading.shapes.append(
-        CvatShape(
-            frame=place.frame,
-            image=place.image,
-            image_id=place.image_id,
-            task=place.task,
-            track=place.track,
-            label=label,
-            attributes={a.get("name", ""): (a.text or "").strip() for a in shape.iter("attribute")},
-            kind="box" if shape.tag == "box" else "foot",
-            pixel_px=pixel,
-            box_px=box,
-            size_px=place.size_px,
-        )
-    )
+    reading.gathering.add(place, label, drawn, {**(said or {}), **_attributes(shape)})
 
 
-def _pixel_and_box(shape: Element) -> tuple[tuple[float, float], tuple[float, float, float, float]]:
+def _attributes(shape: Element) -> dict[str, str]:
+    return {a.get("name", ""): (a.text or "").strip() for a in shape.iter("attribute")}
+
+
+def _drawn(shape: Element, feet: Collection[str]) -> Drawn:
     if shape.tag == "points":
-        return _single_point(shape.get("points", "")), (math.nan, math.nan, math.nan, math.nan)
+        return foot_at(*_points(shape)[0])
+    if shape.tag == "polygon":
+        return box_around(_points(shape))
     if shape.tag == "box":
         return _box(shape)
-    raise _LeftOutError(f"kind {shape.tag}")
+    if shape.tag == "skeleton":
+        points = shape.findall("points")
+        which = foot_of([point.get("label", "") for point in points], feet)
+        if which is not None:
+            return _marked(points[which])
+    raise LeftOutError(f"kind {shape.tag:.40}")
 
 
-def _numbers(*texts: str | None) -> list[float]:
-    try:
-        values = [float(text or "") for text in texts]
-    except ValueError:
-        raise _LeftOutError("coordinates unreadable") from None
-    if not all(math.isfinite(value) for value in values):
-        raise _LeftOutError("coordinates not finite")
-    return values
+def _marked(point: Element) -> Drawn:
+    """Return a skeleton's point; in image tasks one that is not to be seen is ``outside``."""
+    if point.get("outside") == "1":
+        raise LeftOutError("foot not marked")
+    return foot_at(*_points(point)[0])
 
 
-def _single_point(text: str) -> tuple[float, float]:
-    pairs = [pair.split(",") for pair in text.split(";")]
-    if len(pairs) > 1:
-        raise _LeftOutError(f"points with {len(pairs)} points")
-    if len(pairs[0]) != 2:
-        raise _LeftOutError("coordinates unreadable")
-    x, y = _numbers(*pairs[0])
-    return x - _CORNER_TO_CENTRE_PX, y - _CORNER_TO_CENTRE_PX
+def _points(shape: Element) -> list[tuple[float, float]]:
+    parts = [pair.split(",") for pair in shape.get("points", "").split(";")]
+    if len(parts) > 1 and shape.tag == "points":
+        raise LeftOutError(f"points with {len(parts)} points")
+    if not all(len(part) == 2 for part in parts):
+        raise LeftOutError("coordinates unreadable")
+    values = numbers(*(text for part in parts for text in part))
+    return list(zip(values[::2], values[1::2], strict=True))
 
 
-def _box(shape: Element) -> tuple[tuple[float, float], tuple[float, float, float, float]]:
-    """Centre and edges; of a rotated box the edges of the upright box around it."""
-    left, top, right, bottom = _numbers(*(shape.get(edge) for edge in ("xtl", "ytl", "xbr", "ybr")))
-    if right <= left or bottom <= top:
-        raise _LeftOutError("box without area")
-    (degrees,) = _numbers(shape.get("rotation", "0"))
+def _box(shape: Element) -> Drawn:
+    """Return a box; of one that is turned about its centre, the upright box around it."""
+    left, top, right, bottom = numbers(*(shape.get(edge) for edge in ("xtl", "ytl", "xbr", "ybr")))
+    upright = box_at(left, top, right, bottom)
+    (degrees,) = numbers(shape.get("rotation", "0"))
     cos, sin = abs(math.cos(math.radians(degrees))), abs(math.sin(math.radians(degrees)))
     width, height = right - left, bottom - top
-    x = (left + right) / 2 - _CORNER_TO_CENTRE_PX
-    y = (top + bottom) / 2 - _CORNER_TO_CENTRE_PX
+    x, y = upright.pixel_px
     half_width, half_height = (width * cos + height * sin) / 2, (width * sin + height * cos) / 2
-    return (x, y), (x - half_width, y - half_height, x + half_width, y + half_height)
+    return Drawn("box", (x, y), (x - half_width, y - half_height, x + half_width, y + half_height))

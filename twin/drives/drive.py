@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.rig import Rig
 from geoloc.trajectory import GnssFixes, PoseTrack
+
+if TYPE_CHECKING:
+    from twin.frames.find import Pictures
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -104,6 +108,10 @@ class Drive:
     warnings : tuple of str
         What a user should know, one sentence each (e.g. all lever arms are zero).
     skipped : tuple of Skipped
+    pictures : mapping of camera to Pictures
+        Videos and image folders that were found; nothing of them is decoded.
+    other_objects : mapping of label to vegobjekttype
+        Labels of annotations that are no signs: they are located, and not compared with NVDB.
     """
 
     drive_id: str
@@ -123,3 +131,11 @@ class Drive:
     pole_radius_m: float
     warnings: tuple[str, ...]
     skipped: tuple[Skipped, ...]
+    pictures: Mapping[str, Pictures] = field(default_factory=dict)
+    other_objects: Mapping[str, int] = field(default_factory=dict)
+
+    def is_sign(self) -> NDArray[np.bool_]:
+        """Whether each annotation is of a sign, (n,): what has a sign code is one whatever its label."""
+        coded = (self.annotations.skiltnummer != "").tolist()
+        rows = zip(self.annotations.label.tolist(), coded, strict=True)
+        return np.array([has_code or label not in self.other_objects for label, has_code in rows], np.bool_)

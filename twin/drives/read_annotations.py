@@ -2,48 +2,103 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+
 from geoloc.errors import CalibrationError
 from geoloc.rig import Rig
 from twin.drives.annotated import AnnotationsRead, gather
-from twin.drives.cvat import read_cvat
-from twin.drives.driveworks import find_annotations
+from twin.drives.find_annotations import FORMATS, find_annotations, named_annotations
 from twin.drives.folder import DriveFolder
+from twin.drives.label_map import LABELS_FILE, LabelMap, read_label_map
 from twin.drives.notes import ReadingNotes
 from twin.drives.settings import SETTINGS_FILE, DriveSettings
+from twin.drives.shapes import AnnotationFile
 from twin.errors import DriveError
+
+_MOST_LABELS = 12
+"""Labels without a meaning that are listed by name."""
 
 
 def read_annotations(
-    folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: ReadingNotes
+    folder: DriveFolder,
+    settings: DriveSettings,
+    rig: Rig,
+    notes: ReadingNotes,
+    *,
+    labels: Path | None = None,
+    image_frames: Mapping[str, Mapping[str, int]] | None = None,
 ) -> AnnotationsRead:
     """Read the annotation files that ``drive.toml`` names, else those that the folder holds.
+
+    Parameters
+    ----------
+    labels : Path, optional
+        What labels mean, instead of the folder's own ``labels.toml``.
+    image_frames : mapping of camera to frame number by image name, optional
+        Of cameras whose pictures are files.
 
     Raises
     ------
     DriveError
         If a file cannot be read, or is of a camera that the rig does not have.
     """
+    label_map = read_drive_labels(folder, labels)
+    feet = label_map.foot_keypoints
+    files: list[tuple[AnnotationFile, str | None]] = []
     if settings.annotations is None:
-        wanted: list[tuple[str, str | None]] = [(name, None) for name in find_annotations(folder)]
-    else:
-        wanted = [(name, camera) for camera, names in settings.annotations.items() for name in names]
-        for camera in settings.annotations:
-            check_camera(rig, camera, "[annotations]")
-    files = [(read_cvat(folder.content(name), name), camera) for name, camera in wanted]
-    found = gather(files, rig)
+        files += ((file, None) for file in find_annotations(folder, notes, feet))
+    for camera, names in (settings.annotations or {}).items():
+        check_camera(rig, camera, "[annotations]")
+        files += ((file, camera) for file in named_annotations(folder, names, notes, feet))
+    found = gather(files, rig, label_map, image_frames)
     notes.skipped += found.skipped
-    if not files:
-        notes.warnings.append(
-            f"{folder.root.name} holds no annotations (CVAT XML 1.1), so the drive has a track but no"
-            " sightings."
-        )
-    elif not len(found.annotations.frame):
-        names = ", ".join(name for name, _ in wanted)
-        notes.warnings.append(
-            f"{names}: not one point or box that can be used, so the drive has no sightings."
-        )
+    notes.warnings += _warnings(folder, [file.where for file, _ in files], found)
     notes.say(f"Annotations: {len(found.annotations.frame)} in {len(files)} files.")
     return found
+
+
+def read_drive_labels(folder: DriveFolder, labels: Path | None = None) -> LabelMap:
+    """Read what labels mean in this drive: the given file, else the folder's ``labels.toml``, else nothing.
+
+    Raises
+    ------
+    DriveError
+        If the file cannot be read, or is not as :mod:`twin.drives.label_map` says.
+    """
+    if labels is not None:
+        try:
+            content = labels.read_bytes()
+        except OSError as error:
+            raise DriveError(f"{labels} cannot be read ({error.strerror}): check its name.") from error
+        folder.enter(f"--labels {labels.name}", content)
+        return read_label_map(content, labels.name)
+    if folder.has(LABELS_FILE):
+        return read_label_map(folder.content(LABELS_FILE))
+    return LabelMap()
+
+
+def _warnings(folder: DriveFolder, files: list[str], found: AnnotationsRead) -> list[str]:
+    if not files:
+        return [
+            f"{folder.root.name} holds no annotations ({FORMATS}), so the drive has a track but no sightings."
+        ]
+    if not len(found.annotations.frame):
+        return [f"{', '.join(files)}: not one point or box that can be used, so the drive has no sightings."]
+    return unmapped_warning(found)
+
+
+def unmapped_warning(found: AnnotationsRead) -> list[str]:
+    """List the labels of which nobody says what they mean; empty if there are none."""
+    if not found.unmapped:
+        return []
+    listed = [f"{label or '(none)'} ({n})" for label, n in found.unmapped.items()]
+    more = f" and {len(listed) - _MOST_LABELS} more" if len(listed) > _MOST_LABELS else ""
+    unmapped = (
+        f"No sign code for the labels {', '.join(listed[:_MOST_LABELS])}{more}: map them in {LABELS_FILE}"
+        " (docs/labels.md), or give the attribute skiltnummer."
+    )
+    return [unmapped]
 
 
 def check_camera(rig: Rig, camera: str, table: str) -> None:

@@ -11,16 +11,20 @@ import sqlalchemy as sa
 from geoloc.combine import cep95_m, ellipse
 from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.heights import nn2000_from_ellipsoidal
+from nvdb.datakatalog import SKILTPUNKT
 from twin import schema
-from twin.decisions.findings import findings
+from twin.decisions.findings import findings_statement, told_reason
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
-from twin.matching.sites import SKILTPLATE, SKILTPUNKT
 from twin.store import Snapshot, Store
 
 if TYPE_CHECKING:
     import geopandas as gpd
+    import pandas as pd
 
-Row = Mapping[str, Any]
+Columns = Mapping[str, Any]
+
+_PLACE = ("east_m", "north_m")
+_COVARIANCE = ("cov_ee_m2", "cov_en_m2", "cov_nn_m2")
 
 
 def layers_from_store(store: Store, method: str) -> ExportLayers:
@@ -48,59 +52,63 @@ def layers_from_store(store: Store, method: str) -> ExportLayers:
         )
 
 
-def _frame(name: str, rows: Sequence[Row], geometry: Any = None) -> gpd.GeoDataFrame:
-    """Make a layer from rows that carry its columns and, unless given, east_m and north_m."""
+def _frame(name: str, columns: Columns, geometry: Any = None) -> gpd.GeoDataFrame:
+    """Make a layer from columns that hold its own and, unless the geometry is given, east_m and north_m."""
     import geopandas as gpd
     import pandas as pd
 
     if geometry is None:
-        east = np.array([np.nan if row["east_m"] is None else row["east_m"] for row in rows])
-        north = np.array([np.nan if row["north_m"] is None else row["north_m"] for row in rows])
+        # None becomes NaN.
+        east, north = (np.array(columns[axis], dtype=np.float64) for axis in ("east_m", "north_m"))
         geometry = gpd.points_from_xy(east, north)
-    data = {c.name: pd.Series([row[c.name] for row in rows], dtype=c.dtype) for c in COLUMNS[name]}
+    data = {c.name: pd.Series(columns[c.name], dtype=c.dtype) for c in COLUMNS[name]}
     return gpd.GeoDataFrame(data, geometry=geometry, crs=EPSG_UTM33)
 
 
 def _changes(view: Snapshot) -> gpd.GeoDataFrame:
-    return _frame("changes", findings(view.rows))
+    wanted = [column for column in schema.change.columns if column.name in _names("changes", *_PLACE)]
+    found = view.columns(findings_statement(*wanted))
+    found["reason"] = list(map(told_reason, found["reason"], found["kind"], found["note"]))
+    return _frame("changes", found)
 
 
 def _estimates(view: Snapshot, method: str) -> gpd.GeoDataFrame:
-    rows = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method))
-    covariance = np.array(
-        [[[r["cov_ee_m2"], r["cov_en_m2"]], [r["cov_en_m2"], r["cov_nn_m2"]]] for r in rows]
-    ).reshape(-1, 2, 2)
+    table = schema.estimate
+    wanted = _names("estimates", *_PLACE, *_COVARIANCE, "first_ns", "last_ns")
+    own = [column for column in table.columns if column.name in wanted]
+    found = view.columns(sa.select(*own).where(table.c.method == method))
+    ee, en, nn = (np.array(found[name], dtype=np.float64) for name in _COVARIANCE)
+    covariance = np.stack([ee, en, en, nn], axis=-1).reshape(-1, 2, 2)
     major, minor, grid_azimuth = ellipse(covariance)
-    lat, lon = geographic_from_utm33(
-        np.array([r["east_m"] for r in rows]), np.array([r["north_m"] for r in rows])
-    )
-    azimuth = (grid_azimuth + grid_convergence_deg(lat, lon)) % 180.0
-    cep95 = cep95_m(covariance)
-    nn2000 = nn2000_from_ellipsoidal(lat, lon, np.array([r["height_m"] for r in rows])).height_m
-    full = [
-        {
-            **row,
-            "first_seen": _utc(row["first_ns"]),
-            "last_seen": _utc(row["last_ns"]),
-            "sigma_major_m": major[k],
-            "sigma_minor_m": minor[k],
-            "sigma_azimuth_deg": azimuth[k],
-            "cep95_m": cep95[k],
-            "height_nn2000_m": nn2000[k],
-        }
-        for k, row in enumerate(rows)
-    ]
-    return _frame("estimates", full)
+    lat, lon = geographic_from_utm33(*(np.array(found[axis], dtype=np.float64) for axis in _PLACE))
+    derived = {
+        "first_seen": _utc(found["first_ns"]),
+        "last_seen": _utc(found["last_ns"]),
+        "sigma_major_m": major,
+        "sigma_minor_m": minor,
+        "sigma_azimuth_deg": (grid_azimuth + grid_convergence_deg(lat, lon)) % 180.0,
+        "cep95_m": cep95_m(covariance),
+        "height_nn2000_m": nn2000_from_ellipsoidal(lat, lon, np.array(found["height_m"])).height_m,
+    }
+    # The foot of a sign is that of a Skiltpunkt.
+    types = [SKILTPUNKT if kind is None else kind for kind in found["nvdb_type"]]
+    return _frame("estimates", {**found, "nvdb_type": types, **derived})
 
 
 def _signs(view: Snapshot) -> gpd.GeoDataFrame:
-    points = view.rows(sa.select(*_without_raw(schema.skiltpunkt)))
-    plates = view.rows(sa.select(*_without_raw(schema.skiltplate)))
-    empty = {"point_id": None, "skiltnummer": "", "text": "", "ansiktsside": ""}
-    rows = [{**empty, **row, "nvdb_type": SKILTPUNKT} for row in points]
-    rows += [{**row, "nvdb_type": SKILTPLATE} for row in plates]
-    texts = [c.name for c in COLUMNS["nvdb_signs"] if c.dtype == "str"]
-    return _frame("nvdb_signs", [{**row, **{t: row[t] or "" for t in texts}} for row in rows])
+    """Skiltpunkter, then plates; a column that a type does not have is empty."""
+    together: dict[str, list[Any]] = {name: [] for name in _names("nvdb_signs", *_PLACE)}
+    for kind, tables in schema.MIRROR.items():
+        own = [column for column in tables.visible.columns if column.name in together]
+        found = view.columns(sa.select(*own))
+        n = len(found["nvdb_id"])
+        found["nvdb_type"] = [kind] * n
+        for name, values in together.items():
+            values.extend(found.get(name, [None] * n))
+    for column in COLUMNS["nvdb_signs"]:
+        if column.dtype == "str":
+            together[column.name] = [text or "" for text in together[column.name]]
+    return _frame("nvdb_signs", together)
 
 
 def _drives(view: Snapshot, method: str) -> gpd.GeoDataFrame:
@@ -113,24 +121,20 @@ def _drives(view: Snapshot, method: str) -> gpd.GeoDataFrame:
         .group_by(schema.sighting.c.drive_id)
     )
     n_sightings = {row["drive_id"]: row["n_sightings"] for row in counts}
-    rows = [
-        {
-            **row,
-            "started": _utc(row["started_ns"]),
-            "ended": _utc(row["ended_ns"]),
-            "n_sightings": n_sightings.get(row["drive_id"], 0),
-        }
-        for row in view.rows(sa.select(schema.drive))
-    ]
-    return _frame("drives", rows, shapely.from_wkb([row["line"] for row in rows]))
+    wanted = _names("drives", "started_ns", "ended_ns", "line")
+    found = view.columns(sa.select(*(column for column in schema.drive.columns if column.name in wanted)))
+    found["n_sightings"] = [n_sightings.get(drive_id, 0) for drive_id in found["drive_id"]]
+    times = {"started": _utc(found["started_ns"]), "ended": _utc(found["ended_ns"])}
+    return _frame("drives", {**found, **times}, shapely.from_wkb(found["line"]))
 
 
-def _without_raw(table: sa.Table) -> list[sa.Column[Any]]:
-    return [column for column in table.columns if column.name != "raw"]
+def _names(layer: str, *more: str) -> set[str]:
+    return {column.name for column in COLUMNS[layer]} | set(more)
 
 
-def _utc(epoch_ns: int) -> Any:
-    """Epoch as a pandas timestamp in UTC, to the millisecond that a GeoPackage keeps."""
+def _utc(epochs_ns: Sequence[int]) -> pd.DatetimeIndex:
+    """Epochs as pandas timestamps in UTC, to the millisecond that a GeoPackage keeps."""
     import pandas as pd
 
-    return pd.Timestamp(epoch_ns, unit="ns", tz="UTC").round("ms")
+    epochs = np.array(epochs_ns, dtype=np.int64)
+    return pd.to_datetime(epochs, unit="ns", utc=True).round("ms").as_unit("ms")

@@ -1,0 +1,96 @@
+"""Calibration files and rig files, damaged."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mutate import EXAMPLES, mutated, real_files
+
+from geoloc.calibration_files.kalibr import kalibr_text, read_kalibr
+from geoloc.calibration_files.ocamcalib import ocamcalib_text, read_ocam_yaml, read_ocamcalib
+from geoloc.calibration_files.opencv_file import opencv_text, read_opencv
+from geoloc.calibration_files.opensfm import opensfm_text, read_opensfm
+from geoloc.calibration_files.read import CalibratedCamera, calibration_kind, read_cameras
+from geoloc.cameras import FisheyeCamera, FThetaCamera, OcamCamera, OmniCamera, PinholeCamera
+from geoloc.errors import CalibrationError
+from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
+
+PINHOLE = PinholeCamera(1280, 720, 900.5, 905.25, 645.1, 352.7, (-0.2, 0.05, 8.0e-4, -1.2e-3))
+FISHEYE = FisheyeCamera(1280, 1024, 470.3, 472.1, 651.2, 498.7, (0.0034, 0.0007, -0.002, 2e-4))
+OMNI = OmniCamera(1280, 960, 1.6, 1300.0, 1299.0, 640.2, 480.4, (-0.2, 0.1, 5e-4, 2e-4))
+SPHERES = OmniCamera(1280, 960, -0.18, 370.0, 371.0, 640.2, 480.4, alpha=0.58)
+EXTENDED = OmniCamera(1280, 960, 0.0, 420.0, 421.0, 640.2, 480.4, alpha=0.6, beta=1.1)
+OCAM = OcamCamera(752, 480, 394.6, 241.8, (-206.5, 0.0, 2.2e-3, -4.9e-6, 1.9e-8), 1.0003, 2e-4, -3e-4)
+FTHETA = FThetaCamera(1920, 1208, 950.25, 610.5, (0.0, 1e-3, 2e-8, 4e-11))
+POSE = "  T_cam_imu:\n  - [0, -1, 0, 1]\n  - [1, 0, 0, 2]\n  - [0, 0, 1, 3]\n  - [0, 0, 0, 1]\n"
+LAFIDA = b"%YAML:1.0\nCamera.Iw: 754\nCamera.Ih: 480\nCamera.nrpol: 3\nCamera.a0:-209.5\nCamera.a1: 0.0\n"
+LAFIDA += (
+    b"Camera.a2: 2e-3\nCamera.c: 1.0\nCamera.d: 0.0\nCamera.e: 0.0\nCamera.u0: 392.5\nCamera.v0: 243.25\n"
+)
+MASK = np.zeros((12, 16), dtype=bool)
+MODELS = {"a": PINHOLE, "b": FISHEYE, "c": OMNI, "d": OCAM, "e": FTHETA, "f": SPHERES}
+RIG = Rig(
+    {name: RigCamera(name, model, FLU_R_RDF, np.ones(3), None, None, MASK) for name, model in MODELS.items()},
+    {},
+    "made up",
+)
+SOUND = [
+    (kalibr_text([PINHOLE, FISHEYE, SPHERES, EXTENDED, OMNI]) + POSE).encode(),
+    opencv_text(PINHOLE).encode(),
+    opencv_text(FISHEYE).encode(),
+    json.dumps({"K": np.eye(3).tolist(), "dist": [0.0] * 5, "image_size": [640, 480]}).encode(),
+    opensfm_text({"a": PINHOLE, "b": FISHEYE}).encode(),
+    ocamcalib_text(OCAM).encode(),
+    LAFIDA,
+    json.dumps(rig_document(RIG)).encode(),
+]
+REAL = [*real_files("camera_models"), *real_files("naplab", ".json")]
+Reader = Callable[[bytes, str], Mapping[str, CalibratedCamera]]
+READERS: tuple[Reader, ...] = (
+    read_cameras,
+    read_cameras,
+    read_kalibr,
+    read_opencv,
+    read_opensfm,
+    read_ocamcalib,
+    read_ocam_yaml,
+)
+
+
+def check(camera: CalibratedCamera) -> None:
+    """A camera that was read answers finitely, or says that it does not see."""
+    model = camera.model
+    pixel = np.array([[0.0, 0.0], [0.5 * model.width_px, 0.5 * model.height_px]])
+    ray, seen = model.camera_ray_from_pixel(pixel)
+    again, _ = model.pixel_from_camera_point(ray)
+    assert np.isfinite(ray[seen]).all()
+    np.testing.assert_allclose(again[seen], pixel[seen], rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("sound", SOUND)
+def test_sound_calibration_files_are_read(sound: bytes) -> None:
+    """What the damage begins with is whole."""
+    assert calibration_kind(sound) is not None
+    for camera in read_cameras(sound, "a.file").values():
+        check(camera)
+
+
+@settings(max_examples=EXAMPLES, deadline=None)
+@given(mutated([*SOUND, *REAL]), st.sampled_from(READERS))
+def test_calibration_readers_raise_nothing_but_calibration_errors(content: bytes, read: Reader) -> None:
+    """Whatever the bytes, and whichever reader: a CalibrationError that names the file, or cameras."""
+    cameras: Mapping[str, CalibratedCamera] = {}
+    said = ""
+    try:
+        cameras = read(content, "a.file")
+    except CalibrationError as error:
+        said = str(error)
+    assert cameras or "a.file" in said
+    assert len(said) < 2000
+    for camera in cameras.values():
+        check(camera)

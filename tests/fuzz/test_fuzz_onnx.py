@@ -1,0 +1,59 @@
+"""ONNX files, damaged: their header, and outputs of any numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mutate import EXAMPLES, mutated
+from onnx import TensorProto, helper, numpy_helper
+
+from twin.detect.contract import Letterbox, candidates, kept
+from twin.detect.onnx_header import read_onnx_header
+from twin.errors import DriveError
+
+
+def _model() -> bytes:
+    inputs = [helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, "rows", 64])]
+    outputs = [helper.make_tensor_value_info("output0", TensorProto.FLOAT, [1, 3, 64, 64])]
+    weight = numpy_helper.from_array(np.ones((3, 3, 1, 1), np.float32), "w")
+    node = helper.make_node("Conv", ["images", "w"], ["output0"])
+    model = helper.make_model(helper.make_graph([node], "g", inputs, outputs, [weight]))
+    helper.set_model_props(model, {"names": "{0: 'stop', 1: 'yield'}"})
+    return bytes(model.SerializeToString())
+
+
+@settings(max_examples=EXAMPLES)
+@given(mutated([_model()]))
+def test_onnx_header_raises_nothing_but_drive_errors(content: bytes) -> None:
+    """Whatever the bytes: a DriveError, or a shape and names."""
+    try:
+        header = read_onnx_header(content, "a.onnx")
+    except DriveError:
+        return
+    assert all(isinstance(size, int) and size >= 0 for size in header.shape)
+    assert all(isinstance(name, str) for name in header.names)
+
+
+@settings(max_examples=EXAMPLES)
+@given(
+    st.integers(0, 7),
+    st.integers(0, 7),
+    st.none() | st.integers(1, 3),
+    st.lists(st.floats(width=32), max_size=49),
+)
+def test_outputs_of_any_numbers_give_sound_boxes(
+    first: int, second: int, n_classes: int | None, numbers: list[float]
+) -> None:
+    """NaN, infinities and giants in a network's output never become boxes."""
+    output = np.resize(np.array(numbers or [0.5], np.float32), (1, first, second))
+    try:
+        found = candidates(output, n_classes, "a.onnx")
+    except DriveError:
+        return
+    boxes = kept(found, Letterbox((1.0, 1.0), (0, 0)), (64, 48), 0.25, Counter())
+    assert np.isfinite(boxes.box_px).all()
+    assert np.all(boxes.box_px[:, 2:] > boxes.box_px[:, :2])
+    assert np.all(boxes.score >= 0.25)

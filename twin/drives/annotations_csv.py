@@ -1,0 +1,105 @@
+"""Annotations as a plain CSV, for tools that twin does not know.
+
+One point or box a row, with a header: ``frame`` or ``image``; ``x_px,y_px`` for a foot,
+``left_px,top_px,right_px, bottom_px`` for a face, or both; ``label``; and, as one likes, ``camera``,
+``track`` and attributes of any name (``skiltnummer``, ``object``). Pixels count from the corner of the
+first pixel, as annotation tools count.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Mapping
+
+from twin.drives.shapes import AnnotationFile, Drawn, Gathering, LeftOutError, Place, box_at, foot_at, numbers
+from twin.errors import DriveError
+
+TOOL = "CSV"
+FOOT = ("x_px", "y_px")
+BOX = ("left_px", "top_px", "right_px", "bottom_px")
+_KNOWN = ("frame", "image", "camera", "track", "label", *FOOT, *BOX)
+_LARGEST_FRAME = 2**62
+
+
+def looks_like_annotations_csv(head: bytes) -> bool:
+    """Whether the beginning of a file is the header of an annotation table."""
+    line = head.decode("utf-8-sig", errors="replace").partition("\n")[0]
+    names = {name.strip() for name in line.replace(";", ",").split(",")}
+    return bool(names & {"frame", "image"}) and (names.issuperset(FOOT) or names.issuperset(BOX))
+
+
+def read_annotations_csv(content: bytes, where: str) -> AnnotationFile:
+    """Read a table of annotations.
+
+    Raises
+    ------
+    DriveError
+        If it is not CSV in UTF-8, or its header lacks a column.
+    """
+    gathering = Gathering(where, TOOL)
+    cameras: dict[str, tuple[str, ...]] = {}
+    try:
+        for row in _rows(content, where):
+            camera = row.pop("camera", "")
+            if camera:
+                cameras[camera] = (camera,)
+            _read_row(row, camera, gathering)
+    except csv.Error as error:
+        raise DriveError(f"{where} is not CSV ({error}): export it again.") from error
+    return gathering.file(tasks=cameras)
+
+
+def _rows(content: bytes, where: str) -> Iterator[dict[str, str]]:
+    """Yield each row by the names of its columns; cells of none are left out."""
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DriveError(f"{where} is not UTF-8 text: save it as UTF-8.") from error
+    if not looks_like_annotations_csv(content[:65_536]):
+        raise DriveError(
+            f"{where} has the columns {text.partition(chr(10))[0].strip()!r:.200}: it needs frame or image,"
+            f" and {','.join(FOOT)} or {','.join(BOX)}."
+        )
+    delimiter = ";" if ";" in text.partition("\n")[0] else ","
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    header = [name.strip() for name in next(reader)]
+    for cells in reader:
+        row = {name: cell.strip() for name, cell in zip(header, cells, strict=False) if name}
+        if any(row.values()):
+            yield row
+
+
+def _read_row(row: Mapping[str, str], camera: str, gathering: Gathering) -> None:
+    try:
+        place = _place(row, camera)
+        drawn = _drawn(row)
+    except LeftOutError as reason:
+        gathering.leave_out(str(reason))
+        return
+    attributes = {name: cell for name, cell in row.items() if name not in _KNOWN}
+    for one in drawn:
+        gathering.add(place, row.get("label", ""), one, attributes)
+
+
+def _place(row: Mapping[str, str], camera: str) -> Place:
+    frame, image = row.get("frame", ""), row.get("image", "")
+    if not frame and not image:
+        raise LeftOutError("neither frame nor image")
+    number = None
+    if frame:
+        if not (frame.isascii() and frame.isdigit() and len(frame) <= 19 and int(frame) < _LARGEST_FRAME):
+            raise LeftOutError("frame number unreadable")
+        number = int(frame)
+    return Place(frame=number, image=image, task=camera, track=row.get("track", ""))
+
+
+def _drawn(row: Mapping[str, str]) -> list[Drawn]:
+    found = []
+    for columns, made in ((FOOT, foot_at), (BOX, box_at)):
+        cells = [row.get(name, "") for name in columns]
+        if any(cells):
+            found.append(made(*numbers(*cells)))
+    if not found:
+        raise LeftOutError("neither point nor box")
+    return found
