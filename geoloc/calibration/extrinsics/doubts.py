@@ -1,0 +1,139 @@
+"""What makes a calibration of extrinsics doubtful: a floor, a tag, a tape, a camera."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.calibration.extrinsics.calibrate import MISTAPED_SIGMAS, CameraPose, Extrinsics
+
+FloatArray = NDArray[np.float64]
+
+OPEN_M, OPEN_DEG = 1.0, 2.0
+"""Sigmas from which a part of a pose counts as not determined."""
+_SURE = 3.0
+_MISFIT = 3.0
+"""Residuals of one tag, or of one camera, this many times the usual ones."""
+_SOFT_DEG, _SOFT_M = 0.05, 0.02
+_LEAST_MISFIT_PX = 0.3
+
+
+def doubts(result: Extrinsics) -> tuple[str, ...]:
+    """Everything that a person should look at before the result is used, one sentence each.
+
+    Parameters
+    ----------
+    result : Extrinsics
+
+    Returns
+    -------
+    tuple of str
+        What (which tag, camera, or the floor), how much, and the cure.
+    """
+    found = [*_open_cameras(result), *_soft_cameras(result), *_blurred(result), *_misfits(result)]
+    return (*found, *_mistaped(result), *_scale(result), *_floor(result))
+
+
+def _open_cameras(result: Extrinsics) -> list[str]:
+    found = []
+    for camera in result.cameras.values():
+        loose = _loose(camera, OPEN_DEG, OPEN_M)
+        if loose:
+            found.append(
+                f"{camera.camera}: {loose} not determined: measure the places of at least three tags that it"
+                " sees, not on one line, or put tags on the floor and on the wheels."
+            )
+    return found
+
+
+def _soft_cameras(result: Extrinsics) -> list[str]:
+    found = []
+    for camera in result.cameras.values():
+        loose = _loose(camera, _SOFT_DEG, _SOFT_M)
+        if loose and not _loose(camera, OPEN_DEG, OPEN_M):
+            found.append(
+                f"{camera.camera}: {loose} weakly determined ({_sigmas(camera)}): its tags are too few or too"
+                " alike; add some nearer and further away, at both sides of the picture."
+            )
+    return found
+
+
+def _loose(camera: CameraPose, limit_deg: float, limit_m: float) -> str:
+    names = [n for n, s in zip(("roll", "pitch", "yaw"), camera.sigma_deg, strict=True) if s > limit_deg]
+    names += [n for n, s in zip(("x", "y", "z"), camera.sigma_m, strict=True) if s > limit_m]
+    return f"{', '.join(names)} {'is' if len(names) == 1 else 'are'}" if names else ""
+
+
+def _sigmas(camera: CameraPose) -> str:
+    angle, place = camera.sigma_deg.max(), camera.sigma_m.max()
+    return f"one sigma up to {angle:.2f}° and {place * 1000.0:.0f} mm"
+
+
+def _blurred(result: Extrinsics) -> list[str]:
+    if len(result.sigma_px) < 2:
+        return []
+    found = []
+    for camera, sigma in result.sigma_px.items():
+        others = float(np.median([px for name, px in result.sigma_px.items() if name != camera]))
+        if sigma > max(_MISFIT * others, _LEAST_MISFIT_PX):
+            found.append(
+                f"{camera}: its corners are uncertain by {sigma:.2f} px, those of the other cameras by"
+                f" {others:.2f}: its pictures are blurred, or its intrinsics wrong; take them again from a"
+                " standing car, or calibrate its intrinsics anew."
+            )
+    return found
+
+
+def _misfits(result: Extrinsics) -> list[str]:
+    """Tags whose corners fit no flat square of their size, in several pictures or by being left out."""
+    sigma = np.array([result.sigma_px.get(s.camera, np.nan) for s in result.sightings])
+    off = np.sqrt(((result.residual_px / sigma[:, None, None]) ** 2).mean(axis=(1, 2)))
+    found = []
+    for tag in sorted({s.tag for s in result.sightings}):
+        mine = np.array([s.tag == tag for s in result.sightings])
+        left_out = int((mine & ~result.used).sum())
+        if left_out:
+            found.append(
+                f"Tag {tag} does not fit in {left_out} of {int(mine.sum())} pictures and was left out there:"
+                " it was moved, its id is there twice, it is bent, or something covers a corner."
+            )
+        elif np.sqrt(np.mean(off[mine] ** 2)) > _MISFIT:
+            found.append(
+                f"Tag {tag} fits no flat square of {result.network.tags[tag].size_m:g} m: its corners are off"
+                f" by {np.sqrt(np.mean(off[mine] ** 2)):.1f} times the usual; it is bent, or of another size."
+            )
+    return found
+
+
+def _mistaped(result: Extrinsics) -> list[str]:
+    return [
+        f"Tag {tag} stands {off_m:.3f} m from the place in the layout, more than {MISTAPED_SIGMAS:g} sigmas"
+        " of that measurement: it was not used; measure it again."
+        for tag, off_m in result.mistaped.items()
+    ]
+
+
+def _scale(result: Extrinsics) -> list[str]:
+    if abs(result.scale) <= _SURE * result.network.sigmas.size:
+        return []
+    sense = "larger" if result.scale > 0.0 else "smaller"
+    sentence = (
+        f"The tags seem {100.0 * abs(result.scale):.1f} % {sense} than the layout says: measure the black"
+        " square with a ruler and correct size_m."
+    )
+    return [sentence]
+
+
+def _floor(result: Extrinsics) -> list[str]:
+    found = [
+        f"The floor is not flat, or tag {tag} does not lie on it: it is at {1000.0 * high:+.0f} mm. Half a"
+        " degree spoils the result: use a flat floor, or measure the heights of such tags."
+        for tag, high in result.bumps.items()
+    ]
+    if result.floor is not None and result.floor.leans:
+        found.append(
+            f"The floor leans by {result.floor.lean_deg:.2f}° ± {result.floor.sigma_deg:.2f}° against"
+            " what the other tags say, so it was not used: find a flat floor, or measure the heights of the"
+            " tags on it instead of calling them floor."
+        )
+    return found

@@ -1,0 +1,184 @@
+"""Cameras against objects at surveyed positions: the turn of each camera that explains what is seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from geoloc.rig import Rig, RigCamera
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_ROUNDS = 30
+_HUBER = 2.0
+_SETTLED_RAD = 1e-10
+_LEAST_SIGMA_PX = 0.05
+_ROLL_RAD = np.radians(0.3)
+MIN_SIGHTINGS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class KnownSightings:
+    """Sightings of objects whose positions are known.
+
+    Attributes
+    ----------
+    camera : str (n,)
+    pixel_px : float64 (n, 2)
+    rig_point_m : float64 (n, 3)
+        Where the object is in the rig frame at the moment of the picture.
+    object : int64 (n,)
+        The same number is the same object: its sightings share the error of its position.
+    """
+
+    camera: NDArray[np.str_]
+    pixel_px: FloatArray
+    rig_point_m: FloatArray
+    object: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class CameraTurn:
+    """How a camera should be turned.
+
+    Attributes
+    ----------
+    camera : str
+    pitch_deg, yaw_deg, roll_deg : float
+        About the camera's own x, y and z axes: positive pitch looks further up, positive yaw further right,
+        positive roll turns its top to the right.
+    sigma_pitch_deg, sigma_yaw_deg, sigma_roll_deg : float
+        One sigma; sightings of one object count as far as their objects differ.
+    before_px, after_px : float
+        Median difference of seen and expected pixel, without the turn and with it.
+    n_sightings, n_objects : int
+    """
+
+    camera: str
+    pitch_deg: float
+    yaw_deg: float
+    roll_deg: float
+    sigma_pitch_deg: float
+    sigma_yaw_deg: float
+    sigma_roll_deg: float
+    before_px: float
+    after_px: float
+    n_sightings: int
+    n_objects: int
+
+
+def camera_turns(rig: Rig, known: KnownSightings) -> dict[str, CameraTurn]:
+    """Find the pitch, yaw and roll by which each camera is off.
+
+    Robust least squares on the difference of the seen and the expected ray, in pixels. Roll has a prior of
+    0.3°, since objects that stand in a column of the picture do not show it. The covariance is that of
+    clustered observations, as the error of an object's surveyed position is in all its sightings.
+
+    Parameters
+    ----------
+    rig : Rig
+    known : KnownSightings
+
+    Returns
+    -------
+    dict of camera name to CameraTurn
+        Cameras with at least 3 usable sightings.
+
+    Notes
+    -----
+    Cluster-robust covariance: Cameron and Miller, "A Practitioner's Guide to Cluster-Robust Inference",
+    Journal of Human Resources 50 (2015), equation 11.
+    """
+    found = {}
+    for name in np.unique(known.camera).tolist():
+        mine = known.camera == name
+        turn = _turn(rig.camera(name), known.pixel_px[mine], known.rig_point_m[mine], known.object[mine])
+        if turn is not None:
+            found[name] = turn
+    return found
+
+
+def turned(camera: RigCamera, pitch_deg: float, yaw_deg: float, roll_deg: float) -> RigCamera:
+    """Turn a camera about its own x (pitch), y (yaw) and z (roll) axes."""
+    turn = Rotation.from_rotvec(np.radians([pitch_deg, yaw_deg, roll_deg])).as_matrix()
+    return replace(camera, rig_R_camera=camera.rig_R_camera @ turn)
+
+
+def rig_turned(rig: Rig, turns: Mapping[str, CameraTurn]) -> Rig:
+    """Turn those cameras of a rig."""
+    cameras = dict(rig.cameras)
+    for name, turn in turns.items():
+        cameras[name] = turned(cameras[name], turn.pitch_deg, turn.yaw_deg, turn.roll_deg)
+    return replace(rig, cameras=cameras)
+
+
+def _turn(
+    camera: RigCamera, pixel_px: FloatArray, rig_point_m: FloatArray, groups: IntArray
+) -> CameraTurn | None:
+    rays = camera.model.rays(pixel_px[:, 0], pixel_px[:, 1], slopes=True)
+    away = (rig_point_m - camera.rig_t_camera_m) @ camera.rig_R_camera
+    use = rays.inside & np.isfinite(away).all(axis=1)
+    if use.sum() < MIN_SIGHTINGS or rays.by_u is None or rays.by_v is None:
+        return None
+    seen = np.stack(rays.ray, axis=-1)[use]
+    slopes = np.stack([np.stack(rays.by_u, axis=-1), np.stack(rays.by_v, axis=-1)], axis=-1)[use]
+    px_from_ray = np.asarray(np.linalg.pinv(slopes), dtype=np.float64)
+    expected = away[use] / np.linalg.norm(away[use], axis=1, keepdims=True)
+    turn = np.zeros(3)
+    for _ in range(_ROUNDS):
+        residual, jacobian = _residuals(turn, seen, expected, px_from_ray)
+        scale = _scale_px(residual)
+        weight = np.minimum(1.0, _HUBER * scale / np.maximum(np.linalg.norm(residual, axis=1), 1e-12))
+        # The prior in pixels squared, as the residuals are.
+        prior = np.diag([0.0, 0.0, (scale / _ROLL_RAD) ** 2])
+        bread = np.einsum("n,nij,nik->jk", weight, jacobian, jacobian) + prior
+        score = np.einsum("n,nij,ni->nj", weight, jacobian, residual)
+        step = np.linalg.solve(bread, score.sum(axis=0) + prior @ turn)
+        turn = turn - step
+        if np.abs(step).max() < _SETTLED_RAD:
+            break
+    pitch, yaw, roll = np.degrees(turn).tolist()
+    sigma = np.degrees(_clustered_sigma(np.linalg.inv(bread), score, groups[use], prior)).tolist()
+    before, _ = _residuals(np.zeros(3), seen, expected, px_from_ray)
+    return CameraTurn(
+        camera=camera.name,
+        pitch_deg=pitch,
+        yaw_deg=yaw,
+        roll_deg=roll,
+        sigma_pitch_deg=sigma[0],
+        sigma_yaw_deg=sigma[1],
+        sigma_roll_deg=sigma[2],
+        before_px=float(np.median(np.linalg.norm(before, axis=1))),
+        after_px=float(np.median(np.linalg.norm(residual, axis=1))),
+        n_sightings=int(use.sum()),
+        n_objects=len(np.unique(groups[use])),
+    )
+
+
+def _residuals(
+    turn: FloatArray, seen: FloatArray, expected: FloatArray, px_from_ray: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Turned seen ray less the expected one in pixels (n, 2), and its derivative by the turn (n, 2, 3)."""
+    moved = seen @ Rotation.from_rotvec(turn).as_matrix().T
+    # Small turns w: the derivative of w x r by w.
+    by_turn = np.swapaxes(np.cross(np.eye(3), moved[:, np.newaxis, :]), 1, 2)
+    return np.einsum("nij,nj->ni", px_from_ray, moved - expected), px_from_ray @ by_turn
+
+
+def _scale_px(residual: FloatArray) -> float:
+    """One sigma of a coordinate: 1.1774 is the median length of two standard normals."""
+    return max(float(np.median(np.linalg.norm(residual, axis=1))) / 1.1774, _LEAST_SIGMA_PX)
+
+
+def _clustered_sigma(bread: FloatArray, score: FloatArray, groups: IntArray, prior: FloatArray) -> FloatArray:
+    names, place = np.unique(groups, return_inverse=True)
+    sums = np.zeros((len(names), 3))
+    np.add.at(sums, place, score)
+    # One object says nothing of how objects differ: its sightings are taken as independent.
+    meat = sums.T @ sums * len(names) / (len(names) - 1.0) if len(names) > 1 else score.T @ score
+    return np.asarray(np.sqrt(np.diag(bread @ (meat + prior) @ bread)), dtype=np.float64)

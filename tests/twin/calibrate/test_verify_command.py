@@ -1,0 +1,144 @@
+"""``twin calibrate verify`` and ``from-drives``: cameras checked against places, and followed over drives."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sqlalchemy as sa
+
+from geoloc.calibration.verify import turned
+from geoloc.rig import read_rig
+from twin import schema
+from twin.simulate import simulate
+from twin.store import Store
+
+Twin = Callable[..., Any]
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated car that stops before three surveyed poles."""
+    folder = tmp_path_factory.mktemp("still") / "still"
+    simulate(folder, name="still", seed=3)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def urban(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated drive past thirteen signs."""
+    folder = tmp_path_factory.mktemp("urban") / "urban"
+    simulate(folder, name="urban", seed=4)
+    return folder
+
+
+def test_applied_rig_beats_the_paper_at_each_distance(still: Path, tmp_path: Path, twin: Twin) -> None:
+    """With the corrected rig single frames are nearer than the paper's table 1 at all three distances."""
+    rig = tmp_path / "mended.json"
+    found = twin("calibrate", "verify", still, "--known", still / "truth.csv", "--apply", rig, "--json")
+    assert found.code == 0, found.err
+    copy = tmp_path / "mended"
+    shutil.copytree(still, copy)
+    shutil.copy(rig, copy / "rig.json")
+    again = twin("calibrate", "verify", copy, "--known", copy / "truth.csv", "--json").json
+    paper_m = {"C1_front60Single": (0.77, 1.53, 5.05), "C2_tricam60": (0.82, 1.42, 4.53)}
+    paper_m["C3_tricam120"] = (0.34, 0.22, 1.01)
+    for camera, bars in paper_m.items():
+        errors = sorted((e for e in again["errors"] if e["camera"] == camera), key=lambda e: e["distance_m"])
+        assert len(errors) == 3
+        assert all(e["before_m"] < bar for e, bar in zip(errors, bars, strict=True))
+    assert again["advised"] == []
+
+
+def test_table_and_picture_show_what_the_turn_changes(still: Path, tmp_path: Path, twin: Twin) -> None:
+    """Without --apply nothing is written but the picture, and the advice names the option."""
+    answer = twin(
+        "calibrate", "verify", still, "--known", still / "truth.csv", "--plot", tmp_path / "errors.png"
+    )
+    assert answer.code == 0
+    assert "turned [m]" in answer.out
+    assert "--apply FILE writes the corrected rig" in answer.err
+    assert [path.name for path in tmp_path.iterdir()] == ["errors.png"]
+
+
+def test_unknown_objects_are_refused(still: Path, tmp_path: Path, twin: Twin) -> None:
+    """A file of other objects ends with the cure."""
+    (tmp_path / "known.csv").write_text("object,label,easting,northing\nX1,skilt,273000,7039000\n")
+    answer = twin("calibrate", "verify", still, "--known", tmp_path / "known.csv")
+    assert answer.code == 4
+    assert "attribute object with the same names" in answer.err
+
+
+def history(store: Path, pitches_deg: Sequence[float]) -> None:
+    """Repeat the one drive of a store, a week apart, with a wide camera that is seen at these pitches."""
+    with Store.open(store) as opened:
+        row = dict(opened.rows(sa.select(schema.drive))[0])
+        for week, pitch in enumerate(pitches_deg):
+            boresight = {
+                axis: {"value": pitch if axis == "pitch" else 0.0, "sigma": 0.03}
+                for axis in ("pitch", "yaw", "roll")
+            }
+            later = {"name": f"week {week}", "started_ns": row["started_ns"] + week * 7 * 86_400 * 10**9}
+            # The first takes the place of the drive that was ingested.
+            later["drive_id"] = f"week{week}" if week else row["drive_id"]
+            opened.save_drive(
+                {**row, **later}, "adjusted", [], [], 0, {"boresight_deg": {"C3_tricam120": boresight}}
+            )
+
+
+def test_moved_camera_is_told_and_the_mean_starts_anew(urban: Path, tmp_path: Path, twin: Twin) -> None:
+    """A camera that looks 0.3° elsewhere from the third week on is told, between the right drives."""
+    store = tmp_path / "twin.db"
+    twin("ingest-drive", urban, "--store", store)
+    history(store, (0.01, -0.02, 0.29, 0.31, 0.30))
+    found = twin(
+        *("calibrate", "from-drives", "--store", store, "--apply", tmp_path / "rig.json", "--json")
+    ).json
+    (camera,) = (c for c in found["cameras"] if c["camera"] == "C3_tricam120")
+    assert camera["since"] == 2
+    assert camera["turn_deg"][0] == pytest.approx(0.30, abs=0.03)
+    (warning,) = found["warnings"]
+    assert "C3_tricam120 has turned between week 1 and week 2 (pitch +0.3" in warning
+    assert found["advised"] == ["C3_tricam120"]
+    before, after = read_rig(urban / "rig.json"), read_rig(tmp_path / "rig.json")
+    right = turned(before.cameras["C3_tricam120"], *camera["turn_deg"]).rig_R_camera
+    assert after.cameras["C3_tricam120"].rig_R_camera == pytest.approx(right, abs=1e-9)
+
+
+def test_steady_camera_gives_no_warning(urban: Path, tmp_path: Path, twin: Twin) -> None:
+    """Angles that scatter by their sigmas are one mean, more certain than each of them."""
+    store = tmp_path / "twin.db"
+    twin("ingest-drive", urban, "--store", store)
+    history(store, (0.02, -0.03, 0.01, 0.04))
+    found = twin("calibrate", "from-drives", "--store", store, "--json").json
+    (camera,) = (c for c in found["cameras"] if c["camera"] == "C3_tricam120")
+    assert (camera["since"], found["warnings"], found["advised"]) == (0, [], [])
+    assert camera["sigma_deg"][0] < 0.03
+
+
+def test_store_without_adjusted_drives_is_refused(tmp_path: Path, sample: Path, twin: Twin) -> None:
+    """Drives located by other methods say nothing of the cameras."""
+    store = tmp_path / "twin.db"
+    twin("ingest-drive", sample / "trip_trondheim", "--method", "paper", "--store", store)
+    answer = twin("calibrate", "from-drives", "--store", store)
+    assert answer.code == 2
+    assert "ingested by the method adjusted" in answer.err
+
+
+def test_angles_are_finite_in_json(urban: Path, tmp_path: Path, twin: Twin) -> None:
+    """One drive is a history too: angles with sigmas, and no warning."""
+    store = tmp_path / "twin.db"
+    assert twin("ingest-drive", urban, "--store", store).code == 0
+    found = twin(
+        "calibrate", "from-drives", "--store", store, "--plot", tmp_path / "history.png", "--json"
+    ).json
+    assert {c["camera"] for c in found["cameras"]} == {"C1_front60Single", "C2_tricam60", "C3_tricam120"}
+    for camera in found["cameras"]:
+        assert np.isfinite(camera["turn_deg"]).all()
+        assert 0.0 < max(camera["sigma_deg"]) < 1.0
+    assert found["warnings"] == []
+    assert (tmp_path / "history.png").exists()

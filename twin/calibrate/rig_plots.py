@@ -1,0 +1,96 @@
+"""Pictures of a verification and of the cameras' history."""
+
+from __future__ import annotations
+
+import datetime as dt
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.calibrate.from_drives import AXES, Histories
+from twin.calibrate.verify import Verification
+from twin.errors import ConfigError
+from twin.export.atomic import replace_file
+from twin.folders import make_folder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_NOW, _TURNED = "#c8553d", "#1f6f8b"
+_COLOURS = ("#1f6f8b", "#c8553d", "#6a994e")
+_MOVED = "#b08900"
+
+
+def draw_verification(found: Verification, path: Path) -> None:
+    """Draw errors of single frames by distance for each camera, with the rig as it is and turned.
+
+    Raises
+    ------
+    ConfigError
+        If the name is not that of a PNG.
+    """
+    figure, n = _figure(path, len(found.errors_at))
+    grid = figure.subplots(1, n, squeeze=False, sharey=True)[0]
+    for axes, (camera, at) in zip(grid, found.errors_at.items(), strict=True):
+        axes.plot(at[:, 0], at[:, 1], ".", ms=4, color=_NOW, alpha=0.5, label="now")
+        axes.plot(at[:, 0], at[:, 2], ".", ms=4, color=_TURNED, alpha=0.5, label="turned")
+        for row in (e for e in found.errors if e.camera == camera):
+            axes.plot(row.distance_m, row.before_m, "D", ms=7, mfc="none", mec=_NOW, mew=1.6)
+            axes.plot(row.distance_m, row.after_m, "D", ms=7, mfc="none", mec=_TURNED, mew=1.6)
+        axes.set(title=camera, xlabel="distance [m]")
+        axes.grid(color="#eeeeee")
+    largest = max((e.before_m for e in found.errors), default=1.0)
+    # Slips of the annotator would press everything that matters to the floor.
+    grid[0].set(ylabel="horizontal error [m]", ylim=(0.0, 2.5 * max(largest, 0.1)))
+    grid[0].legend(frameon=False)
+    _save(figure, path)
+
+
+def draw_histories(found: Histories, path: Path) -> None:
+    """Draw pitch, yaw and roll of each camera drive by drive, with one sigma; moves as a line between.
+
+    Raises
+    ------
+    ConfigError
+        If the name is not that of a PNG.
+    """
+    figure, n = _figure(path, len(found.cameras))
+    grid = figure.subplots(1, n, squeeze=False, sharey=True)[0]
+    for axes, history in zip(grid, found.cameras, strict=True):
+        moment = [dt.datetime.fromtimestamp(d.started_ns / 1e9, tz=dt.UTC) for d in history.drives]
+        turn = np.array([d.turn_deg for d in history.drives])
+        sigma = np.array([d.sigma_deg for d in history.drives])
+        place = np.arange(len(moment))
+        for axis, colour in enumerate(_COLOURS):
+            shift = 0.12 * (axis - 1)
+            axes.errorbar(
+                place + shift, turn[:, axis], sigma[:, axis], fmt="o", ms=4, color=colour, label=AXES[axis]
+            )
+        if history.since:
+            axes.axvline(history.since - 0.5, color=_MOVED, ls="--", lw=1.2)
+        axes.set_xticks(place, [f"{day:%Y-%m-%d}" for day in moment], rotation=60, fontsize=7)
+        axes.set(title=history.camera, xlim=(-0.6, len(place) - 0.4))
+        axes.grid(color="#eeeeee")
+    grid[0].set(ylabel="against the newest rig file [°]")
+    grid[0].legend(frameon=False)
+    _save(figure, path)
+
+
+def _figure(path: Path, n: int) -> tuple[Figure, int]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if Path(path).suffix.lower() != ".png":
+        raise ConfigError(f"The picture is a PNG, and {path} is not called one: name it {path}.png.")
+    figure = Figure(figsize=(4.2 * max(n, 1), 4.2), dpi=120, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, max(n, 1)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    image = io.BytesIO()
+    figure.savefig(image, format="png", metadata={"Software": None})
+    make_folder(Path(path).parent)
+    replace_file(Path(path), image.getvalue())

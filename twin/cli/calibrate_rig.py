@@ -1,0 +1,212 @@
+"""``twin calibrate extrinsics``, ``verify`` and ``from-drives``: where the cameras sit on the car."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from twin.cli.calibrate import JsonOption, app
+from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, steps, warn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.calibrate.extrinsics import ExtrinsicsReport
+    from twin.calibrate.from_drives import Histories
+    from twin.calibrate.verify import Verification
+
+
+@app.command(
+    "extrinsics",
+    epilog="Example: twin calibrate extrinsics pictures --tags layout.toml --rig rig.json --out calibrated",
+)
+def extrinsics(
+    images: Annotated[
+        Path,
+        typer.Argument(help="Folder of pictures; names or sub-folders name the camera.", metavar="IMAGES"),
+    ],
+    tags: Annotated[Path, typer.Option(help="What stands around the car: layout.toml.")],
+    rig: Annotated[Path, typer.Option(help="DriveWorks rig file with the cameras' intrinsics.")],
+    out: Annotated[Path, typer.Option(help="Folder for rig.json, the report and its picture.")] = Path(
+        "calibrated"
+    ),
+    hand: Annotated[
+        Path | None, typer.Option(help="Calibration file of a camera that was carried around the car.")
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Find where the cameras sit on the car, from pictures of AprilTags around it."""
+    from twin.calibrate.extrinsics import calibrate_rig
+
+    with bar(quiet=json_output) as progress:
+        report = calibrate_rig(images, tags, rig, out, hand=hand, progress=progress)
+    if json_output:
+        print_json(report)
+        return
+    _print_extrinsics(report)
+    for text in report.notes:
+        note(text)
+    for text in report.doubts:
+        warn(text)
+    print_paths("Written:", report.files)
+
+
+def _print_extrinsics(report: ExtrinsicsReport) -> None:
+    print_table(
+        "Cameras in the rig frame, with one sigma",
+        ["camera", "roll, pitch, yaw [°]", "±", "x, y, z [m]", "±", "turned", "moved", "tags", "residual"],
+        [
+            (
+                camera.camera,
+                _numbers(camera.roll_pitch_yaw_deg, 3),
+                _numbers(camera.sigma_deg, 3),
+                _numbers(camera.position_m, 4),
+                _numbers(camera.sigma_m, 4),
+                f"{camera.turned_deg:.2f}°",
+                f"{camera.moved_m:.3f} m",
+                f"{camera.n_tags - camera.n_left_out} of {camera.n_tags}",
+                f"{camera.rms_px:.2f} px",
+            )
+            for camera in report.cameras
+        ],
+    )
+
+
+@app.command(
+    "verify", epilog="Example: twin calibrate verify trip --known known.csv --apply rig_corrected.json"
+)
+def verify(
+    drive: Annotated[
+        Path, typer.Argument(help="A drive past objects at surveyed positions.", metavar="DRIVE")
+    ],
+    known: Annotated[Path, typer.Option(help="CSV: object,easting,northing in EPSG:25833.")],
+    apply: Annotated[
+        Path | None, typer.Option(help="Write the drive's rig here, with the corrections that are certain.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="PNG of the errors by distance, before and after.")
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Check the cameras against objects at surveyed positions: errors by distance, and what mends them."""
+    from twin.calibrate.rig_plots import draw_verification
+    from twin.calibrate.verify import verify_drive
+
+    with steps(quiet=json_output) as say:
+        found = verify_drive(drive, known, apply=apply, progress=say)
+    if plot is not None:
+        draw_verification(found, plot)
+    if json_output:
+        document = {k: v for k, v in asdict(found).items() if k != "errors_at"}
+        print_json({**document, "plot": None if plot is None else str(plot)})
+        return
+    _print_verification(found)
+    if plot is not None:
+        note(f"wrote {plot}")
+
+
+def _print_verification(found: Verification) -> None:
+    print_table(
+        f"{found.drive}: horizontal error of single frames, median",
+        ["camera", "distance [m]", "n", "now [m]", "turned [m]"],
+        [(e.camera, f"{e.distance_m:.1f}", e.n, e.before_m, e.after_m) for e in found.errors],
+    )
+    print_table(
+        "Turn of each camera that fits best, about its own axes",
+        ["camera", "pitch [°]", "yaw [°]", "roll [°]", "pixels now", "turned", "objects", "sightings"],
+        [
+            (
+                turn.camera,
+                f"{turn.pitch_deg:+.3f} ± {turn.sigma_pitch_deg:.3f}",
+                f"{turn.yaw_deg:+.3f} ± {turn.sigma_yaw_deg:.3f}",
+                f"{turn.roll_deg:+.3f} ± {turn.sigma_roll_deg:.3f}",
+                f"{turn.before_px:.1f}",
+                f"{turn.after_px:.1f}",
+                turn.n_objects,
+                turn.n_sightings,
+            )
+            for turn in found.turns.values()
+        ],
+    )
+    for warning in found.warnings:
+        warn(warning)
+    if found.not_seen:
+        note(f"Not annotated in this drive: {', '.join(found.not_seen)}.")
+    if not found.advised:
+        note("No camera needs a correction: none is off by more than two sigmas and 0.02°.")
+    elif found.rig is not None:
+        note(f"wrote {found.rig}, with {', '.join(found.advised)} corrected")
+    else:
+        note(f"Off for certain: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+
+
+@app.command("from-drives", epilog="Example: twin calibrate from-drives --plot cameras.png")
+def from_drives(
+    apply: Annotated[
+        Path | None,
+        typer.Option(help="Write the newest drive's rig here, with the corrections that are certain."),
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="PNG of each camera's angles over time.")] = None,
+    store: Annotated[
+        Path, typer.Option("--store", envvar="TWIN_STORE", help="The store, one SQLite file.")
+    ] = Path("twin.db"),
+    json_output: JsonOption = False,
+) -> None:
+    """Follow the cameras' mounting over the drives in the store, and warn of one that was moved."""
+    from twin.calibrate.from_drives import cameras_from_drives
+    from twin.calibrate.rig_plots import draw_histories
+    from twin.store import Store
+
+    with Store.open(store, create=False) as opened:
+        found = cameras_from_drives(opened, apply=apply)
+    if plot is not None:
+        draw_histories(found, plot)
+    if json_output:
+        print_json({**asdict(found), "plot": None if plot is None else str(plot)})
+        return
+    _print_histories(found)
+    if plot is not None:
+        note(f"wrote {plot}")
+
+
+def _print_histories(found: Histories) -> None:
+    print_table(
+        "Cameras by drive, against the newest drive's rig file",
+        ["camera", "drive", "", "pitch [°]", "yaw [°]", "roll [°]"],
+        [
+            (history.camera, drive.name, _day(drive.started_ns), *_angles(drive.turn_deg, drive.sigma_deg))
+            for history in found.cameras
+            for drive in history.drives
+        ],
+        right_from=3,
+    )
+    means: dict[str, Any] = {
+        f"{h.camera}, {len(h.drives) - h.since} drives": "pitch {}°, yaw {}°, roll {}°".format(
+            *_angles(h.turn_deg, h.sigma_deg)
+        )
+        for h in found.cameras
+    }
+    print_pairs("Mean since it last moved", means)
+    for warning in found.warnings:
+        warn(warning)
+    if found.rig is not None:
+        corrected = ", ".join(found.advised) or "nothing"
+        note(f"wrote {found.rig}, with {corrected} corrected")
+    elif found.advised:
+        note(f"Off for certain: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+
+
+def _day(epoch_ns: int) -> str:
+    return f"{dt.datetime.fromtimestamp(epoch_ns / 1e9, tz=dt.UTC):%Y-%m-%d}"
+
+
+def _angles(turn: tuple[float, ...], sigma: tuple[float, ...]) -> list[str]:
+    return [f"{value:+.3f} ± {one:.3f}" for value, one in zip(turn, sigma, strict=True)]
+
+
+def _numbers(values: Iterable[float], digits: int) -> str:
+    return ", ".join(f"{value:.{digits}f}" for value in values)
