@@ -1,0 +1,1 @@
+"""``twin inspect``: what a drive folder holds, what of it is understood, and what is missing."""

@@ -1,0 +1,163 @@
+"""What every file of a folder is, by its content."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+from geoloc.calibration_files.read import CALIBRATION_KINDS, calibration_kind
+from geoloc.rig import looks_like_rig
+from twin.drives.annotations_csv import looks_like_annotations_csv
+from twin.drives.coco import looks_like_coco
+from twin.drives.cvat import is_cvat
+from twin.drives.datumaro import looks_like_datumaro
+from twin.drives.find_track import EXIF, GPX, NMEA, POSES, ROS, SBP, track_format
+from twin.drives.folder import DriveFolder
+from twin.drives.json_values import parse_json
+from twin.drives.label_map import LABELS_FILE
+from twin.drives.labelme import looks_like_labelme
+from twin.drives.labelme_xml import looks_like_labelme_xml
+from twin.drives.labelstudio import looks_like_labelstudio
+from twin.drives.settings import SETTINGS_FILE
+from twin.drives.timestamps import names_images
+from twin.drives.vistas import looks_like_vistas
+from twin.drives.yolo import NAME_FILES, looks_like_yolo
+from twin.errors import DriveError
+from twin.frames.images import IMAGE_SUFFIXES
+
+UNKNOWN = "not recognised"
+EMPTY = "empty"
+_TRACKS = {
+    NMEA: "GNSS, NMEA 0183",
+    SBP: "GNSS, SwiftNav SBP",
+    GPX: "GNSS, GPX",
+    ROS: "ROS recording",
+    EXIF: "images with EXIF positions",
+    POSES: "full poses",
+}
+_NAMED = {SETTINGS_FILE: "settings of the drive", LABELS_FILE: "what labels mean"}
+_VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".h264", ".264", ".h265", ".265", ".hevc", ".ts")
+_STAMPS = re.compile(rb"\s*(?:frame\s*,\s*time_ns|time_ns\s*,\s*frame|\d{1,9}\s+\d{13,19}\s*$)", re.MULTILINE)
+_JSON_TOOLS: Mapping[str, Callable[[object], bool]] = {
+    "DriveWorks rig": looks_like_rig,
+    "annotations, labelme": looks_like_labelme,
+    "annotations, COCO": looks_like_coco,
+    "annotations, Datumaro": looks_like_datumaro,
+    "annotations, Label Studio": looks_like_labelstudio,
+    "annotations, Mapillary Vistas": looks_like_vistas,
+}
+_MOST_JSON_BYTES = 50_000_000
+"""Larger JSON is told by its size alone: parsing it to say what it is would take its tenfold in memory."""
+_GROUPED = ("image", "annotations, labelme", "annotations, LabelMe XML", "annotations, YOLO")
+"""Kinds of which tools write one file for each picture: one line for all of a folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileSeen:
+    """One file, or all files of one kind in one folder where tools write thousands.
+
+    Attributes
+    ----------
+    name : str
+        Relative to the drive folder.
+    count : int
+        Files that this line stands for.
+    size_bytes : int
+    kind : str
+        In words; `UNKNOWN` where nothing here reads it.
+    used : bool
+        Whether the drive was read from it.
+    """
+
+    name: str
+    count: int
+    size_bytes: int
+    kind: str
+    used: bool
+
+
+def recognised(folder: DriveFolder) -> tuple[FileSeen, ...]:
+    """Tell what every file is, of the folder and of the folders in it, by name.
+
+    What cannot be read is listed as such: nothing is raised.
+    """
+    seen: list[FileSeen] = []
+    used = folder.entered()
+    for inside in ("", *(f"{name}/" for name in folder.folders())):
+        try:
+            names = folder.names_in(inside) if inside else folder.names()
+        except DriveError:
+            continue
+        groups: dict[tuple[str, str], list[str]] = {}
+        for name in names:
+            kind = kind_of(folder, name)
+            suffix = PurePosixPath(name).suffix.lower()
+            groups.setdefault((kind, suffix if kind in _GROUPED else name), []).append(name)
+        for (kind, suffix), members in groups.items():
+            shown = members[0] if len(members) == 1 else f"{inside}*{suffix}"
+            size = sum(_size(folder, name) for name in members)
+            seen.append(FileSeen(shown, len(members), size, kind, any(name in used for name in members)))
+    return tuple(sorted(seen, key=lambda file: (file.name.count("/"), file.name)))
+
+
+def kind_of(folder: DriveFolder, name: str) -> str:
+    """Kind of one file in words."""
+    if name in _NAMED:
+        return _NAMED[name]
+    suffix = PurePosixPath(name).suffix.lower()
+    try:
+        if not _size(folder, name):
+            return EMPTY
+        if suffix in IMAGE_SUFFIXES or suffix in _VIDEO_SUFFIXES:
+            return "image" if suffix in IMAGE_SUFFIXES else "video"
+        head = folder.head(name)
+        track = None if suffix == ".json" and calibration_kind(head) else track_format(folder, name)
+        if track:
+            return _TRACKS[track]
+        return _json_kind(folder, name, head) if suffix == ".json" else _text_kind(name, suffix, head)
+    except DriveError as error:
+        return f"unreadable: {error}"
+
+
+def _json_kind(folder: DriveFolder, name: str, head: bytes) -> str:
+    calibration = calibration_kind(head)
+    if calibration is not None:
+        return _calibration(calibration)
+    if _size(folder, name) > _MOST_JSON_BYTES:
+        return "JSON, too large to look into"
+    try:
+        document = parse_json(folder.peek(name), name)
+    except DriveError:
+        return "damaged JSON"
+    return next((kind for kind, looks_like in _JSON_TOOLS.items() if looks_like(document)), UNKNOWN)
+
+
+def _text_kind(name: str, suffix: str, head: bytes) -> str:
+    calibration = calibration_kind(head)
+    if calibration is not None:
+        return _calibration(calibration)
+    tests: tuple[tuple[str, bool], ...] = (
+        ("frame times", _STAMPS.match(head) is not None or names_images(head)),
+        ("annotations, CVAT XML", is_cvat(head)),
+        ("annotations, LabelMe XML", looks_like_labelme_xml(head)),
+        ("annotations, CSV", suffix == ".csv" and looks_like_annotations_csv(head)),
+        ("names of classes", name.lower().endswith(NAME_FILES)),
+        ("annotations, YOLO", suffix == ".txt" and looks_like_yolo(head)),
+        ("detector (ONNX)", suffix == ".onnx"),
+    )
+    return next((kind for kind, is_it in tests if is_it), UNKNOWN)
+
+
+def _calibration(kind: str) -> str:
+    name = CALIBRATION_KINDS[kind]
+    return name if kind == "driveworks" else f"calibration, {name}"
+
+
+def _size(folder: DriveFolder, name: str) -> int:
+    try:
+        with folder.open(name) as file:
+            return file.seek(0, 2)
+    except (DriveError, OSError):
+        return 0
