@@ -24,7 +24,10 @@ SIGMA_BY_QUALITY_M = {4: 0.015, 5: 0.3, 2: 0.6, 1: 2.0, 6: 2.0}
 """Horizontal sigma by GGA fix quality: RTK fixed (CPOS states 8 to 14 mm), float, DGNSS, single, dead
 reckoning."""
 _SIGMA_OTHERWISE_M = 5.0
+SIGMA_FLOOR_M = 0.01
+"""What receivers state below this is formal: base station and atmosphere are not in it."""
 _FIXED = 4
+_AS_GOOD_AS_FIXED_M = 0.05
 VERTICAL_FACTOR = 1.7
 """Vertical sigma of a fix over its horizontal one."""
 
@@ -50,8 +53,21 @@ def sigma_of_quality(quality: IntArray) -> FloatArray:
     return sigma
 
 
-def noise_of_quality(quality: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sigma of fixes, and what of it two antennas of one car do *not* share, by GGA fix quality.
+def sigma_of_fixes(quality: IntArray, stated_m: FloatArray) -> FloatArray:
+    """Horizontal one sigma, metres: as stated, at least 1 cm; that of the quality where it is NaN."""
+    stated = np.isfinite(stated_m)
+    return np.where(stated, np.maximum(stated_m, SIGMA_FLOOR_M), sigma_of_quality(quality))
+
+
+def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sigma of fixes, and what of it two antennas of one car do *not* share.
+
+    Parameters
+    ----------
+    quality : int64 (n,)
+        GGA fix quality.
+    stated_m : float64 (n,)
+        One sigma a horizontal axis by the receiver, NaN where it does not say.
 
     Returns
     -------
@@ -60,8 +76,8 @@ def noise_of_quality(quality: IntArray) -> tuple[FloatArray, FloatArray, FloatAr
         6 mm of carrier-phase noise and 5 mm of multipath; the rest of its 15 mm is atmosphere and base
         station, the same for both antennas. Other solutions err by ambiguities and code, each its own.
     """
-    sigma = sigma_of_quality(quality)
-    fixed = quality == _FIXED
+    sigma = sigma_of_fixes(quality, stated_m)
+    fixed = (quality == _FIXED) | (stated_m < _AS_GOOD_AS_FIXED_M)
     return sigma, 0.4 * sigma, np.where(fixed, 0.33, 0.9) * sigma
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,9 @@ class GnssFixes:
         Ellipsoidal: GGA altitude plus geoid separation.
     quality : int64 (n,)
         GGA fix quality: 4 RTK fixed, 5 float, 2 DGNSS, 1 single, 6 dead reckoning.
+    sigma_horizontal_m, sigma_vertical_m : float64 (n,)
+        One sigma a horizontal axis and of the height, as the receiver states it; NaN where it does not.
+        Left out, all are NaN.
     """
 
     antenna: str
@@ -39,6 +42,13 @@ class GnssFixes:
     longitude_deg: FloatArray
     height_m: FloatArray
     quality: IntArray
+    sigma_horizontal_m: FloatArray = field(default_factory=lambda: np.empty(0))
+    sigma_vertical_m: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        for name in ("sigma_horizontal_m", "sigma_vertical_m"):
+            if getattr(self, name).size == 0:
+                object.__setattr__(self, name, np.full(self.epoch_ns.shape, np.nan))
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,4 +120,4 @@ class Poses:
 
 def part(poses: Poses, rows: slice | IntArray) -> Poses:
     """Give some rows of poses."""
-    return Poses(*(getattr(poses, field.name)[rows] for field in fields(Poses)))
+    return Poses(*(getattr(poses, column.name)[rows] for column in fields(Poses)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.fixes import noise_of_quality
+from geoloc.fixes import noise_of_fixes
 from geoloc.geodesy import enu_offset, geographic_from_enu
 from geoloc.interpolation import NANOSECONDS, seconds
 from geoloc.poses import GnssFixes
@@ -115,7 +115,7 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
         for a, o, s in zip(lat.T, lon.T, seen.T, strict=True)
     ]
     plane = path[:, None, :] + np.stack([np.stack(one, axis=1) for one in off], axis=1)
-    noise = [noise_of_quality(f.quality) for f in fixes]
+    noise = [noise_of_fixes(f.quality, f.sigma_horizontal_m) for f in fixes]
     sigma, white, slow = (gathered([one[i] for one in noise]) for i in range(3))
     return KnotFixes(
         t_s=seconds(knot_ns),

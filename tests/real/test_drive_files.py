@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from twin.drives.cvat import is_cvat, read_cvat
-from twin.drives.driveworks import looks_like_nmea
-from twin.drives.nmea import fix_rate_hz, read_nmea
+from twin.drives.nmea import looks_like_nmea, read_nmea
 from twin.drives.read import read_drive
+from twin.drives.track_read import fix_rate_hz
 from twin.errors import DriveError
 
 REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real"
@@ -81,15 +81,15 @@ def test_real_logs_are_told_from_binary_ones() -> None:
 
 
 def test_real_cvat_image_export_is_read() -> None:
-    """Two images: one box; a polyline, a polygon, two skeletons and points of three are left out."""
+    """Two images: a box and a polygon; a polyline, two skeletons and points of three are left out."""
     file = read_cvat(content("annotations/cvat/images_train.xml"), "images_train.xml")
     assert [(s.kind, s.label, s.image, s.size_px) for s in file.shapes] == [
-        ("box", "label1", "img0.jpg", (8, 8))
+        ("box", "label1", "img0.jpg", (8, 8)),
+        ("box", "", "img1.jpg", (10, 10)),
     ]
     assert file.shapes[0].box_px == (-0.5, 1.5, 3.5, 3.5)
     assert file.shapes[0].attributes == {"a1": "true", "a2": "v3", "a3": "0003", "a4": "2.4"}
     assert {s.reason: s.count for s in file.skipped} == {
-        "kind polygon": 1,
         "kind polyline": 1,
         "kind skeleton": 2,
         "points with 3 points": 1,
@@ -97,12 +97,11 @@ def test_real_cvat_image_export_is_read() -> None:
 
 
 def test_real_cvat_project_export_is_read() -> None:
-    """Three subsets of two images: three boxes, and the names of the three tasks."""
+    """Three subsets of two images: three boxes, three polygons, and the names of the three tasks."""
     file = read_cvat(content("annotations/cvat/project_annotations.xml"), "project.xml")
-    assert [s.kind for s in file.shapes] == ["box"] * 3
+    assert [s.kind for s in file.shapes] == ["box"] * 6
     assert file.tasks == {"39": ("Test",), "37": ("train",), "38": ("Validation",)}
     assert {s.reason: s.count for s in file.skipped} == {
-        "kind polygon": 3,
         "kind polyline": 3,
         "points with 3 points": 3,
     }

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import unicodedata
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import BinaryIO
 
 from twin.errors import DriveError
 
 MAX_FILE_BYTES = 500_000_000
 """Largest file that is read: a day of NMEA at 10 Hz or a million annotations stay far below it."""
+
+MAX_RECORDING_BYTES = 200_000_000_000
+"""Largest recording of all sensors that is read piece by piece: a day with pictures stays below it."""
 
 
 class DriveFolder:
@@ -45,9 +50,60 @@ class DriveFolder:
             return list(self._names)
         return [name for name in self._names if name.lower().endswith(suffixes)]
 
+    def folders(self) -> list[str]:
+        """Names of the folders directly in the folder, sorted; hidden, linked and locked ones left out."""
+        return sorted(
+            entry.name
+            for entry in self.root.iterdir()
+            if entry.is_dir()
+            and not entry.is_symlink()
+            and not entry.name.startswith(".")
+            and os.access(entry, os.R_OK | os.X_OK)
+        )
+
     def has(self, name: str) -> bool:
         """Whether `name`, relative to the folder, is a file in it."""
         return self._path(name).is_file()
+
+    def is_folder(self, name: str) -> bool:
+        """Whether `name`, relative to the drive folder, is a folder in it."""
+        return self._path(name).is_dir()
+
+    def names_in(self, name: str, *suffixes: str) -> list[str]:
+        """Names of the files directly in a folder of the drive folder, sorted, with that folder before them.
+
+        Raises
+        ------
+        DriveError
+            If it is absent, lies outside the drive folder, or cannot be listed.
+        """
+        path = self._path(name)
+        if not path.is_dir():
+            raise DriveError(
+                f"{name} is not a folder in the drive folder {self.root}: add it, or correct its name."
+            )
+        try:
+            files = sorted(entry.name for entry in path.iterdir() if entry.is_file())
+        except OSError as error:
+            raise self._unreadable(name, error) from error
+        prefix = PurePosixPath(name.replace("\\", "/"))
+        return [str(prefix / file) for file in files if not suffixes or file.lower().endswith(suffixes)]
+
+    def open(self, name: str) -> BinaryIO:
+        """Open a file of any size for reading piece by piece; a look does not enter the drive's id.
+
+        Raises
+        ------
+        DriveError
+            As :meth:`peek`, but for the size.
+        """
+        path = self._path(name)
+        if not path.is_file():
+            raise DriveError(f"{name} is not in the drive folder {self.root}: add it, or correct its name.")
+        try:
+            return path.open("rb")
+        except OSError as error:
+            raise self._unreadable(name, error) from error
 
     def found(self, name: str | None) -> str | None:
         """The file that a recorder called `name`, or None.
@@ -109,11 +165,48 @@ class DriveFolder:
             As :meth:`peek`.
         """
         content = self.peek(name)
-        key = unicodedata.normalize("NFC", PurePosixPath(name).as_posix())
-        self._digests[key] = hashlib.sha256(content).digest()
-        if track:
-            self._tracks.add(self._digests[key])
+        self._enter(name, hashlib.sha256(content).digest(), track=track)
         return content
+
+    def entered(self) -> frozenset[str]:
+        """Names of the files that the drive was read from so far."""
+        return frozenset(self._digests)
+
+    def enter(self, name: str, content: bytes) -> None:
+        """Remember a file from outside the folder that the drive was read with."""
+        self._enter(name, hashlib.sha256(content).digest(), track=False)
+
+    def recording(self, name: str) -> Path:
+        """Path of a recording that its reader opens itself, piece by piece.
+
+        It becomes part of what the drive was read from, and says where the car was (see :meth:`content`).
+
+        Raises
+        ------
+        DriveError
+            As :meth:`peek`; a recording may have `MAX_RECORDING_BYTES`.
+        """
+        self.open(name).close()  # absent, or outside the folder
+        path = self._path(name)
+        try:
+            size = path.stat().st_size
+            if size > MAX_RECORDING_BYTES:
+                raise DriveError(
+                    f"{name} is {size / 1e9:.0f} GB, more than the {MAX_RECORDING_BYTES / 1e9:.0f} GB that a"
+                    " recording may have: cut out the topics that twin reads (GNSS, IMU)."
+                )
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").digest()
+        except OSError as error:
+            raise self._unreadable(name, error) from error
+        self._enter(name, digest, track=True)
+        return path
+
+    def beginning(self, name: str, n_bytes: int) -> bytes:
+        """First bytes of a file that say where the car was, entered as such (see :meth:`content`)."""
+        head = self.head(name, n_bytes)
+        self._enter(name, hashlib.sha256(head).digest(), track=True)
+        return head
 
     def drive_id(self) -> str:
         """First 12 hex digits of the SHA-256 over the content of the track files read so far.
@@ -134,10 +227,16 @@ class DriveFolder:
             whole.update(name.encode() + b"\0" + self._digests[name])
         return whole.hexdigest()
 
+    def _enter(self, name: str, digest: bytes, *, track: bool) -> None:
+        """Remember a file that the drive was read from."""
+        self._digests[unicodedata.normalize("NFC", PurePosixPath(name).as_posix())] = digest
+        if track:
+            self._tracks.add(digest)
+
     def _path(self, name: str) -> Path:
         """The file's path, refused where it leads out of the folder (``..``, absolute, a link outwards)."""
-        if not name or "\0" in name:
-            raise DriveError(f"{name!r} is no file name: name a file inside the drive folder.")
+        if not _is_name(name):
+            raise DriveError(f"{name[:80]!r} is no file name: name a file inside the drive folder.")
         outside = Path(name).is_absolute() or PureWindowsPath(name).is_absolute()
         path = self.root / name
         try:
@@ -153,3 +252,12 @@ class DriveFolder:
 
     def _unreadable(self, name: str, error: OSError) -> DriveError:
         return DriveError(f"{name} cannot be read ({error.strerror}): check its permissions.")
+
+
+def _is_name(name: str) -> bool:
+    """Whether file systems take a name: theirs have at most 255 bytes a part, and no NUL."""
+    try:
+        parts = [len(part.encode()) for part in name.replace("\\", "/").split("/")]
+    except UnicodeEncodeError:
+        return False
+    return bool(name) and "\0" not in name and max(parts) <= 255 and sum(parts) <= 2000

@@ -7,14 +7,13 @@ import io
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from geoloc.trajectory import PoseTrack
 from twin.drives.clock import credible
-from twin.drives.drive import Skipped
 from twin.drives.ordering import longest_increasing
+from twin.drives.track_read import LeftOutError, PosesRead, check_position, counted, listed
 from twin.errors import DriveError
 
 REQUIRED = (
@@ -34,17 +33,10 @@ DEFAULT_SIGMAS: Mapping[str, float] = {
 """One sigma where the file has none: a tactical-grade INS with RTK, as its makers state it."""
 
 
-class _LeftOutError(Exception):
-    """A row that is left out; its text is the reason."""
-
-
-@dataclass(frozen=True, slots=True)
-class PosesRead:
-    """Poses of one file, with what was left out and what a user should know."""
-
-    track: PoseTrack
-    skipped: tuple[Skipped, ...]
-    warnings: tuple[str, ...]
+def looks_like_poses(head: bytes) -> bool:
+    """Whether a file begins with the header of a pose file."""
+    header = head.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").split(",")
+    return {"time_ns", "latitude_deg", "heading_deg"} <= {name.strip() for name in header}
 
 
 def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> PosesRead:
@@ -77,10 +69,9 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
     epoch_ns = np.array(times, dtype=np.int64)
     keep = longest_increasing(epoch_ns)
     faults["epoch not after the pose before"] += int(np.count_nonzero(~keep))
-    skipped = tuple(Skipped("poses", where, n, reason) for reason, n in sorted(faults.items()) if n)
+    skipped = counted("poses", where, faults)
     if not times:
-        counts = "; ".join(f"{s.count} × {s.reason}" for s in skipped) or "it has no rows"
-        raise DriveError(f"{where} holds no usable pose ({counts}): export the poses of this drive.")
+        raise DriveError(f"{where} holds no usable pose ({listed(skipped)}): export the poses of this drive.")
     if len(times) > 2 and np.count_nonzero(keep) < 0.5 * len(times):
         raise DriveError(
             f"{where} is not in order of time: {np.count_nonzero(~keep)} of {len(times)} poses are not later"
@@ -107,7 +98,7 @@ def _table(
                 continue
             try:
                 time_ns, row = _row(cells, at)
-            except _LeftOutError as reason:
+            except LeftOutError as reason:
                 faults[str(reason)] += 1
                 continue
             times.append(time_ns)
@@ -145,22 +136,19 @@ def _row(cells: Sequence[str], at: Mapping[str, int]) -> tuple[int, list[float]]
             for name, default in DEFAULT_SIGMAS.items()
         ]
     except ValueError:
-        raise _LeftOutError("not a number") from None
+        raise LeftOutError("not a number") from None
     except IndexError:
-        raise _LeftOutError("row too short") from None
+        raise LeftOutError("row too short") from None
     if not credible(time_ns):
-        raise _LeftOutError("time_ns outside the years 2000–2099")
+        raise LeftOutError("time_ns outside the years 2000–2099")
     if not all(math.isfinite(value) for value in (*pose, *sigmas)):
-        raise _LeftOutError("not finite")
+        raise LeftOutError("not finite")
     latitude, longitude, height, roll, pitch, heading = pose
-    if abs(latitude) > 90 or abs(longitude) > 180 or abs(height) > 20_000:
-        raise _LeftOutError("position outside the globe")
-    if latitude == 0 and longitude == 0:
-        raise _LeftOutError("position 0° N 0° E (null island)")
+    check_position(latitude, longitude, height)
     if abs(roll) > 180 or abs(pitch) > 90 or abs(heading) > 360:
-        raise _LeftOutError("attitude outside its range")
+        raise LeftOutError("attitude outside its range")
     if min(sigmas) <= 0:
-        raise _LeftOutError("sigma not positive")
+        raise LeftOutError("sigma not positive")
     return time_ns, pose + sigmas
 
 

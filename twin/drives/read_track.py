@@ -2,22 +2,43 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoloc.errors import CalibrationError
-from geoloc.rig import Antenna, Rig, rig_from_document, rig_with_lever_arms, without_template_masks
+from geoloc.rig import Antenna, Rig, rig_with_lever_arms
 from geoloc.trajectory import GnssFixes, PoseTrack
-from twin.drives.driveworks import find_gnss, find_rig
+from twin.drives.attitudes import moved_to_rig_origin
+from twin.drives.exif_positions import read_exif_positions
+from twin.drives.find_track import (
+    EXIF,
+    FORMATS,
+    GPX,
+    JPEG_SUFFIXES,
+    NMEA,
+    POSES,
+    ROS,
+    SBP,
+    find_gnss,
+    find_poses,
+    recording_files,
+    track_format,
+)
 from twin.drives.folder import DriveFolder
-from twin.drives.nmea import fix_rate_hz, read_nmea
+from twin.drives.gpx import read_gpx
+from twin.drives.nmea import read_nmea
 from twin.drives.notes import ReadingNotes
 from twin.drives.poses_csv import read_poses
+from twin.drives.rosbag import read_rosbag, read_rosbag_poses
+from twin.drives.sbp_track import read_sbp, read_sbp_poses
 from twin.drives.settings import SETTINGS_FILE, DriveSettings
+from twin.drives.track_read import FixesRead, PosesRead, fix_rate_hz
 from twin.errors import DriveError
+from twin.frames.images import HEAD_BYTES
+
+_CONTENT_READERS = {NMEA: read_nmea, SBP: read_sbp, GPX: read_gpx}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,39 +55,6 @@ class Track:
         return min(int(e[0]) for e in epochs), max(int(e[-1]) for e in epochs)
 
 
-def read_rig_file(folder: DriveFolder, settings: DriveSettings, notes: ReadingNotes) -> tuple[Rig, str]:
-    """Read the drive's rig.
-
-    Returns
-    -------
-    Rig
-        Without car masks that are a template.
-    str
-        The file's text, kept for provenance.
-
-    Raises
-    ------
-    DriveError
-        If there is no rig file, or it cannot be used.
-    """
-    name = settings.rig or find_rig(folder)
-    try:
-        text = folder.content(name).decode("utf-8-sig")
-        rig = rig_from_document(json.loads(text), name)
-    except (ValueError, RecursionError) as error:
-        raise DriveError(f"{name} is not JSON ({error}): export the rig file again.") from error
-    except CalibrationError as error:
-        raise DriveError(str(error)) from error
-    rig, shared = without_template_masks(rig)
-    if shared:
-        notes.warnings.append(
-            f"{name}: {', '.join(shared)} share one car mask bit for bit, which cannot be what each of them"
-            " sees of the car: the mask is not used."
-        )
-    notes.say(f"Rig {name}: {len(rig.cameras)} cameras, {len(rig.antennas)} antennas.")
-    return rig, text
-
-
 def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: ReadingNotes) -> Track:
     """Read where the car was: the pose file that ``drive.toml`` names, else the GNSS recordings.
 
@@ -75,31 +63,55 @@ def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: Re
     DriveError
         If there is neither, or nothing in them can be used.
     """
-    if settings.poses:
-        read = read_poses(
-            folder.content(settings.poses, track=True), settings.poses, pitch_nose_up=settings.pitch_nose_up
-        )
-        notes.warnings += read.warnings
-        notes.skipped += read.skipped
-        notes.say(f"Poses {settings.poses}: {len(read.track.epoch_ns)}.")
-        return Track(rig, (), read.track)
-    files: Mapping[str, str]
-    if settings.gnss is not None:
-        files = settings.gnss
-    else:
+    files: Mapping[str, str] = settings.gnss or {}
+    poses = settings.poses
+    if not files and poses is None:
         files, absent = find_gnss(folder, rig)
         notes.warnings += absent
+        poses = None if files else find_poses(folder)
+    if poses is not None:
+        return Track(rig, (), _read_poses(folder, poses, settings, notes))
     if not files:
         names = ", ".join(a.file for a in rig.antennas.values() if a.file)
-        wanted = f"{rig.source} names {names}" if names else "NMEA text with GGA sentences"
+        wanted = f"{rig.source} names {names}" if names else FORMATS
         raise DriveError(
             f"{folder.root} holds no GNSS recording ({wanted}) and no poses: add it, or name it under [gnss]"
             f" or [poses] in {SETTINGS_FILE}."
         )
     rig = _with_antennas(rig, files, settings)
-    gnss = _read_gnss(folder, files, notes)
+    gnss = _read_gnss(folder, files, settings, notes)
     _warn_of_zero_lever_arms(rig, gnss, notes)
     return Track(rig, gnss, None)
+
+
+def _read_poses(folder: DriveFolder, name: str, settings: DriveSettings, notes: ReadingNotes) -> PoseTrack:
+    """Poses of the rig's origin."""
+    kind = track_format(folder, name)
+    if kind in (NMEA, GPX, EXIF):
+        raise DriveError(
+            f"{name} is {kind}, which says where an antenna was but not how the car lay: name it under [gnss]"
+            f" files in {SETTINGS_FILE} instead of [poses]."
+        )
+    read: PosesRead
+    if kind == SBP:
+        read = read_sbp_poses(folder.content(name, track=True), name)
+    elif kind == ROS:
+        paths = [folder.recording(file) for file in recording_files(folder, name)]
+        read = read_rosbag_poses(paths, name, settings.pose_topics)
+    else:
+        content = folder.content(name, track=True)
+        read = read_poses(content, name, pitch_nose_up=settings.pitch_nose_up)
+    notes.warnings += read.warnings
+    notes.skipped += read.skipped
+    notes.say(f"Poses {name}: {len(read.track.epoch_ns)}.")
+    if settings.pose_lever_arm_m is not None:
+        return moved_to_rig_origin(read.track, settings.pose_lever_arm_m)
+    if kind in (SBP, ROS):
+        notes.warnings.append(
+            f"The positions of {name} are taken as the rig's origin (the ground below the rear axle): give"
+            f" [poses] lever_arm in {SETTINGS_FILE}, where the INS's point sits in the car."
+        )
+    return read.track
 
 
 def _with_antennas(rig: Rig, files: Mapping[str, str], settings: DriveSettings) -> Rig:
@@ -122,13 +134,22 @@ def _with_antennas(rig: Rig, files: Mapping[str, str], settings: DriveSettings) 
         raise DriveError(f"{SETTINGS_FILE}: {error}") from error
 
 
-def _read_gnss(folder: DriveFolder, files: Mapping[str, str], notes: ReadingNotes) -> tuple[GnssFixes, ...]:
+def _read_gnss(
+    folder: DriveFolder, files: Mapping[str, str], settings: DriveSettings, notes: ReadingNotes
+) -> tuple[GnssFixes, ...]:
     """Fixes of every antenna; one that recorded nothing usable costs a warning while another did."""
+    for antenna in settings.gnss_topics:
+        if antenna not in files:
+            raise DriveError(
+                f"{SETTINGS_FILE} names a topic of the antenna {antenna}, but the recordings are those of"
+                f" {', '.join(files)}: spell it alike, or give it a file."
+            )
     gnss, failures = [], []
     for antenna, file in sorted(files.items()):
-        content = folder.content(file, track=True)
+        if not folder.is_folder(file):
+            folder.open(file).close()  # one that is named and absent is refused, whatever the others recorded
         try:
-            read = read_nmea(content, antenna, file)
+            read = _read_antenna(folder, file, antenna, settings.gnss_topics.get(antenna))
         except DriveError as error:
             failures.append(error)
             continue
@@ -140,6 +161,27 @@ def _read_gnss(folder: DriveFolder, files: Mapping[str, str], notes: ReadingNote
         raise failures[0]
     notes.warnings += [f"The drive is read without one antenna: {failure}" for failure in failures]
     return tuple(gnss)
+
+
+def _read_antenna(folder: DriveFolder, file: str, antenna: str, topic: str | None) -> FixesRead:
+    kind = track_format(folder, file)
+    where = folder.root.name if file == "." else file
+    if kind == ROS:
+        paths = [folder.recording(part) for part in recording_files(folder, file)]
+        return read_rosbag(paths, antenna, where, topic)
+    if kind == EXIF:
+        names = folder.names_in(file, *JPEG_SUFFIXES)
+        heads = (folder.beginning(name, HEAD_BYTES) for name in names)
+        return read_exif_positions(heads, antenna, where)
+    if kind == POSES:
+        raise DriveError(f"{file} holds full poses: name it under [poses] in {SETTINGS_FILE}.")
+    content = folder.content(file, track=True)
+    if kind is not None:
+        return _CONTENT_READERS[kind](content, antenna, file)
+    try:
+        return read_nmea(content, antenna, file)  # its first sentence may stand far down
+    except DriveError as error:
+        raise DriveError(f"{error} It looks like none of {FORMATS}.") from error
 
 
 def _warn_of_zero_lever_arms(rig: Rig, gnss: tuple[GnssFixes, ...], notes: ReadingNotes) -> None:

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.drives.nmea import fix_rate_hz, iter_sentences, read_nmea
+from twin.drives.nmea import iter_sentences, read_nmea
+from twin.drives.track_read import fix_rate_hz
 from twin.errors import DriveError
 
 S = 1_000_000_000
@@ -259,3 +260,46 @@ def test_nmea_checksum_finds_every_changed_byte(position: int, change: int) -> N
     for sentence in iter_sentences(bytes(damaged)):
         # Only a byte that ends the line or the body early can leave something that still sums up.
         assert sentence.kind != "GGA" or len(sentence.field) < 12
+
+
+def test_nmea_gst_gives_the_sigmas_of_its_epoch(maker: Any) -> None:
+    """3 cm north and 4 cm east are 3.5 cm an axis; a fix without GST of its time has none."""
+    lines = [
+        maker.gga(maker.start_ns),
+        maker.sentence("GNGST,080000.00,1.0,0.04,0.03,0.0,0.03,0.04,0.05"),
+        maker.gga(maker.start_ns + S),
+        maker.sentence("GNGST,080001.00,1.0,,,,much,0.04,0.05"),
+    ]
+    read = read_nmea("".join(lines).encode(), "a", "a.bin")
+    assert read.fixes.sigma_horizontal_m == pytest.approx([np.sqrt(0.00125), np.nan], nan_ok=True)
+    assert read.fixes.sigma_vertical_m == pytest.approx([0.05, np.nan], nan_ok=True)
+    assert counts(read.skipped) == {"GST sentence unreadable": 1}
+
+
+def test_nmea_headings_are_counted(maker: Any) -> None:
+    """HDT is not used, which is said."""
+    content = maker.gga(maker.start_ns) + maker.sentence("GNHDT,12.5,T")
+    read = read_nmea(content.encode(), "a", "a.bin")
+    assert counts(read.skipped) == {"heading, which twin takes from the antennas or the track": 1}
+
+
+def test_nmea_leap_second_is_the_next_midnight(maker: Any) -> None:
+    """23:59:60 and the 0:00:00 after it are one epoch since 1970: the second of them is left out."""
+    midnight = epoch(2017, 1, 1)
+    lines = [
+        maker.sentence("GPRMC,235959.00,A,6325.2,N,01024.0,E,1.0,0.0,311216,,,D"),
+        *(maker.gga(midnight, host=False, time=time) for time in ("235959.00", "235960.00", "000000.00")),
+        maker.gga(midnight, host=False, time="000001.00"),
+    ]
+    read = read_nmea("".join(lines).encode(), "a", "a.bin")
+    assert read.fixes.epoch_ns.tolist() == [midnight - S, midnight, midnight + S]
+    assert counts(read.skipped) == {"epoch not after the fix before": 1}
+
+
+@pytest.mark.parametrize("host", [True, False])
+def test_nmea_week_rollover_is_moved_on_and_told(maker: Any, host: bool) -> None:
+    """A date 1024 weeks back; a host stamp overrules it without a word."""
+    rmc = maker.sentence("GPRMC,080000.00,A,6325.2,N,01024.0,E,1.0,0.0,251006,,,D")
+    read = read_nmea((rmc + maker.gga(maker.start_ns, host=host)).encode(), "a", "a.bin")
+    assert read.fixes.epoch_ns.tolist() == [maker.start_ns]
+    assert [("1024 weeks were added" in warning) for warning in read.warnings] == ([] if host else [True])

@@ -56,7 +56,7 @@ def test_settings_default_to_an_incomplete_euref89_drive() -> None:
     [
         ("annotation_complete = true", "annotation_complete: the nearest known one is annotations_complete"),
         ("[gnss]\nfile = {}", r"\[gnss\] file: the nearest known one is \[gnss\] files"),
-        ("[poses]\npath = 'p.csv'", r"\[poses\] path: the nearest known one is \[poses\] file"),
+        ("[poses]\nfiles = 'p.csv'", r"\[poses\] files: the nearest known one is \[poses\] file"),
         ('datum = "WGS84"', 'datum = .WGS84.*"EUREF89".*"ITRF2014" or "ITRF2020".*WGS84 alone does not say'),
         ("datum = ['EUREF89']", "datum = .*it must be"),
         ("annotations_complete = 1", "true or false"),

@@ -44,7 +44,7 @@ def _same(a: Drive, b: Drive, cameras: tuple[str, ...]) -> None:
         assert np.array_equal(getattr(a.annotations, name), getattr(b.annotations, name)), name
     for mine, other in zip(a.gnss, b.gnss, strict=True):
         for field in fields(mine):
-            assert np.array_equal(getattr(mine, field.name), getattr(other, field.name)), field.name
+            np.testing.assert_array_equal(getattr(mine, field.name), getattr(other, field.name), field.name)
     for camera in cameras:
         assert np.array_equal(a.frame_epoch_ns[camera], b.frame_epoch_ns[camera])
 

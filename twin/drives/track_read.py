@@ -1,0 +1,173 @@
+"""What every reader of GNSS recordings and poses returns, and the checks that they share."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from geoloc.trajectory import GnssFixes, PoseTrack
+from twin.drives.clock import credible
+from twin.drives.drive import Skipped
+from twin.drives.ordering import longest_increasing
+from twin.errors import DriveError
+
+HIGHEST_M = 20_000
+"""No road lies further from the ellipsoid, up or down."""
+
+HOST_DELAY_LIMIT_S = 2.0
+"""A fix stamped further than this from its epoch tells of clocks that differ, not of a slow link."""
+
+LARGEST_SIGMA_M = 10_000.0
+"""A fix that may be anywhere in the county says nothing already."""
+
+
+class LeftOutError(Exception):
+    """A line, message or point that is left out; its text is the reason, one clause."""
+
+
+class Fix(NamedTuple):
+    """One usable fix.
+
+    Epochs are nanoseconds UTC, `height_m` is ellipsoidal, `quality` is GGA's. The sigmas are that of a
+    horizontal axis and that of the height, NaN where the recording does not say.
+    """
+
+    epoch_ns: int
+    host_ns: int
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    quality: int
+    sigma_horizontal_m: float = math.nan
+    sigma_vertical_m: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class FixesRead:
+    """Fixes of one recording, with what was left out and what a user should know."""
+
+    fixes: GnssFixes
+    skipped: tuple[Skipped, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PosesRead:
+    """Poses of one recording, with what was left out and what a user should know."""
+
+    track: PoseTrack
+    skipped: tuple[Skipped, ...]
+    warnings: tuple[str, ...]
+
+
+def fixes_read(
+    rows: Sequence[Fix],
+    antenna: str,
+    where: str,
+    *,
+    faults: Counter[str],
+    cure: str,
+    what: str = "GNSS fixes",
+    warnings: Iterable[str] = (),
+) -> FixesRead:
+    """Bring usable fixes in order of time, and tell what was left out.
+
+    Parameters
+    ----------
+    rows : sequence of Fix
+        In the order of the recording.
+    antenna, where : str
+        Name of the antenna, and of the file for messages.
+    faults : Counter
+        Reasons of what was left out so far.
+    cure : str
+        What to do where nothing is usable, one clause.
+    what : str
+        What `faults` counts.
+    warnings : iterable of str
+
+    Raises
+    ------
+    DriveError
+        If there is no usable fix.
+    """
+    keep = longest_increasing(np.array([row.epoch_ns for row in rows], dtype=np.int64))
+    backwards = Counter({"epoch not after the fix before": int(np.count_nonzero(~keep))})
+    skipped = counted(what, where, faults + backwards)
+    kept = [row for row, good in zip(rows, keep, strict=True) if good]
+    if not kept:
+        raise DriveError(f"{where} holds no usable GNSS fix ({listed(skipped)}): {cure}.")
+    columns = list(zip(*kept, strict=True))
+    epoch_ns, host_ns, quality = (np.array(columns[i], dtype=np.int64) for i in (0, 1, 5))
+    latitude, longitude, height = (np.array(columns[i], dtype=np.float64) for i in (2, 3, 4))
+    sigmas = (np.array(columns[i], dtype=np.float64) for i in (6, 7))
+    fixes = GnssFixes(antenna, epoch_ns, host_ns, latitude, longitude, height, quality, *sigmas)
+    return FixesRead(fixes, skipped, (*_clock_warnings(fixes, where), *warnings))
+
+
+def _clock_warnings(fixes: GnssFixes, where: str) -> list[str]:
+    """Tell of a host clock that does not run on UTC: the cameras are stamped by the same clock."""
+    delay_s = float(np.median(fixes.host_ns - fixes.epoch_ns)) / 1e9
+    if abs(delay_s) <= HOST_DELAY_LIMIT_S:
+        return []
+    warning = (
+        f"The host clock of {where} is {delay_s:+.1f} s from the UTC of its fixes (18 s would be GPS"
+        " time, whole hours local time): if the same clock stamped the frames, give"
+        f" camera_offset_ms = {-1000 * delay_s:.0f} in drive.toml."
+    )
+    return [warning]
+
+
+def counted(what: str, where: str, faults: Counter[str]) -> tuple[Skipped, ...]:
+    """Reasons and how often each, by reason."""
+    return tuple(Skipped(what, where, n, reason) for reason, n in sorted(faults.items()) if n)
+
+
+def listed(skipped: Sequence[Skipped]) -> str:
+    """The same as one clause."""
+    return "; ".join(f"{s.count} × {s.reason}" for s in skipped) or "there is none in it"
+
+
+def check_position(latitude_deg: float, longitude_deg: float, height_m: float) -> None:
+    """Refuse a position that is none.
+
+    Raises
+    ------
+    LeftOutError
+    """
+    if not all(math.isfinite(value) for value in (latitude_deg, longitude_deg, height_m)):
+        raise LeftOutError("position not finite")
+    if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
+        raise LeftOutError("position outside the globe")
+    if latitude_deg == 0 and longitude_deg == 0:
+        raise LeftOutError("position 0° N 0° E (null island)")
+    if abs(height_m) > HIGHEST_M:
+        raise LeftOutError("height absurd")
+
+
+def check_epoch(epoch_ns: int) -> None:
+    """Refuse a stamp that no recording of a car has.
+
+    Raises
+    ------
+    LeftOutError
+    """
+    if not credible(epoch_ns):
+        raise LeftOutError("stamp outside the years 2000–2099")
+
+
+def sigma_or_nan(value_m: float) -> float:
+    """A sigma as stated, at most `LARGEST_SIGMA_M`; NaN for what is none."""
+    return min(value_m, LARGEST_SIGMA_M) if math.isfinite(value_m) and value_m > 0 else math.nan
+
+
+def fix_rate_hz(fixes: GnssFixes) -> float:
+    """Rate of the fixes, from the median of their intervals; NaN for fewer than two."""
+    if len(fixes.epoch_ns) < 2:
+        return math.nan
+    return float(1e9 / np.median(np.diff(fixes.epoch_ns)))
