@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from geoloc.cameras.base import CameraModel
 from geoloc.errors import CalibrationError
 from geoloc.geodesy import rpy_from_rotation
-from geoloc.rig_properties import SensorEntry, mask_document, model_properties
+from geoloc.rig_models import camera_model, model_properties, unsupported_model
+from geoloc.rig_properties import SensorEntry, mask_document
 
 FloatArray = NDArray[np.float64]
 
@@ -146,7 +147,7 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
     Returns
     -------
     Rig
-        Cameras of a model that is neither f-theta nor pinhole are listed in `Rig.unsupported`.
+        Cameras of a model that is not known here are listed in `Rig.unsupported`.
 
     Raises
     ------
@@ -164,7 +165,7 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
 
     Polynomials of an f-theta camera: ``polynomial`` with ``polynomial-type``, else ``bw-poly``. Of a pinhole
     camera: ``fx``, ``fy`` (or ``focal-x``, ``focalX``) and ``distortion``, "k1 k2 p1 p2 k3" in OpenCV's
-    order, or DriveWorks' three radial ones, "k1 k2 k3".
+    order, or DriveWorks' three radial ones, "k1 k2 k3". Of the other models see `geoloc.rig_models`.
 
     NVIDIA DriveWorks 4.0, "Rig Configuration" and "Coordinate Systems".
     """
@@ -176,11 +177,13 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
     for index, sensor in enumerate(document["rig"]["sensors"]):
         entry = SensorEntry.of(sensor, index, source)
         if entry.name in cameras or entry.name in antennas or entry.name in unsupported:
-            raise CalibrationError(f"Two sensors in {source} are called {entry.name}: rename one of them.")
+            raise CalibrationError(
+                f"Two sensors in {source} are called {entry.name:.80}: rename one of them."
+            )
         if entry.kind == "gps":
             antennas[entry.name] = _antenna(entry)
         elif entry.kind == "camera":
-            reason = entry.unsupported_model()
+            reason = unsupported_model(entry)
             if reason is None:
                 cameras[entry.name] = _camera(entry)
             else:
@@ -273,7 +276,7 @@ def _camera(entry: SensorEntry) -> RigCamera:
     mask = entry.ego_mask()
     return RigCamera(
         name=entry.name,
-        model=entry.camera_model(),
+        model=camera_model(entry),
         rig_R_camera=_frozen(rotation @ FLU_R_RDF),
         rig_t_camera_m=_frozen(position),
         video=parameter.get("video"),

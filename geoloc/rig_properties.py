@@ -1,27 +1,26 @@
-"""Entries of a DriveWorks rig file: numbers in strings, polynomials, rotations, run-length masks."""
+"""Entries of a DriveWorks rig file: numbers in strings, rotations, run-length masks."""
 
 from __future__ import annotations
 
 import base64
-import binascii
 import math
-from collections.abc import Callable, Mapping
+import reprlib
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.cameras import CameraModel, FThetaCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 from geoloc.geodesy import rotation_from_rpy
 
 FloatArray = NDArray[np.float64]
 
 _TRANSFORM_KEYS = ("nominalSensor2Rig_FLU", "sensor2Rig_FLU", "nominalSensor2Rig", "sensor2Rig")
-_POLYNOMIAL_TYPES = {"pixeldistance-to-angle": "theta_from_r", "angle-to-pixeldistance": "r_from_theta"}
 _MASK_KEY = "data/rle16-base64"
+LARGEST_MASK_PX = 100_000_000
+"""Pixels of a car mask: no camera has more, and few runs could ask for terabytes."""
 _LONGEST_RUN = 0xFFFF
 _EGO, _SCENE = 0, 1
 
@@ -46,14 +45,14 @@ class SensorEntry:
             raise CalibrationError(f"Sensor number {index + 1} in {source} has no name: give it one.")
         if not isinstance(protocol, str):
             raise CalibrationError(
-                f"Sensor {name} in {source} has no protocol: write camera.virtual for a recorded camera or "
-                "gps.virtual for a recorded antenna."
+                f"Sensor {name:.80} in {source} has no protocol: write camera.virtual for a recorded camera"
+                " or gps.virtual for a recorded antenna."
             )
         return cls(name.strip(), protocol.split(".")[0].strip().lower(), sensor, source)
 
     def error(self, key: str, what: str) -> CalibrationError:
         """Build the error that says what is wrong with one key of this sensor."""
-        return CalibrationError(f"{key} of sensor {self.name} in {self.source} {what}")
+        return CalibrationError(f"{key} of sensor {self.name:.80} in {self.source} {what}")
 
     def parameter(self) -> dict[str, str]:
         """``key=value,key=value`` of ``parameter``."""
@@ -87,7 +86,7 @@ class SensorEntry:
         except ValueError:
             values = (math.nan,)
         if not all(math.isfinite(value) for value in values):
-            raise self.error(key, f'is "{text}": expected finite numbers with blanks between them.')
+            raise self.error(key, f'is "{text:.60}": expected finite numbers with blanks between them.')
         if counts and len(values) not in counts:
             expected = " or ".join(str(count) for count in counts)
             raise self.error(key, f"has {len(values)} numbers: expected {expected}.")
@@ -100,7 +99,7 @@ class SensorEntry:
         except (TypeError, ValueError):
             vector = np.array(np.nan)
         if vector.shape != (length,) or not np.isfinite(vector).all():
-            raise self.error(key, f"is {value}: expected a list of {length} finite numbers.")
+            raise self.error(key, f"is {reprlib.repr(value)}: expected a list of {length} finite numbers.")
         return vector
 
     def transform(self) -> tuple[str, Mapping[str, Any]]:
@@ -127,77 +126,12 @@ class SensorEntry:
             return _rotation_from_quaternion(quaternion / norm)
         raise self.error(key, "has neither roll-pitch-yaw nor quaternion: add one of them.")
 
-    def unsupported_model(self) -> str | None:
-        """Why this camera's model cannot be computed with, or None if it can."""
-        model = self.property("Model", "model")
-        if model is None:
-            return "its properties name no Model, so it has no intrinsics"
-        if model.lower() not in {"ftheta", "pinhole"}:
-            return f"its camera model is {model}, and only ftheta and pinhole are supported"
-        if self.property("windshield-horizontal-polynomial", "windshield-vertical-polynomial") is not None:
-            return "it has a windshield model, without which its rays would be wrong"
-        return None
-
-    def camera_model(self) -> CameraModel:
-        """Intrinsics from the properties; only where `unsupported_model` found nothing."""
-        ftheta = (self.property("Model", "model") or "").lower() == "ftheta"
-        build = self._ftheta() if ftheta else self._pinhole()
-        try:
-            return build()
-        except CalibrationError as error:
-            raise self.error("The intrinsics", f"cannot be used: {error}.") from error
-
-    def _size(self, key: str) -> int:
+    def size(self, key: str) -> int:
+        """One side of the image."""
         value = self.number(key)
         if value != int(value) or value <= 0:
             raise self.error(key, f"is {value:g}: expected a positive number of pixels.")
         return int(value)
-
-    def _ftheta(self) -> Callable[[], CameraModel]:
-        direction, coefficients = self._ftheta_polynomial()
-        return partial(
-            FThetaCamera,
-            width_px=self._size("width"),
-            height_px=self._size("height"),
-            cx_px=self.number("cx"),
-            cy_px=self.number("cy"),
-            theta_from_r=coefficients if direction == "theta_from_r" else None,
-            r_from_theta=coefficients if direction == "r_from_theta" else None,
-            c=self.number("linear-c", default=1.0),
-            d=self.number("linear-d", default=0.0),
-            e=self.number("linear-e", default=0.0),
-        )
-
-    def _ftheta_polynomial(self) -> tuple[str, tuple[float, ...]]:
-        """The reference polynomial: ``polynomial`` where it is given, else the older ``bw-poly``."""
-        text = self.property("polynomial")
-        if text is not None:
-            kind = (self.property("polynomial-type") or "").lower()
-            if kind not in _POLYNOMIAL_TYPES:
-                raise self.error(
-                    "polynomial-type", f'is "{kind}": expected {" or ".join(_POLYNOMIAL_TYPES)}.'
-                )
-            return _POLYNOMIAL_TYPES[kind], self.numbers("polynomial", text)
-        text = self.property("bw-poly")
-        if text is None:
-            raise self.error("polynomial or bw-poly", "is missing: export the rig with its intrinsics.")
-        return "theta_from_r", self.numbers("bw-poly", text)
-
-    def _pinhole(self) -> Callable[[], CameraModel]:
-        distortion = self.numbers("distortion", self.property("distortion") or "", 0, 3, 4, 5, 8)
-        if len(distortion) == 3:
-            # DriveWorks' own three: radial alone, without OpenCV's tangential pair in the middle.
-            distortion = (distortion[0], distortion[1], 0.0, 0.0, distortion[2])
-        return partial(
-            PinholeCamera,
-            width_px=self._size("width"),
-            height_px=self._size("height"),
-            fx_px=self.number("fx", "focal-x", "focalX"),
-            fy_px=self.number("fy", "focal-y", "focalY"),
-            cx_px=self.number("cx"),
-            cy_px=self.number("cy"),
-            distortion=distortion,
-        )
 
     def ego_mask(self) -> NDArray[np.bool_] | None:
         """``car-mask``, true on the car.
@@ -209,11 +143,11 @@ class SensorEntry:
             return None
         resolution = self.vector("car-mask.resolution", document.get("resolution"), 2)
         width, height = int(resolution[0]), int(resolution[1])
-        if width <= 0 or height <= 0 or (resolution != [width, height]).any():
+        if min(resolution) <= 0 or width * height > LARGEST_MASK_PX or (resolution != [width, height]).any():
             raise self.error("car-mask.resolution", f"is {resolution.tolist()}: expected width and height.")
         try:
             data = base64.b64decode(str(document[_MASK_KEY]), validate=True)
-        except binascii.Error as error:
+        except ValueError as error:
             raise self.error("car-mask", f"is not base64 ({error}): export the rig again.") from error
         run = np.dtype([("count", "<u2"), ("value", "u1")])
         if len(data) % run.itemsize:
@@ -239,31 +173,6 @@ def mask_document(ego_mask: NDArray[np.bool_]) -> dict[str, Any]:
             runs += count.to_bytes(2, "little") + bytes([value])
     height, width = ego_mask.shape
     return {_MASK_KEY: base64.b64encode(bytes(runs)).decode("ascii"), "resolution": [width, height]}
-
-
-def model_properties(name: str, model: CameraModel) -> dict[str, str]:
-    """Write intrinsics as ``properties``: the inverse of `SensorEntry.camera_model`."""
-    properties = {"Model": model.model, "width": str(model.width_px), "height": str(model.height_px)}
-    if isinstance(model, FThetaCamera):
-        forward = model.theta_from_r is None
-        kind = "angle-to-pixeldistance" if forward else "pixeldistance-to-angle"
-        polynomial = (model.r_from_theta if forward else model.theta_from_r) or ()
-        return {
-            **properties,
-            **_texts({"cx": (model.cx_px,), "cy": (model.cy_px,), "polynomial": polynomial}),
-            "polynomial-type": kind,
-            **_texts({"linear-c": (model.c,), "linear-d": (model.d,), "linear-e": (model.e,)}),
-        }
-    if isinstance(model, PinholeCamera):
-        numbers = {"cx": (model.cx_px,), "cy": (model.cy_px,), "fx": (model.fx_px,), "fy": (model.fy_px,)}
-        return {**properties, **_texts({**numbers, "distortion": model.distortion})}
-    raise CalibrationError(f"The camera model {model.model} of {name} cannot be written to a rig file.")
-
-
-def _texts(properties: Mapping[str, tuple[float, ...]]) -> dict[str, str]:
-    """Numbers as rig files spell them: strings with blanks between, exact to the last bit."""
-    # float() first: the repr of a NumPy scalar is not a number.
-    return {key: " ".join(repr(float(n)) for n in numbers) for key, numbers in properties.items()}
 
 
 def _rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:

@@ -1,7 +1,10 @@
 """Camera models behind one protocol: pixels from camera points, rays from pixels."""
 
 from geoloc.cameras.base import CameraModel
+from geoloc.cameras.fisheye import FisheyeCamera
 from geoloc.cameras.ftheta import FThetaCamera
+from geoloc.cameras.ocam import OcamCamera
+from geoloc.cameras.omni import OmniCamera
 from geoloc.cameras.pinhole import PinholeCamera
 
-__all__ = ["CameraModel", "FThetaCamera", "PinholeCamera"]
+__all__ = ["CameraModel", "FThetaCamera", "FisheyeCamera", "OcamCamera", "OmniCamera", "PinholeCamera"]

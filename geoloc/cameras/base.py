@@ -2,13 +2,65 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.errors import CalibrationError
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+
+SHORTEST_FOCAL_LENGTH_PX = 1e-3
+_MAX_SIDE_PX = 100_000
+# Far beyond any lens; powers of what lies within stay finite numbers.
+_MAX_NUMBER = 1e12
+_MAX_NUMBERS = 32
+
+
+def check_parameters(model: str, width_px: int, height_px: int, numbers: Sequence[float]) -> None:
+    """Refuse an image that is none and numbers that no calibration gives.
+
+    Raises
+    ------
+    CalibrationError
+        If the image is empty or longer than 100,000 pixels, or a number is not finite or beyond 1e12.
+    """
+    if not all(math.isfinite(number) for number in numbers):
+        raise CalibrationError(f"{_article(model)} {model} parameter is not a finite number")
+    if min(width_px, height_px) <= 0 or max(width_px, height_px) > _MAX_SIDE_PX:
+        raise CalibrationError(
+            f"an image of {width_px} x {height_px} pixels is not one: both sides must be positive, at most"
+            f" {_MAX_SIDE_PX}"
+        )
+    if len(numbers) > _MAX_NUMBERS or any(abs(number) > _MAX_NUMBER for number in numbers):
+        raise CalibrationError(
+            f"{_article(model)} {model} camera of {len(numbers)} parameters, the largest"
+            f" {max(abs(number) for number in numbers):g}, is not one: check their order and units"
+        )
+
+
+def check_focal_lengths(model: str, fx_px: float, fy_px: float) -> None:
+    """Refuse focal lengths that are not positive, or so short that a number divided by them is none.
+
+    Raises
+    ------
+    CalibrationError
+        If one is below a thousandth of a pixel.
+    """
+    if not min(fx_px, fy_px) >= SHORTEST_FOCAL_LENGTH_PX:
+        raise CalibrationError(
+            f"{_article(model)} {model} camera with focal lengths {fx_px:g} and {fy_px:g} is none: both must"
+            " be positive"
+        )
+
+
+def _article(word: str) -> str:
+    return "an" if word[0] in "aeio" else "a"
 
 
 def on_image(pixel_px: FloatArray, width_px: int, height_px: int) -> BoolArray:
@@ -59,7 +111,7 @@ class CameraModel(Protocol):
 
     @property
     def model(self) -> str:
-        """Name of the model as rig files spell it: ``ftheta``, ``pinhole``."""
+        """Name of the model, as rig files spell it: ``ftheta``, ``pinhole``, ``ocam`` and so on."""
         ...
 
     @property

@@ -8,7 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from geoloc.angles import sin_cos
-from geoloc.cameras.base import BoolArray, Columns, FloatArray, Rays, inside_image, nan_where_not, on_image
+from geoloc.cameras.base import (
+    BoolArray,
+    Columns,
+    FloatArray,
+    Rays,
+    check_parameters,
+    inside_image,
+    nan_where_not,
+    on_image,
+)
+from geoloc.cameras.linear import LinearTerms
 from geoloc.cameras.monotonic import derivative, invert_rising_polynomial, polynomial, reach, rising_limit
 from geoloc.errors import CalibrationError
 
@@ -101,7 +111,7 @@ class FThetaCamera:
         More than π for a fisheye that sees behind itself. NaN if an edge is outside the domain.
         """
         edges_px = np.array([-0.5 - self.cx_px, self.width_px - 0.5 - self.cx_px])
-        radius = np.hypot(*self._plane_from_offset(edges_px, np.zeros(2)))
+        radius = np.hypot(*self._linear.plane_from_offset(edges_px, np.zeros(2)))
         if (radius > self.r_max_px).any():
             return math.nan
         left, right = np.sign(edges_px) * self._theta_from_radius(radius)
@@ -122,8 +132,8 @@ class FThetaCamera:
         # On the axis the direction in the image is undefined, and the radius is 0.
         stretch = radius / np.where(inside & (across > 0.0), across, 1.0)
         x, y = (stretch * np.where(inside, point[..., axis], 0.0) for axis in (0, 1))
-        pixel = np.stack([self.cx_px + self.c * x + self.d * y, self.cy_px + self.e * x + y], axis=-1)
-        pixel = nan_where_not(inside, pixel)
+        du_px, dv_px = self._linear.offset_from_plane(x, y)
+        pixel = nan_where_not(inside, np.stack([self.cx_px + du_px, self.cy_px + dv_px], axis=-1))
         return pixel, on_image(pixel, self.width_px, self.height_px)
 
     def camera_ray_from_pixel(self, pixel_px: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -133,7 +143,7 @@ class FThetaCamera:
         """
         pixel = np.asarray(pixel_px, dtype=np.float64)
         pixel = np.where(np.isfinite(pixel), pixel, np.nan)
-        x, y = self._plane_from_offset(pixel[..., 0] - self.cx_px, pixel[..., 1] - self.cy_px)
+        x, y = self._linear.plane_from_offset(pixel[..., 0] - self.cx_px, pixel[..., 1] - self.cy_px)
         radius = np.hypot(x, y)
         inside = radius <= self.r_max_px
         theta = self._theta_from_radius(np.where(inside, radius, 0.0))
@@ -147,7 +157,7 @@ class FThetaCamera:
         With ``k = sin θ / r`` and a dash for the derivative by r, the ray ``(k x, k y, cos θ)`` changes by x
         as ``(k + m x², m x y, -k θ' x)``, where ``m = k' / r = (θ' cos θ - k) / r²``; by y in the same way.
         """
-        x, y = self._plane_from_offset(u_px - self.cx_px, v_px - self.cy_px)
+        x, y = self._linear.plane_from_offset(u_px - self.cx_px, v_px - self.cy_px)
         # The smallest number keeps the axis, where x = y = 0, from being divided by 0; elsewhere it is lost.
         square = x * x + y * y + _TINY
         radius = np.sqrt(square)
@@ -162,23 +172,11 @@ class FThetaCamera:
         m, down = (slope * cos - k) / square, -k * slope
         by_x = Columns(k + m * x * x, cross := m * x * y, down * x)
         by_y = Columns(cross, k + m * y * y, down * y)
-        return Rays(ray, *self._by_pixel(by_x, by_y), inside)
+        return Rays(ray, *self._linear.by_pixel(by_x, by_y), inside)
 
-    def _by_pixel(self, by_x: Columns, by_y: Columns) -> tuple[Columns, Columns]:
-        """Derivatives by u and v from those by x and y, which differ by the linear terms."""
-        if self.c == 1.0 and self.d == 0.0 and self.e == 0.0:
-            return by_x, by_y
-        determinant = self.c - self.d * self.e
-        pairs = list(zip(by_x, by_y, strict=True))
-        by_u = Columns(*((x - self.e * y) / determinant for x, y in pairs))
-        by_v = Columns(*((self.c * y - self.d * x) / determinant for x, y in pairs))
-        return by_u, by_v
-
-    def _plane_from_offset(self, du_px: FloatArray, dv_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if self.c == 1.0 and self.d == 0.0 and self.e == 0.0:
-            return du_px, dv_px
-        determinant = self.c - self.d * self.e
-        return (du_px - self.d * dv_px) / determinant, (self.c * dv_px - self.e * du_px) / determinant
+    @property
+    def _linear(self) -> LinearTerms:
+        return LinearTerms(self.c, self.d, self.e)
 
     def _theta_from_radius(self, radius_px: FloatArray) -> FloatArray:
         if self.theta_from_r is not None:
@@ -217,11 +215,8 @@ class FThetaCamera:
     def _check_numbers(self) -> None:
         numbers = [self.cx_px, self.cy_px, self.c, self.d, self.e]
         numbers += [*(self.theta_from_r or ()), *(self.r_from_theta or ())]
-        if not all(math.isfinite(number) for number in numbers):
-            raise CalibrationError("an f-theta parameter is not a finite number")
-        if self.width_px <= 0 or self.height_px <= 0:
-            raise CalibrationError(f"an image of {self.width_px} x {self.height_px} pixels is empty")
-        if abs(self.c - self.d * self.e) < 1e-6:
+        check_parameters("f-theta", self.width_px, self.height_px, numbers)
+        if self._linear.singular:
             raise CalibrationError(f"the linear terms c={self.c}, d={self.d}, e={self.e} are singular")
 
     def _check_agreement(self) -> None:

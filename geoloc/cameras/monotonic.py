@@ -20,6 +20,8 @@ MIN_SLOPE_RATIO = 1e-3
 rounding errors grow a thousandfold through the inverse, and no lens is built to work there."""
 
 _MAX_ITERATIONS = 100
+_TABLE = 257
+"""Points of the table from which an inverse starts: two or three steps of Newton's method are left."""
 
 
 def polynomial(coefficients: Sequence[float], x: FloatArray) -> FloatArray:
@@ -120,8 +122,8 @@ def invert_rising(
     inside = (y >= bounds[0]) & (y <= bounds[1])
     target = np.where(inside, y, bounds[0])
     low, high = np.zeros_like(target), np.full_like(target, upper)
-    # The minimum: at the upper end rounding may take the quotient past it.
-    x = np.minimum(upper * (target - bounds[0]) / (bounds[1] - bounds[0]), upper)
+    table = np.linspace(0.0, upper, _TABLE)
+    x = np.asarray(np.interp(target, function(table), table))
     for _ in range(_MAX_ITERATIONS):
         residual = function(x) - target
         low, high = np.where(residual < 0.0, x, low), np.where(residual > 0.0, x, high)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from geoloc.cameras import CameraModel, FThetaCamera, PinholeCamera
+from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera, OcamCamera, OmniCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 from geoloc.rig import (
     FLU_R_RDF,
@@ -216,7 +216,10 @@ def test_rig_reads_pinhole_cameras_under_all_their_names() -> None:
 @pytest.mark.parametrize(
     ("properties", "reason"),
     [
-        ({"Model": "ocam", "cx": "1"}, "camera model is ocam"),
+        (
+            {"Model": "fov", "cx": "1"},
+            "camera model is fov, and only ftheta, pinhole, ocam, fisheye and omni are",
+        ),
         ({"cx": "1"}, "name no Model"),
         (None, "name no Model"),
         ({**FTHETA, "windshield-horizontal-polynomial": "0 1 0"}, "windshield"),
@@ -384,6 +387,7 @@ def test_rig_decodes_the_car_mask() -> None:
         ("BQAB", None, r"car-mask\.resolution of sensor front"),
         ("BQAB", [2.5, 2], r"car-mask\.resolution of sensor front"),
         ("BQAB", [-5, -1], r"car-mask\.resolution of sensor front"),
+        ("//8A" * 2000, [65535, 2000], r"car-mask\.resolution of sensor front"),
     ],
 )
 def test_rig_refuses_a_broken_car_mask(data: str, resolution: list[int] | None, message: str) -> None:
@@ -393,12 +397,16 @@ def test_rig_refuses_a_broken_car_mask(data: str, resolution: list[int] | None, 
 
 
 def rig_of(rpy_deg: tuple[float, float, float], mask: NDArray[np.bool_] | None = None) -> Rig:
-    """A rig with all that can be written: both models, both polynomial directions, a mask, an antenna."""
+    """A rig with all that can be written: every model, both polynomial directions, a mask, an antenna."""
     rotation = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix() @ FLU_R_RDF
     models: dict[str, CameraModel] = {
         "front": FThetaCamera(1920, 1208, 950.1, 610.7, theta_from_r=(0.0, 1e-3, 1 / 3e8), c=1.01, d=1e-3),
         "left": FThetaCamera(1920, 1080, 950.1, 540.7, r_from_theta=(0.0, 1000.0 / 3.0, 1.0)),
         "rear": PinholeCamera(1280, 720, 900.1, 905.2, 640.3, 360.4, (-0.2, 0.05, 1e-3, -1e-3, 1 / 3)),
+        "roof": OcamCamera(752, 480, 394.1, 241.7, (-620 / 3, 0.0, 2e-3, -5e-6, 1.9e-8), 1.01, 1e-3, -2e-3),
+        "right": FisheyeCamera(1280, 800, 600.1, 601.2, 639.9, 399.1, (0.01, 1 / 3e2, -0.001, 1e-4)),
+        "back": OmniCamera(1280, 960, 4 / 3, 900.1, 901.2, 640.3, 480.4, (-0.2, 0.05, 1e-3, -1e-3)),
+        "down": OmniCamera(1280, 960, -1 / 7, 400.1, 401.2, 640.3, 480.4, (), 0.6, 1.1),
     }
     cameras = {
         name: RigCamera(name, model, rotation, np.array([1 / 3, -0.1, 1.5]), f"{name}.h264", None, mask)
@@ -447,7 +455,7 @@ def test_rig_document_of_numpy_numbers_is_plain_text() -> None:
 
 def test_rig_document_refuses_to_lose_a_camera() -> None:
     """A rig with a camera of an unsupported model is not written without it."""
-    rig = rig_from_document(document(camera_sensor(properties={"Model": "ocam"})), "car.json")
+    rig = rig_from_document(document(camera_sensor(properties={"Model": "fov"})), "car.json")
     with pytest.raises(CalibrationError, match="front are not supported"):
         rig_document(rig)
 

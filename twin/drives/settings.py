@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import difflib
-import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from typing import Any, TypeVar
 
 from geoloc.adjust import POLE_RADIUS_M
+from twin.drives.clock import credible
 from twin.errors import DriveError
 
 SETTINGS_FILE = "drive.toml"
@@ -19,14 +20,22 @@ PITCH_SIGNS = ("nose_down", "nose_up")
 LONGEST_READOUT_MS = 200.0
 """No rolling shutter takes longer than the time between two frames of a slow camera."""
 THICKEST_POLE_M = 0.5
+_LARGEST_NUMBER = 1e15
 LONGEST_LEVER_ARM_M = 30.0
 """No car is longer: a larger lever arm is in another unit."""
 
-_TABLES: Mapping[str, tuple[str, ...]] = {"gnss": ("files", "lever_arms"), "poses": ("file",)}
+_TABLES: Mapping[str, tuple[str, ...]] = {
+    "gnss": ("files", "lever_arms", "topics"),
+    "poses": ("file", "lever_arm", "topics"),
+}
+_POSE_TOPICS = ("position", "attitude")
 _KEYS = (
     "name",
     "rig",
+    "cameras",
     "annotations_complete",
+    "detections_complete",
+    "frames_by_number",
     "datum",
     "camera_offset_ms",
     "rolling_shutter_ms",
@@ -35,8 +44,53 @@ _KEYS = (
     "gnss",
     "poses",
     "timestamps",
+    "frames",
     "annotations",
 )
+_INSTANT = 'an instant with its zone, "2026-06-10T07:59:59.123Z"'
+_CAMERA_KEYS = ("intrinsics", "position", "roll_pitch_yaw", "mask")
+_FRAME_KEYS = ("file", "start", "utc_offset_hours")
+
+
+@dataclass(frozen=True, slots=True)
+class FrameSettings:
+    """Where a camera's pictures are, and what they do not say of their times themselves.
+
+    Attributes
+    ----------
+    file : str
+        A video, or a folder of images.
+    start_ns : int or None
+        Epoch of the first frame of a video.
+    utc_offset_hours : float or None
+        Zone of the times in the names or tags of images.
+    """
+
+    file: str
+    start_ns: int | None = None
+    utc_offset_hours: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSettings:
+    """What ``[cameras.NAME]`` says of a camera; None leaves it to the rig file.
+
+    Attributes
+    ----------
+    intrinsics : str or None
+        A calibration file, ``camchain.yaml``, or one camera of it, ``camchain.yaml#cam0``.
+    position_m : (x, y, z) or None
+        In the rig frame.
+    roll_pitch_yaw_deg : (roll, pitch, yaw)
+        Where there is a position.
+    mask : str or None
+        A picture that is black on the car itself.
+    """
+
+    intrinsics: str | None = None
+    position_m: tuple[float, float, float] | None = None
+    roll_pitch_yaw_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mask: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +100,11 @@ class DriveSettings:
     Attributes
     ----------
     name, rig : str or None
-    annotations_complete : bool
+    cameras : mapping of camera to CameraSettings
+    annotations_complete, detections_complete : bool
+        Whether every sign in view is among the annotations, or among what a detector finds.
+    frames_by_number : bool
+        Whether pictures and stamps belong together by number even if there are more of one.
     datum : str
         One of `DATUMS`.
     camera_offset_ns : int
@@ -58,25 +116,39 @@ class DriveSettings:
     pitch_nose_up : bool
         Whether positive pitch in the pose file means nose up.
     gnss : mapping of antenna to file, or None
+    gnss_topics : mapping of antenna to topic
+        Of ROS recordings.
     lever_arms_m : mapping of antenna to (x, y, z)
     poses : str or None
+    pose_topics : mapping
+        ``position`` and ``attitude``: topics of a ROS recording.
+    pose_lever_arm_m : (x, y, z) or None
+        Where the point sits in the rig frame whose positions the pose file holds.
     timestamps : mapping of camera to file
         Cameras that are not named here are searched.
+    frames : mapping of camera to FrameSettings, or None
     annotations : mapping of camera to files, or None
     """
 
     name: str | None = None
     rig: str | None = None
+    cameras: Mapping[str, CameraSettings] = field(default_factory=dict)
     annotations_complete: bool = False
+    detections_complete: bool = False
+    frames_by_number: bool = False
     datum: str = "EUREF89"
     camera_offset_ns: int = 0
     rolling_shutter_ms: float | None = None
     pole_radius_m: float = POLE_RADIUS_M
     pitch_nose_up: bool = False
     gnss: Mapping[str, str] | None = None
+    gnss_topics: Mapping[str, str] = field(default_factory=dict)
     lever_arms_m: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     poses: str | None = None
+    pose_topics: Mapping[str, str] = field(default_factory=dict)
+    pose_lever_arm_m: tuple[float, float, float] | None = None
     timestamps: Mapping[str, str] = field(default_factory=dict)
+    frames: Mapping[str, FrameSettings] | None = None
     annotations: Mapping[str, tuple[str, ...]] | None = None
 
 
@@ -102,19 +174,28 @@ def read_settings(content: bytes) -> DriveSettings:
             " where the car was."
         )
     annotations = _table(document, "annotations")
+    pose_topics = _files(poses, "topics", "poses.topics")
+    _refuse_unknown(pose_topics, _POSE_TOPICS, "[poses] topics.")
     return DriveSettings(
         name=_text(document, "name"),
         rig=_text(document, "rig"),
+        cameras=_cameras(_table(document, "cameras")),
         annotations_complete=_flag(document, "annotations_complete"),
+        detections_complete=_flag(document, "detections_complete"),
+        frames_by_number=_flag(document, "frames_by_number"),
         datum=_datum(document),
         camera_offset_ns=round(_number(document.get("camera_offset_ms", 0.0), "camera_offset_ms") * 1e6),
         rolling_shutter_ms=_between(document, "rolling_shutter_ms", None, LONGEST_READOUT_MS),
         pole_radius_m=_between(document, "pole_radius_m", POLE_RADIUS_M, THICKEST_POLE_M),
         pitch_nose_up=_choice(document, "pitch_positive", PITCH_SIGNS) == "nose_up",
         gnss=files,
+        gnss_topics=_files(gnss, "topics", "gnss.topics"),
         lever_arms_m=_lever_arms(_table(gnss, "lever_arms", "gnss.lever_arms")),
         poses=track,
+        pose_topics=pose_topics,
+        pose_lever_arm_m=_lever_arm(poses["lever_arm"], "poses.lever_arm") if "lever_arm" in poses else None,
         timestamps=_files(document, "timestamps", "timestamps"),
+        frames=_frames(_table(document, "frames")) if "frames" in document else None,
         annotations=_file_lists(annotations) if "annotations" in document else None,
     )
 
@@ -124,7 +205,7 @@ def _document(content: bytes) -> dict[str, Any]:
         return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise DriveError(f"{SETTINGS_FILE} is not UTF-8 text: save it as UTF-8.") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # not TOML, or a number of thousands of digits
         raise DriveError(f"{SETTINGS_FILE} is not valid TOML ({error}): correct that line.") from error
 
 
@@ -139,7 +220,11 @@ def _refuse_unknown(table: Mapping[str, Any], known: Iterable[str], where: str) 
 
 
 def _wrong(key: str, value: object, wanted: str) -> DriveError:
-    return DriveError(f"{SETTINGS_FILE} gives {key} = {value!r}: it must be {wanted}.")
+    try:
+        shown = repr(value)
+    except ValueError:  # a hexadecimal number of thousands of digits
+        shown = "a very long number"
+    return DriveError(f"{SETTINGS_FILE} gives {key:.80} = {shown:.80}: it must be {wanted}.")
 
 
 def _table(parent: Mapping[str, Any], key: str, name: str = "") -> Mapping[str, Any]:
@@ -182,7 +267,8 @@ def _datum(document: Mapping[str, Any]) -> str:
 
 
 def _number(value: object, key: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    # The comparison is false for NaN too, and whole numbers may be larger than any float.
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST_NUMBER:
         raise _wrong(key, value, "a number")
     return float(value)
 
@@ -215,15 +301,77 @@ def _file_lists(table: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     return lists
 
 
+def _cameras(table: Mapping[str, Any]) -> dict[str, CameraSettings]:
+    """Cameras that ``drive.toml`` itself describes, ``[cameras.NAME]``."""
+    cameras = {}
+    for camera in table:
+        name = f"cameras.{camera}"
+        entry = _table(table, camera, name)
+        _refuse_unknown(entry, _CAMERA_KEYS, f"[{name}] ")
+        if ("position" in entry) != ("roll_pitch_yaw" in entry):
+            raise DriveError(
+                f"{SETTINGS_FILE} gives only one of position and roll_pitch_yaw under [{name}]: give both."
+            )
+        posed = "position" in entry
+        position = _lever_arm(entry["position"], f"{name}.position") if posed else None
+        angles = _angles(entry["roll_pitch_yaw"], f"{name}.roll_pitch_yaw") if posed else (0.0, 0.0, 0.0)
+        intrinsics, mask = (_text(entry, key, f"{name}.{key}") for key in ("intrinsics", "mask"))
+        cameras[camera] = CameraSettings(intrinsics, position, angles, mask)
+    return cameras
+
+
+def _angles(value: object, name: str) -> tuple[float, float, float]:
+    wanted = "[roll, pitch, yaw] in degrees: right side down, nose down and left are positive"
+    if not isinstance(value, list) or len(value) != 3:
+        raise _wrong(name, value, wanted)
+    roll, pitch, yaw = (_number(part, name) for part in value)
+    if max(abs(roll), abs(pitch), abs(yaw)) > 360.0:
+        raise _wrong(name, value, wanted)
+    return roll, pitch, yaw
+
+
+def _frames(table: Mapping[str, Any]) -> dict[str, FrameSettings]:
+    """Pictures by camera: ``front = "front.mp4"``, or a table with `_FRAME_KEYS`."""
+    frames = {}
+    for camera, value in table.items():
+        name = f"frames.{camera}"
+        entry = value if isinstance(value, dict) else {"file": value}
+        _refuse_unknown(entry, _FRAME_KEYS, f"[{name}] ")
+        file, offset = _text(entry, "file", name), entry.get("utc_offset_hours")
+        if file is None:
+            raise _wrong(name, value, "a video or a folder of images, or a table with file = …")
+        if offset is not None and not -14.0 <= _number(offset, f"{name}.utc_offset_hours") <= 14.0:
+            raise _wrong(f"{name}.utc_offset_hours", offset, "a number from -14 to 14, 2 in Norwegian summer")
+        start_ns = _moment(entry["start"], f"{name}.start") if "start" in entry else None
+        frames[camera] = FrameSettings(file, start_ns, None if offset is None else float(offset))
+    return frames
+
+
+def _moment(value: object, name: str) -> int:
+    """An instant, as TOML's own type or as text; its zone must be said."""
+    if isinstance(value, str):
+        try:
+            value = datetime.fromisoformat(value)
+        except ValueError as error:
+            raise _wrong(name, value, _INSTANT) from error
+    if not isinstance(value, datetime) or value.tzinfo is None:
+        raise _wrong(name, str(value), _INSTANT)
+    whole_s = (value.replace(microsecond=0) - datetime.fromtimestamp(0, UTC)) // timedelta(seconds=1)
+    epoch_ns = whole_s * 1_000_000_000 + value.microsecond * 1000
+    if not credible(epoch_ns):
+        raise _wrong(name, str(value), "an instant in the years 2000–2099")
+    return epoch_ns
+
+
 def _lever_arms(table: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:
-    arms = {}
-    for antenna, value in table.items():
-        name = f"gnss.lever_arms.{antenna}"
-        wanted = "[x forward, y left, z up] in metres from the middle of the rear axle on the ground"
-        if not isinstance(value, list) or len(value) != 3:
-            raise _wrong(name, value, wanted)
-        x, y, z = (_number(part, name) for part in value)
-        if max(abs(x), abs(y), abs(z)) > LONGEST_LEVER_ARM_M:
-            raise _wrong(name, value, wanted)
-        arms[antenna] = (x, y, z)
-    return arms
+    return {antenna: _lever_arm(value, f"gnss.lever_arms.{antenna}") for antenna, value in table.items()}
+
+
+def _lever_arm(value: object, name: str) -> tuple[float, float, float]:
+    wanted = "[x forward, y left, z up] in metres from the middle of the rear axle on the ground"
+    if not isinstance(value, list) or len(value) != 3:
+        raise _wrong(name, value, wanted)
+    x, y, z = (_number(part, name) for part in value)
+    if max(abs(x), abs(y), abs(z)) > LONGEST_LEVER_ARM_M:
+        raise _wrong(name, value, wanted)
+    return x, y, z
