@@ -67,8 +67,8 @@ def model_properties(name: str, model: CameraModel) -> dict[str, str]:
         polynomial = (model.r_from_theta if forward else model.theta_from_r) or ()
         kind = "angle-to-pixeldistance" if forward else "pixeldistance-to-angle"
         terms = {"linear-c": (model.c,), "linear-d": (model.d,), "linear-e": (model.e,)}
-        texts = _texts({"polynomial": polynomial, **terms})
-        return {**properties, **_centre(model), **texts, "polynomial-type": kind}
+        lens = {**_texts({"polynomial": polynomial}), "polynomial-type": kind}
+        return {**properties, **_centre(model), **lens, **_texts(terms)}
     if isinstance(model, OcamCamera):
         terms = {"c": (model.c,), "d": (model.d,), "e": (model.e,)}
         return {**properties, **_centre(model), **_texts({"polynomial": model.polynomial, **terms})}

@@ -233,7 +233,7 @@ def test_local_frame_agrees_with_geodesics() -> None:
 def test_bends_and_brakes_tilt_the_body() -> None:
     """A left bend leans the body right, braking dips its nose, and the crown of the road tilts it right."""
     noise = replace(NoiseSpec.none(), roll_deg_per_mps2=0.35, dive_deg_per_mps2=0.25)
-    bend = replace(FLAT_ROAD, curvature=((0.0, 1 / 100.0),), crossfall_percent=2.0)
+    bend = replace(FLAT_ROAD, curvature=((0.0, 1 / 100.0),), crossfall_percent=2.0, crossfall_spread=0.0)
     steady = simulate_drive(replace(FLAT_WORLD, road=bend, noise=noise), 1).poses
     assert steady.roll_deg == pytest.approx(
         np.full(steady.roll_deg.size, np.degrees(np.arctan(0.02)) + 0.35 * 10.0**2 / 100.0), abs=1e-3
@@ -244,6 +244,25 @@ def test_bends_and_brakes_tilt_the_body() -> None:
     assert poses.pitch_deg.max() == pytest.approx(0.25 * 2.25, abs=1e-3)
     # The horizon turns with the curved earth by 0.0005 degrees on the way.
     assert poses.pitch_deg.min() == pytest.approx(0.0, abs=1e-3)
+
+
+def test_crossfall_differs_from_road_to_road() -> None:
+    """Over 300 roads the right lane falls to the right by 3 %, with the stated spread."""
+    spec = replace(FLAT_ROAD, crossfall_percent=3.0, crossfall_spread=0.3)
+    at, lane = np.array([10.0]), np.array([-1.65])
+    fall = np.array([Road(spec, seed).across_slope(at, lane)[0] for seed in range(300)])
+    assert fall.mean() == pytest.approx(0.03, abs=0.002)
+    assert fall.std() == pytest.approx(0.009, rel=0.12)
+
+
+def test_road_falls_inwards_in_its_sharpest_bend() -> None:
+    """Both lanes of a left bend fall to the left by the superelevation, and the surface has that slope."""
+    curvature = ((0.0, 0.0), (60.0, 1 / 200.0), (120.0, 0.0))
+    spec = replace(FLAT_ROAD, curvature=curvature, crossfall_percent=3.0, superelevation_percent=7.0)
+    road, station, offset = Road(spec, 1), np.full(2, 60.0), np.array([-1.5, 1.5])
+    assert road.across_slope(station, offset) == pytest.approx([-0.07, -0.07], abs=1e-9)
+    assert road.surface_m(station, offset) == pytest.approx([0.105, -0.105], abs=1e-9)
+    assert np.diff(road.across_slope(np.zeros(2), offset))[0] < -0.03
 
 
 def test_climbing_lifts_the_nose() -> None:
@@ -311,9 +330,12 @@ def test_errors_drawn_once_have_the_stated_spread() -> None:
         "camera_position_m": np.std([d.camera_position_m[c] for d in drawn for c in CAMERAS]),
         "focal_relative": np.std([d.focal_relative[c] for d in drawn for c in CAMERAS]),
         "principal_point_px": np.std([d.principal_point_px[c] for d in drawn for c in CAMERAS]),
-        "lever_arm_m": np.std([d.lever_arm_m[a] for d in drawn for a in ANTENNAS]),
+        "lever_arm_m": np.std([np.diff(list(d.lever_arm_m.values()), axis=0) for d in drawn]) / np.sqrt(2.0),
         "frame_offset_ms": np.std([d.frame_offset_ms for d in drawn]),
+        "slip_sigma_deg_per_mps2": np.std([d.slip_deg_per_mps2 for d in drawn]),
     }
+    shared = np.std([sum(d.lever_arm_m.values()) / len(ANTENNAS) for d in drawn])
+    assert shared == pytest.approx(np.hypot(spec.rig_origin_m, spec.lever_arm_m / np.sqrt(2.0)), rel=0.12)
     for name, value in spread.items():
         # The smallest sample, 400 offsets, knows its spread to 3.5 %.
         assert value == pytest.approx(getattr(spec, name), rel=0.12), name
@@ -430,11 +452,16 @@ def test_simulator_borrows_nothing_from_the_estimator() -> None:
                 imported.setdefault(node.module, set()).update(alias.name for alias in node.names)
     own = {name for name in imported if name.startswith("geoloc.simulation")}
     assert set(imported) - own == {
+        "geoloc.calibration.extrinsics.observed",
+        "geoloc.cameras.base",
         "geoloc.cameras.ftheta",
         "geoloc.errors",
         "geoloc.geodesy",
         "geoloc.rig",
         "geoloc.trajectory",
     }
+    # Records alone, and none of the formulas beside them.
+    assert imported["geoloc.calibration.extrinsics.observed"] == {"Pose", "Tag", "TagPicture"}
+    assert imported["geoloc.cameras.base"] == {"CameraModel"}
     assert imported["geoloc.trajectory"] == {"GnssFixes", "PoseTrack"}
     assert imported["geoloc.geodesy"] == {"utm33_from_geographic", "rotation_from_rpy"}
