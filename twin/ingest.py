@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ from twin.match import METHODS, blob_from_poses
 from twin.plausible import annotation_warnings, check_track
 from twin.sighted import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.store import Store
+
+if TYPE_CHECKING:
+    from twin.detect.run import DetectorOptions
 
 IntArray = NDArray[np.int64]
 
@@ -82,6 +85,8 @@ def ingest_drive(
     budget: ErrorBudget | None = None,
     terrain: Path | str | None = None,
     terrain_heights: str | None = None,
+    labels: Path | str | None = None,
+    detector: DetectorOptions | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> IngestReport:
     """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
@@ -100,6 +105,10 @@ def ingest_drive(
         Raster of the ground (GeoTIFF) to use instead of the plane of the road.
     terrain_heights : {"NN2000", "ellipsoidal"}, optional
         What its heights are, where it does not say so itself.
+    labels : Path or str, optional
+        What labels mean (:mod:`twin.drives.label_map`), instead of the folder's own ``labels.toml``.
+    detector : DetectorOptions, optional
+        A network that finds the signs in the drive's pictures; annotations are then left unread.
 
     Raises
     ------
@@ -108,15 +117,18 @@ def ingest_drive(
     """
     if method not in METHODS:
         raise DriveError(f"There is no method {method!r}: use one of {', '.join(METHODS)}.")
+    if detector is not None and method != METHODS[0]:
+        raise ConfigError(
+            f"A detector finds the faces of signs, not their feet: only --method {METHODS[0]} places them."
+        )
     say = progress or (lambda _text: None)
-    drive = read_drive(Path(path), progress=say)
+    meanings = None if labels is None else Path(labels)
+    drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
     warnings = check_track(drive)
     say("building the trajectory")
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
-    if not drive.annotations.has_id.all():
-        say("finding out which annotations show the same object")
-    drive = with_objects(drive, trajectory)
+    drive = _with_objects(drive, trajectory, detector, say)
     ground = _ground(terrain, terrain_heights, trajectory, method)
     say(f"locating {len(drive.annotations.frame):,} annotations by {method}")
     sighted = locate_annotations(
@@ -126,8 +138,10 @@ def ingest_drive(
     estimates = estimate_rows(drive, sighted, positions, method)
     n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
-    say("checking the annotators' ids")
-    doubts = id_warnings(drive, trajectory)
+    doubts: tuple[str, ...] = ()
+    if detector is None:
+        say("checking the annotators' ids")
+        doubts = id_warnings(drive, trajectory)
     line, length_m = _line(trajectory)
     warnings = (
         *drive.warnings,
@@ -155,6 +169,20 @@ def ingest_drive(
         warnings=warnings,
         skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
     )
+
+
+def _with_objects(
+    drive: Drive, trajectory: Trajectory, detector: DetectorOptions | None, say: Callable[[str], None]
+) -> Drive:
+    """Settle which annotations show the same object."""
+    if detector is not None:
+        from twin.detect.joining import with_joined_tracks
+
+        say("joining the detector's tracks")
+        return with_joined_tracks(drive, trajectory)
+    if not drive.annotations.has_id.all():
+        say("finding out which annotations show the same object")
+    return with_objects(drive, trajectory)
 
 
 def _ground(
@@ -202,14 +230,16 @@ def _drive_row(drive: Drive, trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
-    """Count annotated objects without a position that may stand near the car.
+    """Count annotated signs without a position that may stand near the car.
 
     One whose every ray ends beyond flat ground's reach, or above the horizon, stands far away; a box, or a
     foot that was rejected for any other reason, may be any sign that the car passed.
     """
     far = stands_far_away(sighted.located.rejected)
-    near = set(drive.annotations.object[drive.annotations.kind == "box"].tolist())
-    near |= set(drive.annotations.object[sighted.index[~far]].tolist())
+    is_sign = drive.is_sign()
+    near = set(drive.annotations.object[is_sign & (drive.annotations.kind == "box")].tolist())
+    seen = sighted.index[~far]
+    near |= set(drive.annotations.object[seen[is_sign[seen]]].tolist())
     return len(near - placed)
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import given, settings
-from mutate import EXAMPLES, mutated, real_files
+from mutate import fuzzed, mutated, real_files
 
 from twin.drives.cvat import is_cvat, read_cvat
 from twin.errors import DriveError
@@ -25,8 +24,7 @@ SOUND = b"""<?xml version="1.0" encoding="utf-8"?>
 </annotations>"""
 
 
-@settings(max_examples=EXAMPLES)
-@given(mutated([SOUND, *real_files("annotations/cvat", ".xml")]))
+@fuzzed(mutated([SOUND, *real_files("annotations/cvat", ".xml")]))
 def test_cvat_reader_raises_nothing_but_drive_errors(content: bytes) -> None:
     """Whatever the bytes: a DriveError, or shapes with finite pixels."""
     is_cvat(content[:4096])

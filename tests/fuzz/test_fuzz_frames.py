@@ -11,9 +11,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from mutate import EXAMPLES, mutated
+from mutate import fuzzed, mutated
 
 from twin.drives.clock import credible
 from twin.drives.timestamps import NO_STAMP, names_images, read_image_times, read_timestamps
@@ -72,8 +70,7 @@ def _jpeg() -> bytes:
     return file.getvalue()
 
 
-@settings(max_examples=EXAMPLES)
-@given(mutated([STAMPS, TABLE, IMAGES]))
+@fuzzed(mutated([STAMPS, TABLE, IMAGES]))
 def test_stamp_readers_raise_nothing_but_drive_errors(content: bytes) -> None:
     """Whatever the bytes: a DriveError, or stamps that increase."""
     try:
@@ -89,8 +86,7 @@ def test_stamp_readers_raise_nothing_but_drive_errors(content: bytes) -> None:
     assert np.all(np.diff(known) > 0)
 
 
-@settings(max_examples=EXAMPLES)
-@given(mutated(NAMES), st.none() | st.floats(-14, 14))
+@fuzzed(mutated(NAMES), lambda random: random.choice([None, random.uniform(-14, 14)]))
 def test_names_give_a_credible_epoch_or_none(name: bytes, offset_hours: float | None) -> None:
     """Whatever the name: an epoch of this century, or nothing; and an order."""
     text = name.decode("utf-8", "replace")
@@ -103,8 +99,7 @@ def test_names_give_a_credible_epoch_or_none(name: bytes, offset_hours: float | 
     assert set(in_order([text, "9", "10"])) == {text, "9", "10"}
 
 
-@settings(max_examples=EXAMPLES)
-@given(mutated([_png(), _jpeg()]))
+@fuzzed(mutated([_png(), _jpeg()]))
 def test_image_reader_gives_a_picture_or_a_reason(content: bytes) -> None:
     """Whatever the bytes: RGB, or a reason to count; tags never raise."""
     epoch_ns = exif_epoch(content, 1.0)
@@ -117,8 +112,7 @@ def test_image_reader_gives_a_picture_or_a_reason(content: bytes) -> None:
     assert image.shape[2] == 3
 
 
-@settings(max_examples=EXAMPLES)
-@given(mutated(_videos()))
+@fuzzed(mutated(_videos()))
 def test_video_reader_raises_nothing_but_drive_errors(content: bytes) -> None:
     """Whatever the bytes: a DriveError, or frames with numbers that are in the video, each once."""
     try:

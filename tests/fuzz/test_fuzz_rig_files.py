@@ -8,8 +8,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from hypothesis import given, settings
-from mutate import EXAMPLES, mutated, real_files
+from mutate import fuzzed, mutated, real_files
 from PIL import Image
 
 from geoloc.calibration_files.kalibr import kalibr_text
@@ -53,15 +52,13 @@ def read(said: DriveSettings, **files: bytes) -> Rig | None:
     return rig
 
 
-@settings(max_examples=EXAMPLES, deadline=None)
-@given(mutated([json.dumps(rig_document(RIG)).encode(), *real_files("naplab", ".json")]))
+@fuzzed(mutated([json.dumps(rig_document(RIG)).encode(), *real_files("naplab", ".json")]))
 def test_rig_file_reader_raises_nothing_but_drive_errors(content: bytes) -> None:
     """A DriveError, or a rig that the kept text makes again."""
     read(DriveSettings(rig="rig.json"), **{"rig.json": content})
 
 
-@settings(max_examples=EXAMPLES, deadline=None)
-@given(mutated([picture("PNG"), picture("PPM"), picture("BMP"), picture("JPEG")]))
+@fuzzed(mutated([picture("PNG"), picture("PPM"), picture("BMP"), picture("JPEG")]))
 def test_mask_reader_raises_nothing_but_drive_errors(content: bytes) -> None:
     """A DriveError, or a mask of the camera's shape."""
     rig = read(read_settings(CAMERA), **{"mask.png": content})
@@ -71,8 +68,7 @@ def test_mask_reader_raises_nothing_but_drive_errors(content: bytes) -> None:
         assert abs(mask.shape[1] * 40 / (mask.shape[0] * 64) - 1.0) <= 0.02
 
 
-@settings(max_examples=EXAMPLES, deadline=None)
-@given(mutated([CAMERA]))
+@fuzzed(mutated([CAMERA]))
 def test_camera_settings_raise_nothing_but_drive_errors(content: bytes) -> None:
     """A DriveError, or a rig with the cameras that were described."""
     try:

@@ -52,7 +52,7 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
     notes = drive.annotations
     if notes.has_id.all():
         return drive
-    association = associate(*_given(drive, trajectory))
+    association = associate(*association_input(drive, trajectory))
     names = _names(notes, association.object)
     slip = ~notes.has_id & (np.char.find(association.reason, _SLIP_REASON) >= 0)
     placed = np.where(notes.has_id | (association.object < 0), notes.object, names[association.object])
@@ -87,7 +87,7 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
     if not notes.has_id.any():
         return ()
     messages: dict[tuple[str, ...], str] = {}
-    for finding in check_ids(*_given(drive, trajectory), ids):
+    for finding in check_ids(*association_input(drive, trajectory), ids):
         one, other = (set(notes.camera[rows].tolist()) for rows in finding.rows)
         few, many = sorted(rows.size for rows in finding.rows)
         if finding.kind == "merge" and one & other:
@@ -112,10 +112,10 @@ def _pictures(notes: Annotations, rows: IntArray) -> str:
     return ", ".join(parts)
 
 
-def _given(
+def association_input(
     drive: Drive, trajectory: Trajectory
 ) -> tuple[Rig, Sightings, Poses, NDArray[np.str_], NDArray[np.str_], IntArray]:
-    """Return the arguments of `associate` for all annotations of a drive."""
+    """Return the arguments of `associate` and `check_ids` for all annotations of a drive."""
     notes = drive.annotations
     epoch = np.zeros(notes.frame.size, dtype=np.int64)
     for camera in np.unique(notes.camera).tolist():

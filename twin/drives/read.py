@@ -6,19 +6,29 @@ folder without it, is searched as a DriveWorks trip (:mod:`twin.drives.drivework
 A ``drive.toml`` with every key::
 
     name = "E6 Okstad northbound"   # default: the folder's name
-    rig = "rig.json"                # DriveWorks rig file
+    rig = "rig.json"                # DriveWorks rig file, and/or [cameras]
     annotations_complete = true     # every sign in view was annotated (default false)
     datum = "EUREF89"               # or "ITRF2014", "ITRF2020"
     camera_offset_ms = 0.0          # added to the frame stamps
     pitch_positive = "nose_down"    # of the pose file; "nose_up" as most INS write it
+    [cameras.front]                 # any calibration file
+    intrinsics = "camchain.yaml#cam0"
+    position = [1.8, 0.0, 1.4]
+    roll_pitch_yaw = [0.0, 2.5, 0.0]
+    mask = "mask.png"               # black on the car itself
     [gnss]                          # either GNSS recordings, by antenna …
     files = {"gnss50:vehicle" = "gnss50.nmea"}
     lever_arms = {"gnss50:vehicle" = [1.1, 0.5, 1.6]}   # overrides the rig's
+    topics = {"gnss50:vehicle" = "/fix"}                # of ROS recordings with several
     [poses]                         # … or full poses
     file = "poses.csv"
+    lever_arm = [0.9, 0.0, 1.2]     # of the point whose poses they are (default: the rig's origin)
+    topics = {position = "/fix", attitude = "/imu"}     # of ROS recordings with several
     [timestamps]                    # by camera
     C3_tricam120 = "C3.timestamps"
-    [annotations]                   # by camera: a file, or a list of files
+    [frames]                        # by camera: a video, or a folder of images
+    C3_tricam120 = "C3.mp4"
+    [annotations]                   # by camera: a file, a folder, or a list of them
     C3_tricam120 = "C3.xml"
 """
 
@@ -26,6 +36,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,19 +46,35 @@ from twin.drives.drive import Annotations, Drive, IntArray
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import Progress, ReadingNotes
 from twin.drives.read_annotations import read_annotations
+from twin.drives.read_detections import read_detections
 from twin.drives.read_stamps import read_stamps
-from twin.drives.read_track import Track, read_rig_file, read_track
+from twin.drives.read_track import Track, read_track
+from twin.drives.rig_files import rig_of_folder
 from twin.drives.settings import SETTINGS_FILE, DriveSettings, read_settings
 from twin.errors import DriveError
+from twin.frames.find import find_pictures
+
+if TYPE_CHECKING:
+    from twin.detect.run import DetectorOptions
 
 
-def read_drive(path: Path | str, *, progress: Progress | None = None) -> Drive:
+def read_drive(
+    path: Path | str,
+    *,
+    detector: DetectorOptions | None = None,
+    labels: Path | None = None,
+    progress: Progress | None = None,
+) -> Drive:
     """Read and check a recorded drive.
 
     Parameters
     ----------
     path : Path or str
         The folder: a DriveWorks trip, or any folder with a ``drive.toml`` (see the module's text).
+    detector : DetectorOptions, optional
+        Find the signs by a network in the pictures of all cameras; annotations are then left unread.
+    labels : Path, optional
+        What labels mean (:mod:`twin.drives.label_map`), instead of the folder's own ``labels.toml``.
     progress : callable, optional
         Called with one sentence a step.
 
@@ -68,10 +95,17 @@ def read_drive(path: Path | str, *, progress: Progress | None = None) -> Drive:
     notes = ReadingNotes(progress, [], [])
     named = folder.has(SETTINGS_FILE)
     settings = read_settings(folder.content(SETTINGS_FILE)) if named else DriveSettings()
-    rig, rig_text = read_rig_file(folder, settings, notes)
+    rig, rig_text = rig_of_folder(folder, settings, notes)
     track = read_track(folder, settings, rig, notes)
-    found = read_annotations(folder, settings, track.rig, notes)
-    stamps, stamp_files = read_stamps(folder, settings, track.rig, found, notes)
+    pictures = find_pictures(folder, settings, track.rig)
+    if detector is None:
+        image_frames = {camera: of.frame_of() for camera, of in pictures.items() if of.images}
+        found = read_annotations(folder, settings, track.rig, notes, labels=labels, image_frames=image_frames)
+        cameras = {*found.cameras, *(settings.annotations or ())}
+        stamps, stamp_files = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
+    else:
+        stamps, stamp_files = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
+        found = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
     annotations, unstamped = stamped(found.annotations, stamps, stamp_files)
     notes.skipped += unstamped
     _check_span(annotations, stamps, settings.camera_offset_ns, track, notes)
@@ -86,13 +120,17 @@ def read_drive(path: Path | str, *, progress: Progress | None = None) -> Drive:
         poses=track.poses,
         frame_epoch_ns=stamps,
         annotations=annotations,
-        annotations_complete=settings.annotations_complete,
+        annotations_complete=(
+            settings.annotations_complete if detector is None else settings.detections_complete
+        ),
         datum=settings.datum,
         camera_offset_ns=settings.camera_offset_ns,
         rolling_shutter_ms=settings.rolling_shutter_ms,
         pole_radius_m=settings.pole_radius_m,
         warnings=tuple(notes.warnings),
         skipped=tuple(notes.skipped),
+        pictures=pictures,
+        other_objects=found.other_objects,
     )
 
 

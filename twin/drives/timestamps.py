@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from pathlib import PureWindowsPath
 
 import numpy as np
 
@@ -16,6 +17,11 @@ NO_STAMP = np.iinfo(np.int64).min
 
 MAX_FRAME = 20_000_000
 """Highest frame number that is taken seriously: a week at 30 frames a second."""
+
+LONGEST_HEADER = 10_000
+"""Characters of a header that are looked at."""
+
+_NOT_LATER = "stamp not later than that of the frame before"
 
 
 def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped, ...]]:
@@ -50,7 +56,7 @@ def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped
     faults["frame number given before"] += int(np.count_nonzero(~first))
     frame, stamp_ns = frame[first], stamp_ns[first]
     keep = longest_increasing(stamp_ns)
-    faults["stamp not later than that of the frame before"] += int(np.count_nonzero(~keep))
+    faults[_NOT_LATER] += int(np.count_nonzero(~keep))
     if len(frame):
         faults["no stamp for the frame number"] += int(frame[-1] - frame[0] + 1 - len(frame))
     frame, stamp_ns = frame[keep], stamp_ns[keep]
@@ -65,14 +71,84 @@ def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped
     return epoch_ns, skipped
 
 
+def names_images(head: bytes) -> bool:
+    """Whether stamps are by image instead of by number: CSV with the columns ``image`` and ``time_ns``."""
+    header = head.decode("utf-8-sig", errors="replace").partition("\n")[0][:LONGEST_HEADER]
+    return {"image", "time_ns"} <= set(_columns(header))
+
+
+def read_image_times(content: bytes, where: str) -> tuple[dict[str, int], tuple[Skipped, ...]]:
+    """Read the stamps of images by name: CSV with the columns ``image`` and ``time_ns``.
+
+    Returns
+    -------
+    dict of name to int
+        UTC in nanoseconds, in file order; folders before a name are left away.
+    skipped : tuple of Skipped
+
+    Raises
+    ------
+    DriveError
+        If no line can be used.
+    """
+    lines = [line for line in content.decode("utf-8-sig", errors="replace").splitlines() if line.strip()]
+    header = _columns(lines[0][:LONGEST_HEADER]) if lines else []
+    if not {"image", "time_ns"} <= set(header):
+        raise DriveError(f"{where} has the columns {', '.join(header)[:200]}: it needs image and time_ns.")
+    image, time = header.index("image"), header.index("time_ns")
+    times: dict[str, int] = {}
+    faults: Counter[str] = Counter()
+    for line in lines[1:]:
+        fields = line.split(",")
+        try:
+            name, stamp_ns = PureWindowsPath(fields[image].strip(' "')).name, int(fields[time])
+        except (ValueError, IndexError):
+            faults["not an image and a stamp"] += 1
+            continue
+        if not credible(stamp_ns):
+            faults["stamp outside the years 2000–2099"] += 1
+        elif not name or name in times:
+            faults["image without a name, or given before"] += 1
+        else:
+            times[name] = stamp_ns
+    skipped = tuple(Skipped("time stamps", where, n, reason) for reason, n in sorted(faults.items()))
+    if not times:
+        raise DriveError(f"{where} holds no usable time stamp ({_listed(skipped)}): one line an image.")
+    return times, skipped
+
+
+def increasing(epoch_ns: IntArray, where: str) -> tuple[IntArray, tuple[Skipped, ...]]:
+    """Take away the stamps that do not increase with the frame number, and count them.
+
+    Returns
+    -------
+    epoch_ns : int64 (n,)
+        With `NO_STAMP` in their place.
+    skipped : tuple of Skipped
+    """
+    known = np.flatnonzero(epoch_ns != NO_STAMP)
+    late = known[~longest_increasing(epoch_ns[known])]
+    if not late.size:
+        return epoch_ns, ()
+    kept = epoch_ns.copy()
+    kept[late] = NO_STAMP
+    return kept, (Skipped("time stamps", where, int(late.size), _NOT_LATER),)
+
+
+def _columns(header: str) -> list[str]:
+    return [name.strip(' "\r').lower() for name in header.split(",")]
+
+
 def _rows(text: str, where: str, faults: Counter[str]) -> tuple[IntArray, IntArray]:
     """Frame numbers and stamps (ns) of all readable lines, in file order; the others are counted."""
     lines = [line for line in text.splitlines() if line.strip()]
     columns, unit_ns, separator = (0, 1), 1_000, None
     if lines and "frame" in lines[0].lower():
-        header = [name.strip().lower() for name in lines.pop(0).split(",")]
+        header = _columns(lines.pop(0)[:LONGEST_HEADER])
         if "frame" not in header or "time_ns" not in header:
-            raise DriveError(f"{where} has the columns {', '.join(header)}: it needs frame and time_ns.")
+            raise DriveError(
+                f"{where} has the columns {', '.join(header)[:200]}: it needs frame and time_ns."
+            )
         columns, unit_ns, separator = (header.index("frame"), header.index("time_ns")), 1, ","
     frames, stamps = [], []
     for line in lines:

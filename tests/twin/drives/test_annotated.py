@@ -10,6 +10,7 @@ import pytest
 from geoloc.rig import rig_from_document
 from twin.drives.annotated import AnnotationsRead, gather
 from twin.drives.cvat import read_cvat
+from twin.drives.label_map import read_label_map
 from twin.errors import DriveError
 
 WIDE, NARROW = "C3_wide", "C1_narrow"
@@ -260,3 +261,65 @@ def test_annotation_given_twice_is_kept_once(maker: Any) -> None:
     found = read(maker, {f"{WIDE}-a.xml": text, f"{WIDE}-b.xml": text})
     assert len(found.annotations.frame) == 1
     assert [(s.count, s.reason) for s in found.skipped] == [(1, "the same annotation again")]
+
+
+@pytest.mark.parametrize(
+    ("label", "codes"),
+    [("Fartsgrense femti", "362.50"), ("204", "302"), ("206 old", "206"), ("regulatory--stop--g1", "204")],
+)
+def test_labels_of_the_drive_come_before_codes_and_defaults(maker: Any, label: str, codes: str) -> None:
+    """The drive's own labels, then a code in the label, then the labels that ship."""
+    own = read_label_map(b'[labels]\n"fartsgrense femti" = "362.50"\n"204" = "302"\n')
+    file = read_cvat(maker.cvat(image("1.png", point(label=label))).encode(), "a.xml")
+    found = gather([(file, WIDE)], rig_from_document(maker.rig(), "car.json"), own)
+    assert found.annotations.skiltnummer.tolist() == [codes]
+    assert found.unmapped == {}
+
+
+def test_attribute_says_a_sign_whatever_the_label_is(maker: Any) -> None:
+    """Skiltnummer comes before a label of another type, and before one that is ignored."""
+    own = read_label_map(b'[labels]\nrail = { type = 14 }\ncar = "ignore"\n')
+    shapes = [
+        point(1, label="rail", skiltnummer="202"),
+        point(2, label="car", skiltnummer="204"),
+        point(3, label="rail"),
+    ]
+    shapes += [point(4, label="car"), point(5, label="thing"), point(6, label="thing")]
+    file = read_cvat(maker.cvat(image("1.png", *shapes)).encode(), "a.xml")
+    found = gather([(file, WIDE)], rig_from_document(maker.rig(), "car.json"), own)
+    assert found.annotations.skiltnummer.tolist() == ["202", "204", "", "", ""]
+    assert found.other_objects == {"rail": 14}
+    assert found.unmapped == {"thing": 2}
+    assert [(s.what, s.count, s.reason) for s in found.skipped] == [("labels", 1, "no road object: 'car'")]
+
+
+def test_image_has_the_number_of_its_picture(maker: Any) -> None:
+    """Where the pictures are files, a name that is none of them is left out and counted."""
+    names = ["b/t_1781078399078.jpg", "T_2_png.rf.0a1b2c3d.jpg", "t_3.PNG", "other_4.jpg"]
+    text = maker.cvat(*(image(name, point()) for name in names))
+    frames = {WIDE: {"t_1781078399078.jpg": 5, "T_2": 6, "t_3": 7}}
+    rig = rig_from_document(maker.rig(), "car.json")
+    found = gather([(read_cvat(text.encode(), "a.xml"), WIDE)], rig, image_frames=frames)
+    assert found.annotations.frame.tolist() == [5, 6, 7]
+    assert [(s.count, s.reason) for s in found.skipped] == [
+        (1, "image that is not among the drive's pictures")
+    ]
+
+
+def test_frame_of_a_downloaded_image_is_not_in_its_hash(maker: Any) -> None:
+    """Roboflow writes ``frame_123_jpg.rf.<hash>.jpg``."""
+    found = read(maker, {f"{WIDE}.xml": maker.cvat(image("frame_123_jpg.rf.0a1b2c99.jpg", point()))})
+    assert found.annotations.frame.tolist() == [123]
+
+
+def test_long_texts_do_not_widen_every_row(maker: Any) -> None:
+    """A label is cut, an id that is too long is none: the arrays stay as wide as texts are."""
+    shapes = [
+        point(1, label="a" * 10_000),
+        point(2, object="b" * 10_000),
+        point(3, skiltnummer="202;" * 5_000),
+    ]
+    found = read(maker, {f"{WIDE}.xml": maker.cvat(image("1.png", *shapes))})
+    assert found.annotations.label.dtype.itemsize <= 4 * 200
+    assert found.annotations.skiltnummer.dtype.itemsize <= 4 * 200
+    assert {s.reason: s.count for s in found.skipped} == {"object id longer than 200 characters": 1}

@@ -55,23 +55,23 @@ def test_cvat_rows_outside_the_view_are_no_annotations(maker: Any) -> None:
 
 
 def test_cvat_shapes_of_other_kinds_are_counted(maker: Any) -> None:
-    """Polygons, polylines, skeletons, tags and points of several points are left out by kind."""
+    """Ellipses, polylines, skeletons, tags and points of several points are left out by kind."""
     image = (
-        '<image id="0" name="1.png" width="1280" height="800"><polygon label="a" points="1,2;3,4;5,6"/>'
+        '<image id="0" name="1.png" width="1280" height="800"><ellipse label="a" cx="1" cy="2"/>'
         '<polyline label="a" points="1,2;3,4"/><tag label="a"/><points label="a" points="1,2;3,4;5,6"/>'
-        '<skeleton label="a"><points label="1" points="1,1"/></skeleton>'
+        '<skeleton label="a"><points label="1" points="1,1"/><points label="2" points="2,2"/></skeleton>'
         '<box label="a" xtl="5" ytl="5" xbr="5" ybr="9"/><points label="a" points="1"/>'
         '<points label="a" points="nan,1"/><points label="a" points="a,1"/></image>'
     )
     track = (
         '<track id="1" label="a"><skeleton frame="1" outside="0"/><track id="0" label="1">'
-        '<points frame="1" outside="0" points="1,1"/></track></track>'
+        '<points frame="1" outside="0" points="1,1"/></track><track id="1" label="2"/></track>'
         '<track id="2" label="a"><points outside="0" points="1,1"/></track>'
     )
     file = read_cvat(maker.cvat(image, track).encode(), "a.xml")
     assert file.shapes == ()
     assert counts(file.skipped) == {
-        "kind polygon": 1,
+        "kind ellipse": 1,
         "kind polyline": 1,
         "kind tag": 1,
         "kind skeleton": 2,
@@ -81,6 +81,51 @@ def test_cvat_shapes_of_other_kinds_are_counted(maker: Any) -> None:
         "coordinates not finite": 1,
         "frame number unreadable": 1,
     }
+
+
+def test_cvat_polygon_counts_as_the_box_around_it(maker: Any) -> None:
+    """Its corners at (1, 2), (9, 4) and (5, 8) lie within 1 to 9 and 2 to 8, all minus half a pixel."""
+    polygon = '<polygon label="a" points="1,2;9,4;5,8"/>'
+    (shape,) = read_cvat(maker.cvat(f'<image id="0" name="1.png">{polygon}</image>').encode(), "a.xml").shapes
+    assert (shape.kind, shape.pixel_px) == ("box", (4.5, 4.5))
+    assert shape.box_px == (0.5, 1.5, 8.5, 7.5)
+
+
+def test_cvat_skeleton_of_an_image_is_its_foot(maker: Any) -> None:
+    """The point that is called so, with what was said of the whole; one that is not seen is left out."""
+
+    def skeleton(outside: int) -> str:
+        return (
+            '<skeleton label="sign"><attribute name="skiltnummer">202</attribute>'
+            '<points label="top" points="1,1"/>'
+            f'<points label="Foot" outside="{outside}" points="5.5,9.5"/></skeleton>'
+        )
+
+    text = maker.cvat(f'<image id="0" name="1.png">{skeleton(0)}{skeleton(1)}</image>')
+    file = read_cvat(text.encode(), "a.xml")
+    (shape,) = file.shapes
+    assert (shape.kind, shape.label, shape.pixel_px) == ("foot", "sign", (5.0, 9.0))
+    assert shape.attributes == {"skiltnummer": "202"}
+    assert counts(file.skipped) == {"foot not marked": 1}
+
+
+def test_cvat_skeleton_of_a_video_is_the_track_of_its_foot(maker: Any) -> None:
+    """Label and id are the skeleton's, the attributes those of its row in the same frame."""
+    track = (
+        '<track id="7" label="sign"><skeleton frame="1" outside="0" points="1,1;5,9">'
+        '<attribute name="object">A</attribute></skeleton><skeleton frame="2" outside="0" points="1,1;6,9"/>'
+        '<track id="0" label="top"><points frame="1" outside="0" points="1,1"/></track>'
+        '<track id="1" label="base"><points frame="1" outside="0" points="5,9"/>'
+        '<points frame="2" outside="0" points="6,9"/>'
+        '<points frame="3" outside="1" points="6,9"/></track></track>'
+    )
+    file = read_cvat(maker.cvat(track).encode(), "a.xml")
+    assert [(s.frame, s.track, s.label, s.pixel_px) for s in file.shapes] == [
+        (1, "7", "sign", (4.5, 8.5)),
+        (2, "7", "sign", (5.5, 8.5)),
+    ]
+    assert [dict(s.attributes) for s in file.shapes] == [{"object": "A"}, {}]
+    assert file.skipped == ()
 
 
 def test_cvat_project_knows_the_names_of_its_tasks(maker: Any) -> None:
