@@ -26,6 +26,7 @@ reckoning."""
 _SIGMA_OTHERWISE_M = 5.0
 SIGMA_FLOOR_M = 0.01
 """What receivers state below this is formal: base station and atmosphere are not in it."""
+_NAMES = {1: "single", 2: "DGNSS", 4: "RTK fixed", 5: "RTK float", 6: "dead reckoning"}
 _FIXED = 4
 _AS_GOOD_AS_FIXED_M = 0.05
 VERTICAL_FACTOR = 1.7
@@ -165,3 +166,9 @@ def common_epochs(epochs_ns: Sequence[IntArray], max_gap_s: float) -> IntArray:
         apart = nearest_ns > 0.5 * np.median(np.diff(base))
         base = np.union1d(base, other[lonely & apart])
     return np.asarray(base, dtype=np.int64)
+
+
+def quality_counts(quality: IntArray) -> dict[str, int]:
+    """Fixes by GGA quality, in words, in the order of the standard's numbers."""
+    values, counts = np.unique(quality, return_counts=True)
+    return {_NAMES.get(int(q), f"quality {q}"): int(n) for q, n in zip(values, counts, strict=True)}

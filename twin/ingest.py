@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.adjust import OUTLIER
+from geoloc.fixes import quality_counts
 from geoloc.geodesy import utm33_from_geographic
 from geoloc.ground import stands_far_away
 from geoloc.locate import ErrorBudget
@@ -253,14 +254,9 @@ def _unplaced_warning(drive: Drive, n_unplaced: int) -> tuple[str, ...]:
     return (missing,)
 
 
-_QUALITY = {1: "single", 2: "DGNSS", 4: "RTK fixed", 5: "RTK float", 6: "dead reckoning"}
-
-
 def _fix_quality(drive: Drive) -> dict[str, int]:
-    """Fixes by GGA quality, in words, best first as the standard numbers them."""
-    quality = np.concatenate([np.empty(0, np.int64), *(fixes.quality for fixes in drive.gnss)])
-    values, counts = np.unique(quality, return_counts=True)
-    return {_QUALITY.get(int(q), f"quality {q}"): int(n) for q, n in zip(values, counts, strict=True)}
+    """Fixes of all antennas by quality, in words."""
+    return quality_counts(np.concatenate([np.empty(0, np.int64), *(fixes.quality for fixes in drive.gnss)]))
 
 
 def _line(trajectory: Trajectory) -> tuple[bytes, float]:

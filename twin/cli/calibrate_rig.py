@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from twin.calibrate.from_drives import Histories
     from twin.calibrate.verify import Verification
 
+__all__ = ["app"]
+
 
 @app.command(
     "extrinsics",

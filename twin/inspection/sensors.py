@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.fixes import quality_counts
 from geoloc.poses import GnssFixes, PoseTrack
 from twin.drives.timestamps import NO_STAMP
 
@@ -18,9 +19,6 @@ _NS_PER_S = 1_000_000_000
 _GAP_STEPS = 2.5
 _MAX_GAPS = 100
 """Gaps that are listed; all are counted."""
-
-QUALITY = {1: "single", 2: "DGNSS", 4: "RTK fixed", 5: "RTK float", 6: "dead reckoning"}
-"""GGA's fix qualities in words."""
 
 
 class Gap(NamedTuple):
@@ -105,8 +103,7 @@ class SensorSpan:
 def gnss_span(fixes: GnssFixes, file: str) -> SensorSpan:
     """Span of one antenna's fixes, by the epochs in the recording."""
     delay, spread = _delay_ms(fixes)
-    values, counts = np.unique(fixes.quality, return_counts=True)
-    quality = {QUALITY.get(int(q), f"quality {q}"): int(n) for q, n in zip(values, counts, strict=True)}
+    quality = quality_counts(fixes.quality)
     return _span(
         fixes.antenna, "GNSS", file, fixes.epoch_ns, delay_ms=delay, delay_spread_ms=spread, quality=quality
     )
