@@ -10,7 +10,7 @@ import numpy as np
 
 from twin.errors import ConfigError
 from twin.export.atomic import replace_file
-from twin.export.picture import Window, draw_north, draw_scale_bar, frame_map
+from twin.export.picture_frame import Window, draw_north, draw_scale_bar, frame_map
 from twin.export.picture_labels import place_labels
 from twin.export.verdicts import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR
 from twin.folders import make_folder

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from twin.cli import calibrate_rig, qgis
+
 app = typer.Typer(
     name="twin",
     no_args_is_help=True,
@@ -200,13 +202,44 @@ def ingest_drive(
     terrain_heights: Annotated[
         str | None, typer.Option(help="NN2000 or ellipsoidal, where the raster does not say.")
     ] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="What labels mean, instead of the drive's labels.toml.")
+    ] = None,
+    detector: Annotated[
+        Path | None, typer.Option(help="Find the signs by this network (ONNX) instead of annotations.")
+    ] = None,
+    detector_every: Annotated[int, typer.Option(min=1, help="Run the detector on every so many frames.")] = 1,
+    detector_threshold: Annotated[
+        float, typer.Option(help="Lowest score of a box that counts, between 0 and 1.")
+    ] = 0.25,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Locate what was annotated in a recorded drive, and keep it in the store."""
     from twin.cli import commands
 
-    commands.ingest_drive(drive, method, terrain, terrain_heights, store, json_output)
+    commands.ingest_drive(
+        drive,
+        method,
+        terrain,
+        terrain_heights,
+        store,
+        json_output,
+        labels=labels,
+        detector=None if detector is None else (detector, detector_every, detector_threshold),
+    )
+
+
+@app.command("inspect", epilog="Example: twin inspect path/to/trip --out timeline.png")
+def inspect(
+    drive: Annotated[Path, typer.Argument(help="A folder with a recorded drive.", metavar="DRIVE")],
+    out: Annotated[Path | None, typer.Option(help="PNG of all sensors on one timeline.")] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Show what a drive folder holds: files, sensors on one timeline, gaps, delays, and what is missing."""
+    from twin.cli import inspect as body
+
+    body.inspect(drive, out, json_output)
 
 
 @app.command("match", epilog="Example: twin match")
@@ -301,13 +334,16 @@ def decide(
     findings.decide(words or (), wanted, from_file, reason, by, dry_run, store, json_output)
 
 
-@app.command("export", epilog="Example: twin export out  (then open out/twin_utm33.gpkg in QGIS)")
+@app.command("export", epilog="Example: twin export out  (then twin qgis out)")
 def export(
     folder: Annotated[Path, typer.Argument(help="Where to write; made if it does not exist.", metavar="DIR")],
     by: ByOption = None,
     decision: Annotated[
         SetDecision, typer.Option(help="accept: change sets to send. open: previews, of what is undecided.")
     ] = SetDecision.ACCEPT,
+    project: Annotated[
+        bool, typer.Option("--project", help="With a QGIS project in twin_utm33.gpkg: see twin qgis.")
+    ] = False,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -317,7 +353,10 @@ def export(
     """
     from twin.cli import commands
 
-    commands.export(folder, by, store, json_output, decision=decision.value)
+    commands.export(folder, by, store, json_output, decision=decision.value, project=project)
+
+
+app.command("qgis", epilog="Example: twin qgis out   with QGIS started: twin qgis out --open")(qgis.qgis)
 
 
 @app.command("submit", epilog="Example: twin submit out  (checks only)   then: twin submit out --go")
@@ -424,6 +463,9 @@ def simulate(
     from twin.cli import commands
 
     commands.simulate(out, scenario.value, speed, seed, antennas, cameras, json_output)
+
+
+app.add_typer(calibrate_rig.app)
 
 
 @app.command("demo", epilog="Example: twin demo --out demo-out")

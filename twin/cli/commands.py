@@ -174,8 +174,12 @@ def ingest_drive(
     terrain_heights: str | None,
     store: Path,
     json_output: bool,
+    *,
+    labels: Path | None = None,
+    detector: tuple[Path, int, float] | None = None,
 ) -> None:
-    """``twin ingest-drive``."""
+    """``twin ingest-drive``; `detector` is model, frames in between, and lowest score."""
+    from twin.detect.run import DetectorOptions
     from twin.ingest import ingest_drive as run
 
     with _made_store(store) as opened, steps(quiet=json_output) as progress:
@@ -185,6 +189,8 @@ def ingest_drive(
             method=method,
             terrain=terrain,
             terrain_heights=terrain_heights,
+            labels=labels,
+            detector=None if detector is None else DetectorOptions(*detector),
             progress=progress,
         )
     for warning in report.warnings:
@@ -211,7 +217,15 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
     }
 
 
-def export(folder: Path, by: str | None, store: Path, json_output: bool, *, decision: str = "accept") -> None:
+def export(
+    folder: Path,
+    by: str | None,
+    store: Path,
+    json_output: bool,
+    *,
+    decision: str = "accept",
+    project: bool = False,
+) -> None:
     """``twin export``."""
     from twin.cli.submit import change_sets_as_json, end_if_unsendable, print_change_sets
     from twin.export import export_findings
@@ -221,21 +235,27 @@ def export(folder: Path, by: str | None, store: Path, json_output: bool, *, deci
     who = person() if by is None else by
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         files = export_findings(
-            opened, folder, by=who, decision=decision, change_sets=made.append, progress=progress
+            opened,
+            folder,
+            by=who,
+            decision=decision,
+            project=project,
+            change_sets=made.append,
+            progress=progress,
         )
     if json_output:
         print_json({"files": [str(path) for path in files], **change_sets_as_json(made[0])})
     else:
-        _print_export(files)
+        _print_export(files, folder)
         print_change_sets(made[0], folder)
     end_if_unsendable(made[0])
 
 
-def _print_export(files: Sequence[Path]) -> None:
+def _print_export(files: Sequence[Path], folder: Path) -> None:
     from geoloc.heights import nn2000_from_ellipsoidal
 
     print_paths("Written:", files)
-    note("Open twin_utm33.gpkg in QGIS: the layer changes comes coloured by verdict.")
+    note(f"How to open them in QGIS, and decide there: twin qgis {folder}")
     geoid = nn2000_from_ellipsoidal([], [], [])
     if math.isnan(geoid.sigma_m):
         note(geoid.how)
@@ -409,4 +429,5 @@ def demo(out: Path, json_output: bool) -> None:
     )
     print_errors(report.evaluation.methods)
     print_paths("Open these:", report.files)
+    note(f"In QGIS: twin qgis {out} --open")
     note(f"Why a sign stands where it does: twin show P01 --store {out / 'demo.db'} --out P01.png")

@@ -106,19 +106,24 @@ def _nvdb_positions(
     """
     import shapely
 
-    placed = nvdb_signs[nvdb_signs.geometry.notna()]
-    at = shapely.get_coordinates(placed.geometry.to_numpy())
-    rows_of: dict[int, list[int]] = {}
-    for row, point in enumerate(placed["point_id"].fillna(placed["nvdb_id"]).tolist()):
-        rows_of.setdefault(point, []).append(row)
-    pairs = zip(nvdb_signs["nvdb_id"], nvdb_signs["point_id"].fillna(nvdb_signs["nvdb_id"]), strict=True)
-    point_of = dict(pairs)
+    ids = nvdb_signs["nvdb_id"].to_numpy()
+    poles = nvdb_signs["point_id"].fillna(nvdb_signs["nvdb_id"]).to_numpy(np.int64)
+    placed = np.flatnonzero(nvdb_signs.geometry.notna())
+    placed = placed[np.argsort(poles[placed], kind="stable")]
+    at, pole = shapely.get_coordinates(nvdb_signs.geometry.to_numpy()[placed]), poles[placed]
+
+    wanted = changes["nvdb_id"].to_numpy(np.int64)
+    row = np.minimum(np.searchsorted(ids, wanted), max(len(ids) - 1, 0))
+    # A finding about an object that the mirror no longer has stands for itself.
+    wanted = np.where(ids[row] == wanted, poles[row], wanted) if len(ids) else wanted
+    first = np.searchsorted(pole, wanted, side="left")
+    n = np.searchsorted(pole, wanted, side="right") - first
+    change = np.repeat(np.arange(len(wanted)), n)
+    sign = np.repeat(first - (np.cumsum(n) - n), n) + np.arange(len(change))
+    apart = np.linalg.norm(at[sign] - seen[change], axis=1)
+    misfit = np.abs(apart - changes["distance_m"].to_numpy()[change])
+    best = np.lexsort((misfit, change))
+    best = best[np.flatnonzero(np.diff(change[best], prepend=-1))]
     found = np.full((len(changes), 2), np.nan)
-    for number, (nvdb_id, distance_m) in enumerate(
-        zip(changes["nvdb_id"], changes["distance_m"], strict=True)
-    ):
-        rows = rows_of.get(point_of.get(nvdb_id, nvdb_id))
-        if rows:
-            apart = np.linalg.norm(at[rows] - seen[number], axis=1)
-            found[number] = at[rows[int(np.argmin(np.abs(apart - distance_m)))]]
+    found[change[best]] = at[sign[best]]
     return found

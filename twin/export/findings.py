@@ -24,6 +24,7 @@ def export_findings(
     *,
     by: str = "QGIS",
     decision: str = "accept",
+    project: bool = False,
     change_sets: Callable[[ChangeSets], None] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
@@ -42,6 +43,8 @@ def export_findings(
         Who is to be named for those decisions.
     decision : str, optional
         Findings with this decision become change sets; another than ``accept`` gives previews.
+    project : bool, optional
+        Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.project`).
     change_sets : callable, optional
         Told what became of them: sets, errors in sets (which are then not written), findings left out.
     progress : callable, optional
@@ -88,6 +91,7 @@ def export_findings(
         known_decisions=decided,
         log_position=noted,
         change_sets=files_of(made),
+        project=project,
         progress=progress,
     )
     if change_sets is not None:

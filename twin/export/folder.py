@@ -38,6 +38,7 @@ def export_all(
     known_decisions: Mapping[str, str] = MappingProxyType({}),
     log_position: int = 0,
     change_sets: Mapping[str, bytes] = MappingProxyType({}),
+    project: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write the layers for QGIS and for the web.
@@ -62,6 +63,8 @@ def export_all(
         How far the store's log of decisions has come; the GeoPackages note it.
     change_sets : mapping, optional
         Name → content of the files of :func:`twin.changesets.files_of`, which go after those above.
+    project : bool, optional
+        Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.project`).
     progress : callable, optional
         Told what is being written.
 
@@ -85,7 +88,7 @@ def export_all(
     tell = progress or (lambda _message: None)
     try:
         with replacing(folder, (*FILES, *change_sets)) as staging:
-            _write(checked, staging, tell, log_position)
+            _write(checked, staging, tell, log_position, project)
             for name, content in change_sets.items():
                 (staging / name).write_bytes(content)
             _refuse_to_lose_decisions(folder, checked.changes, known_decisions)
@@ -114,11 +117,13 @@ def _cause(error: Exception) -> str:
     return str(error) if isinstance(error, sqlite3.Error) else "the GeoPackage could not be written in full"
 
 
-def _write(layers: ExportLayers, staging: Path, tell: Callable[[str], None], log_position: int) -> None:
+def _write(
+    layers: ExportLayers, staging: Path, tell: Callable[[str], None], log_position: int, project: bool
+) -> None:
     time = data_time(layers)
     tell(f"writing {UTM33}")
     projected = file_layers(layers)
-    write_geopackage(projected, staging / UTM33, time=time, log_position=log_position)
+    write_geopackage(projected, staging / UTM33, time=time, log_position=log_position, project=project)
     tell(f"writing {WGS84}")
     geographic = in_wgs84(projected)
     write_geopackage(geographic, staging / WGS84, time=time, log_position=log_position)
@@ -128,13 +133,13 @@ def _write(layers: ExportLayers, staging: Path, tell: Callable[[str], None], log
 
 def _refuse_to_lose_decisions(folder: Path, changes: gpd.GeoDataFrame, known: Mapping[str, str]) -> None:
     """Raise where a person decided in QGIS and it would be known nowhere after the export."""
-    new = dict(zip(changes["change_id"], changes["decision"], strict=True))
     for name in GEOPACKAGES:
-        if not (folder / name).exists():
-            continue
+        edited = edited_decisions(folder / name) if (folder / name).exists() else {}
+        concerned = changes[changes["change_id"].isin(list(edited))]
+        new = dict(zip(concerned["change_id"], concerned["decision"], strict=True))
         lost = {
             change: decision
-            for change, decision in edited_decisions(folder / name).items()
+            for change, decision in edited.items()
             if decision not in (new.get(change), known.get(change))
         }
         if lost:

@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from twin.export.layers import COLUMNS, EPSG_WGS84, KEY
 
 if TYPE_CHECKING:
@@ -36,14 +38,12 @@ def write_geojson(frame: gpd.GeoDataFrame, layer: str, path: Path) -> None:
     if frame.crs is None or frame.crs.to_epsg() != EPSG_WGS84:
         raise ValueError("GeoJSON is written from EPSG:4326")
     names = [column.name for column in COLUMNS[layer]]
-    rows = zip(*(_plain(frame[name]) for name in names), strict=True)
+    columns = (_plain(frame[name]) for name in names)
+    # One encoder for all features: json.dumps would make one for each.
+    encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     features = [
-        json.dumps(
-            _feature(dict(zip(names, row, strict=True)), KEY[layer], point),
-            ensure_ascii=False,
-            allow_nan=False,
-        )
-        for row, point in zip(rows, frame.geometry, strict=True)
+        encode(_feature(dict(zip(names, row, strict=True)), KEY[layer], position))
+        for *row, position in zip(*columns, _positions(frame), strict=True)
     ]
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(f'{{"type": "FeatureCollection", "name": {json.dumps(layer)}, "features": [\n')
@@ -51,11 +51,21 @@ def write_geojson(frame: gpd.GeoDataFrame, layer: str, path: Path) -> None:
         file.write("\n]}\n" if features else "]}\n")
 
 
-def _feature(properties: dict[str, Any], key: str, point: Any) -> dict[str, Any]:
-    geometry = None
-    if point is not None:
-        position = [round(point.x, DECIMALS), round(point.y, DECIMALS)]
-        geometry = {"type": "Point", "coordinates": position}
+def _positions(frame: gpd.GeoDataFrame) -> list[list[float] | None]:
+    """Longitude and latitude of each point; None where there is none."""
+    import shapely
+
+    points = frame.geometry.to_numpy()
+    known = ~shapely.is_missing(points)
+    positions: list[list[float] | None] = [None] * len(points)
+    rounded = np.round(shapely.get_coordinates(points), DECIMALS).tolist()
+    for row, position in zip(np.flatnonzero(known).tolist(), rounded, strict=True):
+        positions[row] = position
+    return positions
+
+
+def _feature(properties: dict[str, Any], key: str, position: list[float] | None) -> dict[str, Any]:
+    geometry = None if position is None else {"type": "Point", "coordinates": position}
     return {"type": "Feature", "id": properties[key], "geometry": geometry, "properties": properties}
 
 
@@ -65,8 +75,9 @@ def _plain(column: pd.Series[Any]) -> list[Any]:
 
     if isinstance(column.dtype, pd.DatetimeTZDtype):
         column = column.map(_iso8601, na_action="ignore")
-    values: list[Any] = column.astype(object).where(column.notna(), None).tolist()
-    return values
+    values = column.to_numpy(dtype=object, copy=True)
+    values[column.isna().to_numpy()] = None
+    return list(values.tolist())
 
 
 def _iso8601(moment: pd.Timestamp) -> str:

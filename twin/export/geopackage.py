@@ -1,4 +1,4 @@
-"""GeoPackages that QGIS opens in colour: version 1.3, a style in the file, the same bytes for the same data.
+"""GeoPackages that QGIS opens in colour: version 1.3, styles in the file, the same bytes for the same data.
 
 Version 1.3 because QGIS 3.22 and GDAL 3.6, still in use, only half support the 1.4 that newer GDAL writes.
 """
@@ -9,6 +9,7 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ExportRefusedError
-from twin.export.layers import DESCRIPTION, EPSG_WGS84, GEOMETRY
+from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY
+from twin.export.project import PROJECTS_TABLE, project_row
 from twin.export.styles import style
+from twin.export.verdicts import DECISIONS
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
 GEOMETRY_COLUMN = "geom"
 _DECISIONS = "twin_decisions"
 _LOG = "twin_log"
+_SYNCHRONOUS = "OGR_SQLITE_SYNCHRONOUS"
 # Where GDAL keeps the metadata of a layer.
 _LAYER_METADATA = """
 SELECT metadata FROM gpkg_metadata JOIN gpkg_metadata_reference ON md_file_id = id
@@ -43,7 +47,12 @@ CREATE TABLE layer_styles (
 
 
 def write_geopackage(
-    layers: Mapping[str, gpd.GeoDataFrame], path: Path, *, time: str, log_position: int = 0
+    layers: Mapping[str, gpd.GeoDataFrame],
+    path: Path,
+    *,
+    time: str,
+    log_position: int = 0,
+    project: bool = False,
 ) -> None:
     """Write layers with their styles into a new GeoPackage.
 
@@ -57,6 +66,8 @@ def write_geopackage(
         ISO 8601 in UTC; stands wherever GeoPackage wants the time of the last change.
     log_position : int
         How far the log of decisions has come (:func:`twin.decisions.log.position`).
+    project : bool
+        With a QGIS project of the layers (:mod:`twin.export.project`).
 
     Raises
     ------
@@ -66,26 +77,28 @@ def write_geopackage(
     import pyogrio
 
     draft = path.with_stem(f"{path.stem}_draft")
-    for number, (name, frame) in enumerate(layers.items()):
-        pyogrio.write_dataframe(
-            _with_lasting_fid(frame) if name == "changes" else frame,
-            draft,
-            layer=name,
-            driver="GPKG",
-            geometry_type=GEOMETRY[name],
-            use_arrow=False,
-            dataset_options={"VERSION": "1.3"} if number == 0 else None,
-            layer_options={
-                "GEOMETRY_NAME": GEOMETRY_COLUMN,
-                "FID": "fid",
-                "SPATIAL_INDEX": "YES",
-                "IDENTIFIER": name,
-                "DESCRIPTION": DESCRIPTION[name],
-            },
-            layer_metadata=_decision_metadata(frame, log_position) if name == "changes" else None,
-        )
+    with _unhurried():
+        for number, (name, frame) in enumerate(layers.items()):
+            pyogrio.write_dataframe(
+                _with_lasting_fid(frame) if name == "changes" else frame,
+                draft,
+                layer=name,
+                driver="GPKG",
+                geometry_type=GEOMETRY[name],
+                use_arrow=False,
+                dataset_options={"VERSION": "1.3"} if number == 0 else None,
+                layer_options={
+                    "GEOMETRY_NAME": GEOMETRY_COLUMN,
+                    "FID": "fid",
+                    "SPATIAL_INDEX": "YES",
+                    "IDENTIFIER": name,
+                    "DESCRIPTION": DESCRIPTION[name],
+                },
+                layer_metadata=_decision_metadata(frame, log_position) if name == "changes" else None,
+            )
     styles = {name: style(name, verdicts=set(frame.get("verdict", ()))) for name, frame in layers.items()}
-    _finish(draft, path, styles, time)
+    row = project_row(layers, styles, path.name, time) if project else None
+    _finish(draft, path, styles, time, row)
     with closing(sqlite3.connect(path)) as database:
         check_rows(database, path, {name: len(frame) for name, frame in layers.items()})
 
@@ -165,6 +178,19 @@ def _noted(database: sqlite3.Connection) -> dict[str, str]:
     return {item.get("key", ""): item.text or "" for item in items}
 
 
+@contextmanager
+def _unhurried() -> Iterator[None]:
+    """Let GDAL not wait for the disk: what it writes is copied, and the copy flushed (:mod:`.atomic`)."""
+    import pyogrio
+
+    before = pyogrio.get_gdal_config_option(_SYNCHRONOUS)
+    pyogrio.set_gdal_config_options({_SYNCHRONOUS: "OFF"})
+    try:
+        yield
+    finally:
+        pyogrio.set_gdal_config_options({_SYNCHRONOUS: before})
+
+
 def _with_lasting_fid(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     """Give a change the same row number in every export.
 
@@ -172,8 +198,10 @@ def _with_lasting_fid(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     another change of the newer one.
     """
     # 56 bits: two of a million changes share one once in 140,000 exports, which SQLite then refuses to write.
-    fid = [int.from_bytes(sha256(change.encode()).digest()[:7]) for change in changes["change_id"]]
-    return changes.assign(fid=np.array(fid, dtype=np.int64))
+    ids = changes["change_id"].to_numpy(dtype=object)
+    fid = [int.from_bytes(sha256(change.encode()).digest()[:7]) for change in ids]
+    # In the order in which SQLite keeps them anyway, which is quicker than to each its place.
+    return changes.assign(fid=np.array(fid, dtype=np.int64)).sort_values("fid", ignore_index=True)
 
 
 def _decision_metadata(changes: gpd.GeoDataFrame, log_position: int) -> Mapping[str, str]:
@@ -183,12 +211,19 @@ def _decision_metadata(changes: gpd.GeoDataFrame, log_position: int) -> Mapping[
     return {_DECISIONS: json.dumps(noted, ensure_ascii=False), _LOG: str(log_position)}
 
 
-def _finish(draft: Path, path: Path, styles: Mapping[str, str], time: str) -> None:
-    """Add the styles, replace the clock's times by `time`, and copy what GDAL wrote into the file to keep."""
+def _finish(
+    draft: Path, path: Path, styles: Mapping[str, str], time: str, project: tuple[str, str, str] | None
+) -> None:
+    """Add styles and project, put `time` for the clock's times, and copy it all into the file to keep."""
     with closing(sqlite3.connect(draft, isolation_level=None)) as database:
         database.execute("PRAGMA journal_mode=DELETE")
+        database.execute("PRAGMA synchronous=OFF")
         database.execute("BEGIN")
         _add_styles(database, styles, time)
+        if project is not None:
+            # Not registered in gpkg_contents, as QGIS itself leaves it.
+            database.execute(PROJECTS_TABLE)
+            database.execute("INSERT INTO qgis_projects VALUES (?, ?, ?)", project)
         database.execute("UPDATE gpkg_contents SET last_change = ?", (time,))
         database.execute("UPDATE gpkg_metadata_reference SET timestamp = ?", (time,))
         database.execute("COMMIT")
@@ -221,3 +256,37 @@ def check_rows(database: sqlite3.Connection, path: Path, rows: Mapping[str, int]
             problems.append(f"layer {name} has {found} of {wanted} rows")
     if problems:
         raise ExportRefusedError(f"{path.name} could not be written in full: {'; '.join(problems)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What an exported GeoPackage holds.
+
+    Attributes
+    ----------
+    rows : mapping of layer → number of rows
+        In the order of :data:`twin.export.layers.COLUMNS`.
+    decisions : mapping of decision → number of changes
+        As they stand in the file, in the order of :data:`twin.export.verdicts.DECISIONS`, then others.
+    projects : tuple of str
+        Names of its QGIS projects.
+    """
+
+    rows: Mapping[str, int]
+    decisions: Mapping[str, int]
+    projects: tuple[str, ...]
+
+
+def contents_of(path: Path) -> Contents:
+    """Say what an exported GeoPackage holds; errors as of :func:`edited_decisions`."""
+    with _reading(path) as database:
+        rows = {
+            name: database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0]  # noqa: S608 - our names
+            for name in COLUMNS
+        }
+        said = "SELECT coalesce(decision, 'open') AS said, count(*) FROM changes GROUP BY said ORDER BY said"
+        counts = dict(database.execute(said).fetchall())
+        known = {name: counts.pop(name) for name in DECISIONS if name in counts}
+        has = database.execute("SELECT 1 FROM sqlite_master WHERE name = 'qgis_projects'").fetchone()
+        names = database.execute("SELECT name FROM qgis_projects ORDER BY name").fetchall() if has else []
+    return Contents(rows=rows, decisions=known | counts, projects=tuple(name for (name,) in names))

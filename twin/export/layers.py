@@ -92,6 +92,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         Column("object", "str", "Annotated object"),
         Column("label", "str", "Annotator's label"),
         Column("skiltnummer", "str", "Sign codes seen"),
+        Column("nvdb_type", "int64", "NVDB object type"),
         Column("method", "str", "Method"),
         Column("n_sightings", "int64", "Sightings"),
         Column("n_frames", "int64", "Frames"),
@@ -333,7 +334,9 @@ def _flat(name: str, frame: gpd.GeoDataFrame) -> gpd.GeoSeries:
     import numpy as np
     import shapely
 
-    geometry = shapely.force_2d(np.array(frame.geometry.to_numpy(), dtype=object))
+    geometry = np.array(frame.geometry.to_numpy(), dtype=object)
+    if shapely.has_z(geometry).any():
+        geometry = shapely.force_2d(geometry)
     xy, row = shapely.get_coordinates(geometry, return_index=True)
     geometry[row[~np.isfinite(xy).all(axis=1)]] = None
     geometry[shapely.is_empty(geometry)] = None

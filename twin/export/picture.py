@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
 from twin.export.atomic import replace_file
 from twin.export.layers import ExportLayers, normalised
+from twin.export.picture_ellipses import ELLIPSE_FILL, draw_ellipses, enlarge_ellipse
+from twin.export.picture_frame import Window, draw_north, draw_scale_bar, east_north, frame_map
 from twin.export.picture_labels import place_labels
-from twin.export.styles import SIGMAS_95
 from twin.export.verdicts import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR, VERDICT, VERDICTS
 
 if TYPE_CHECKING:
@@ -42,18 +41,7 @@ _BELOW = (
 )
 _SOMEWHERE = (270_000.0, 7_041_000.0, 270_100.0, 7_041_060.0)
 """What an empty map shows, EPSG:25833: Trondheim."""
-_ELLIPSE_FILL = f"{ESTIMATE_COLOUR}22"
 _QUIET = ("unchanged", "not_observable")
-
-
-@dataclass(frozen=True, slots=True)
-class Window:
-    """A rectangle of the map, EPSG:25833 metres."""
-
-    east_m: float
-    north_m: float
-    half_width_m: float
-    half_height_m: float
 
 
 def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: int = 150) -> Path:
@@ -116,7 +104,7 @@ def _draw_overview(axes: Axes, layers: ExportLayers, letters: Mapping[str, str],
     texts = [
         f"{letters.get(change['change_id'], '')} {_code(change)}".strip() for _, change in loud.iterrows()
     ]
-    place_labels(axes, _xy(loud), texts)
+    place_labels(axes, east_north(loud), texts)
 
 
 def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], letter: str) -> None:
@@ -136,6 +124,9 @@ def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], let
         arrow = {"arrowstyle": "-|>", "color": verdict.colour, "lw": 1.5, "shrinkA": 8, "shrinkB": 9}
         axes.annotate("", xy=tuple(here), xytext=tuple(there), arrowprops=arrow, zorder=6)
     draw_scale_bar(axes, window)
+    enlarge_ellipse(
+        axes, window, layers.estimates, change, np.array([here, here if there is None else there])
+    )
     heading = verdict.label
     if np.isfinite(change["distance_m"]) and change["verdict"] == "moved":
         heading += f" {change['distance_m']:.1f} m"
@@ -146,10 +137,10 @@ def _draw_layers(axes: Axes, layers: ExportLayers, *, mark_scale: float, sign_sc
     for line in layers.drives.geometry[layers.drives.geometry.notna()]:
         east, north = line.xy
         axes.plot(east, north, color=DRIVE_COLOUR, lw=1.6, solid_capstyle="round", zorder=1)
-    _draw_ellipses(axes, layers.estimates)
+    draw_ellipses(axes, layers.estimates)
     signs = layers.nvdb_signs
     for kind, marker, size in ((95, "s", 26), (96, "o", 44)):
-        east, north = _xy(signs[(signs["nvdb_type"] == kind) & signs["own_geometry"]]).T
+        east, north = east_north(signs[(signs["nvdb_type"] == kind) & signs["own_geometry"]]).T
         axes.scatter(
             east,
             north,
@@ -161,7 +152,7 @@ def _draw_layers(axes: Axes, layers: ExportLayers, *, mark_scale: float, sign_sc
             zorder=3,
         )
     for order, verdict in enumerate(VERDICTS):
-        east, north = _xy(layers.changes[layers.changes["verdict"] == verdict.name]).T
+        east, north = east_north(layers.changes[layers.changes["verdict"] == verdict.name]).T
         axes.scatter(
             east,
             north,
@@ -172,26 +163,6 @@ def _draw_layers(axes: Axes, layers: ExportLayers, *, mark_scale: float, sign_sc
             linewidths=0.5,
             zorder=4 + 0.1 * order,
         )
-
-
-def _draw_ellipses(axes: Axes, estimates: gpd.GeoDataFrame) -> None:
-    from matplotlib.patches import Ellipse
-
-    known = estimates[estimates.geometry.notna()]
-    if known.empty:
-        return
-    east, north = _xy(known).T
-    convergence = grid_convergence_deg(*geographic_from_utm33(east, north))
-    # Matplotlib turns counter-clockwise from east; the azimuth runs clockwise from true north.
-    turn = 90.0 - (known["sigma_azimuth_deg"].to_numpy() - convergence)
-    major = 2 * SIGMAS_95 * known["sigma_major_m"].to_numpy()
-    minor = 2 * SIGMAS_95 * known["sigma_minor_m"].to_numpy()
-    for x, y, width, height, angle in zip(east, north, major, minor, turn, strict=True):
-        if np.isfinite([width, height, angle]).all():
-            ellipse = Ellipse(
-                (x, y), width, height, angle=angle, fc=_ELLIPSE_FILL, ec=ESTIMATE_COLOUR, lw=0.9
-            )
-            axes.add_patch(ellipse).set_zorder(2)
 
 
 def _draw_legend(axes: Axes, layers: ExportLayers) -> None:
@@ -217,60 +188,13 @@ def _draw_legend(axes: Axes, layers: ExportLayers) -> None:
     marks += [
         Line2D([], [], ls="", marker="o", ms=6, mfc="none", color=NVDB_COLOUR, label="Skiltplate in NVDB"),
         Line2D([], [], ls="", marker="s", ms=5, mfc="none", color=NVDB_COLOUR, label="Skiltpunkt in NVDB"),
-        Patch(fc=_ELLIPSE_FILL, ec=ESTIMATE_COLOUR, lw=0.9, label="95 % error ellipse"),
+        Patch(fc=ELLIPSE_FILL, ec=ESTIMATE_COLOUR, lw=0.9, label="95 % error ellipse"),
         Line2D([], [], color=DRIVE_COLOUR, lw=1.6, label="Drive"),
     ]
     box = axes.get_window_extent()
     place: Literal["upper right", "best"] = "upper right" if box.width > 2 * box.height else "best"
     legend = axes.legend(handles=marks, loc=place, fontsize=8, framealpha=0.9, edgecolor="#cccccc")
     legend.set_zorder(20)
-
-
-def draw_scale_bar(axes: Axes, window: Window) -> None:
-    """Draw a bar of 1, 2 or 5 times a power of ten metres, about a fifth of the width."""
-    from matplotlib.patheffects import withStroke
-
-    wanted = 0.45 * window.half_width_m
-    power = 10.0 ** np.floor(np.log10(wanted))
-    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted)
-    east = window.east_m - 0.92 * window.half_width_m
-    north = window.north_m - 0.92 * window.half_height_m
-    axes.plot(
-        [east, east + length], [north, north], color="#222222", lw=2.5, solid_capstyle="butt", zorder=15
-    )
-    text = f"{length:g} m" if length < 1000 else f"{length / 1000:g} km"
-    axes.annotate(
-        text,
-        (east + length / 2, north),
-        (0, 3),
-        textcoords="offset points",
-        ha="center",
-        fontsize=8,
-        zorder=15,
-        path_effects=[withStroke(linewidth=2.5, foreground="white")],
-    )
-
-
-def draw_north(axes: Axes, window: Window) -> None:
-    """Point to true north, which the grid of zone 33 misses by up to 12° in Norway."""
-    convergence = grid_convergence_deg(*geographic_from_utm33(window.east_m, window.north_m))
-    grid_azimuth = np.radians(-float(convergence))
-    tail = np.array([0.955, 0.045])
-    box = axes.get_window_extent()
-    tip = tail + 0.075 * np.array([np.sin(grid_azimuth) * box.height / box.width, np.cos(grid_azimuth)])
-    arrow = {"arrowstyle": "-|>", "color": "#222222", "lw": 1.8}
-    axes.annotate(
-        "",
-        tuple(tip),
-        tuple(tail),
-        xycoords="axes fraction",
-        textcoords="axes fraction",
-        arrowprops=arrow,
-        zorder=15,
-    )
-    axes.annotate(
-        "N", tuple(tip), (0, 2), xycoords="axes fraction", textcoords="offset points", ha="center", fontsize=9
-    )
 
 
 def _extent(layers: ExportLayers) -> tuple[float, float, float, float]:
@@ -299,17 +223,6 @@ def _around(extent: tuple[float, float, float, float], axes: Axes) -> Window:
     return Window(middle, (south + north) / 2, half_width, half_width * box.height / box.width)
 
 
-def frame_map(axes: Axes, window: Window) -> None:
-    """Set the axes to a window of the map, without ticks."""
-    axes.set_xlim(window.east_m - window.half_width_m, window.east_m + window.half_width_m)
-    axes.set_ylim(window.north_m - window.half_height_m, window.north_m + window.half_height_m)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    axes.set_facecolor("#fbfbf9")
-    for spine in axes.spines.values():
-        spine.set_color("#bbbbbb")
-
-
 def _worth_a_look(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     """Give what needs a decision: the surest change of each kind, then the next surest of each kind."""
     loud = changes[~changes["verdict"].isin(_QUIET) & changes.geometry.notna()]
@@ -321,17 +234,10 @@ def _worth_a_look(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
 
 def _nvdb_position(signs: gpd.GeoDataFrame, change: pd.Series[Any]) -> NDArray[np.float64] | None:
     sign = signs[(signs["nvdb_id"] == change["nvdb_id"]).fillna(value=False) & signs.geometry.notna()]
-    return None if sign.empty else _xy(sign)[0]
+    return None if sign.empty else east_north(sign)[0]
 
 
 def _code(change: pd.Series[Any]) -> str:
     known, seen = str(change["skiltnummer_nvdb"]), str(change["skiltnummer_seen"])
     code = f"{known} → {seen}" if change["verdict"] == "wrong_type" else seen or known
     return code.replace(";", " + ")
-
-
-def _xy(frame: gpd.GeoDataFrame) -> NDArray[np.float64]:
-    """East and north (n, 2) of the points that are known."""
-    import shapely
-
-    return np.asarray(shapely.get_coordinates(frame.geometry.to_numpy()), dtype=np.float64)

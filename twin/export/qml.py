@@ -184,6 +184,28 @@ def value_map(labels: Mapping[str, str]) -> ET.Element:
     return widget
 
 
+def text_box() -> ET.Element:
+    """Show a long text on several lines."""
+    widget = ET.Element("editWidget", {"type": "TextEdit"})
+    config = ET.SubElement(ET.SubElement(widget, "config"), "Option", {"type": "Map"})
+    ET.SubElement(config, "Option", {"name": "IsMultiline", "type": "bool", "value": "true"})
+    return widget
+
+
+def rounded(digits: int) -> ET.Element:
+    """Show a number with so many decimals; null stays empty."""
+    widget = ET.Element("editWidget", {"type": "Range"})
+    config = ET.SubElement(ET.SubElement(widget, "config"), "Option", {"type": "Map"})
+    ET.SubElement(config, "Option", {"name": "AllowNull", "type": "bool", "value": "true"})
+    # Without bounds QGIS shows nothing.
+    ET.SubElement(config, "Option", {"name": "Min", "type": "double", "value": "0"})
+    ET.SubElement(config, "Option", {"name": "Max", "type": "double", "value": "1000000"})
+    ET.SubElement(config, "Option", {"name": "Precision", "type": "int", "value": str(digits)})
+    ET.SubElement(config, "Option", {"name": "Step", "type": "double", "value": f"{10.0**-digits:g}"})
+    ET.SubElement(config, "Option", {"name": "Style", "type": "QString", "value": "SpinBox"})
+    return widget
+
+
 def document(
     renderer: ET.Element,
     *,
@@ -193,6 +215,7 @@ def document(
     display: str,
     map_tip: str,
     labels: ET.Element | None = None,
+    form: Sequence[str] = (),
 ) -> str:
     """Put a style together.
 
@@ -210,6 +233,8 @@ def document(
     map_tip : str
         HTML with ``[% expression %]``.
     labels : Element, optional
+    form : sequence of str, optional
+        Fields in the order in which the form shows them; that of the layer if empty.
 
     Returns
     -------
@@ -234,6 +259,14 @@ def document(
     locks = ET.SubElement(root, "editable")
     for field in ("fid", *aliases):
         ET.SubElement(locks, "field", {"name": field, "editable": "1" if field in editable else "0"})
+    if form:
+        ET.SubElement(root, "editorlayout").text = "tablayout"
+        shown = ET.SubElement(root, "attributeEditorForm")
+        at = {field: str(index) for index, field in enumerate(aliases, start=1)}
+        for field in form:
+            ET.SubElement(
+                shown, "attributeEditorField", {"name": field, "index": at[field], "showLabel": "1"}
+            )
     ET.SubElement(root, "previewExpression").text = display
     ET.SubElement(root, "mapTip", {"enabled": "1"}).text = map_tip
     return f"{DOCTYPE}\n{ET.tostring(root, encoding='unicode')}\n"

@@ -29,6 +29,23 @@ REQUIRED_M = 1.0
 
 _TYPES = {"95": "Skiltpunkt", "96": "Skiltplate"}
 _RANKS = " ".join(f"WHEN '{verdict.name}' THEN {number}" for number, verdict in enumerate(VERDICTS))
+# What a person decides, then why; the change's id at the end.
+_FORM = (
+    "decision",
+    "verdict",
+    "reason",
+    "confidence",
+    "skiltnummer_nvdb",
+    "skiltnummer_seen",
+    "distance_m",
+    "distance_sigma_m",
+    "nvdb_type",
+    "nvdb_id",
+    "nvdb_version",
+    "n_sightings",
+    "drive_ids",
+    "change_id",
+)
 # What matters most is drawn last.
 _ORDER = f'CASE "verdict" {_RANKS} ELSE {len(VERDICTS)} END'
 # A mark is from 0.8 to 1.2 times the verdict's size, by its confidence.
@@ -74,7 +91,12 @@ def _changes(occurring: Sequence[Verdict]) -> str:
             "verdict": qml.value_map({verdict.name: verdict.label for verdict in VERDICTS}),
             "nvdb_type": qml.value_map(_TYPES),
             "decision": qml.value_map(DECISIONS),
+            "reason": qml.text_box(),
+            "confidence": qml.rounded(2),
+            "distance_m": qml.rounded(2),
+            "distance_sigma_m": qml.rounded(2),
         },
+        form=_FORM,
         display='"verdict" || \' \' || "skiltnummer_nvdb" || \' \' || "skiltnummer_seen"',
         map_tip=map_tip("changes"),
         labels=qml.simple_labels(codes, colour="#222222", size_pt=8.0, from_scale=5000),

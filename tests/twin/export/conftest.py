@@ -57,6 +57,7 @@ def _estimates() -> gpd.GeoDataFrame:
             "object": [str(i) for i in range(n)],
             "label": "skilt",
             "skiltnummer": "362.60",
+            "nvdb_type": 95,
             "method": "single-frame",
             "n_sightings": 9,
             "n_frames": 8,

@@ -56,6 +56,33 @@ def test_picture_lies_tall_roads_beside_their_close_ups(layers: ExportLayers, tm
     assert all(colours.get(verdict.colour, 0) > 12 for verdict in VERDICTS)
 
 
+def test_picture_enlarges_an_ellipse_that_its_mark_hides(layers: ExportLayers, tmp_path: Path) -> None:
+    """Ellipses of 5 cm by 2 cm would be a few pixels under the marks: the fill of one covers hundreds.
+
+    The sign that was not seen has none: of the four close-ups three show one.
+    """
+    small = layers.estimates.assign(sigma_major_m=0.02, sigma_minor_m=0.01, cep95_m=0.05)
+    drawn = _colours(render_png(dataclasses.replace(layers, estimates=small), tmp_path / "a.png", dpi=80))
+    without = dataclasses.replace(layers, estimates=layers.estimates.iloc[:0])
+    none = _colours(render_png(without, tmp_path / "b.png", dpi=80))
+    # #1b2a41 at 34 of 255 over white.
+    fill = [f"#{r:02x}{g:02x}{b:02x}" for r in (224, 225) for g in (226, 227) for b in (229, 230)]
+    assert sum(drawn.get(colour, 0) for colour in fill) > 1000
+    assert sum(none.get(colour, 0) for colour in fill) < 300
+
+
+def test_picture_leaves_an_ellipse_that_shows_where_it_is(layers: ExportLayers, tmp_path: Path) -> None:
+    """One of several metres is wider than its mark: it is drawn once, to scale."""
+    wide = dataclasses.replace(layers, estimates=layers.estimates.assign(sigma_major_m=1.0))
+    narrow = dataclasses.replace(layers, estimates=layers.estimates.assign(sigma_major_m=0.02))
+    white = {}
+    for name, some in (("wide", wide), ("narrow", narrow)):
+        colours = _colours(render_png(some, tmp_path / f"{name}.png", dpi=80))
+        white[name] = colours.get("#ffffff", 0)
+    # The enlarged squares are white, the map is not.
+    assert white["narrow"] > white["wide"] + 5000
+
+
 def test_picture_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     """The sentence names the file."""
     with pytest.raises(ExportRefusedError, match=r"cannot write .*map\.png"):

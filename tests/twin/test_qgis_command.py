@@ -1,0 +1,104 @@
+"""``twin qgis``: how an export is opened, told and done."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from twin.export import COLUMNS
+
+Twin = Callable[..., Any]
+
+
+@pytest.fixture
+def exported(twin: Twin, store: Path, tmp_path: Path) -> Path:
+    """An export of the sample with a project."""
+    folder = tmp_path / "ut på veg"
+    assert twin("export", folder, "--project", "--store", store).code == 0
+    return folder
+
+
+def test_qgis_says_how_to_open_the_project_and_what_is_in_it(twin: Twin, exported: Path) -> None:
+    """The command to copy, a line for each layer, and how decisions come home."""
+    answer = twin("qgis", exported)
+    assert answer.code == 0
+    address = f"geopackage:{exported.parent.as_posix()}/ut%20p%C3%A5%20veg/twin_utm33.gpkg?projectName=twin"
+    assert f"qgis --project '{address}'" in answer.out
+    for layer in COLUMNS:
+        assert layer in answer.out
+    assert "Decide in the column decision of the layer changes" in answer.err
+    assert "--project" in answer.err
+
+
+def test_qgis_as_json_has_the_same(twin: Twin, exported: Path) -> None:
+    """For programs: the address, the command, rows and decisions."""
+    found = twin("qgis", exported, "--json").json
+    assert found["command"] == ["qgis", "--project", found["project"]]
+    assert {layer["name"]: layer["rows"] for layer in found["layers"]}["changes"] == 16
+    assert (found["decisions"], found["decided_in_qgis"]) == ({"open": 16}, {})
+
+
+def test_qgis_counts_decisions_that_wait_in_the_file(twin: Twin, exported: Path) -> None:
+    """What was decided in QGIS and not yet exported again is told."""
+    with closing(sqlite3.connect(exported / "twin_utm33.gpkg")) as database:
+        # GeoPackage's triggers call these; QGIS and GDAL bring them along.
+        for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):
+            database.create_function(name, 1, lambda _: 0)
+        database.execute("UPDATE changes SET decision = 'dismiss' WHERE verdict = 'new'")
+        database.commit()
+    found = twin("qgis", exported, "--json").json
+    assert found["decisions"] == {"open": 15, "dismiss": 1}
+    assert list(found["decided_in_qgis"].values()) == ["dismiss"]
+    assert "1 decided in QGIS since the export" in twin("qgis", exported).err
+
+
+def test_qgis_without_a_project_says_how_to_get_one(twin: Twin, store: Path, tmp_path: Path) -> None:
+    """The layers can be opened all the same."""
+    assert twin("export", tmp_path / "out", "--store", store).code == 0
+    answer = twin("qgis", tmp_path / "out")
+    assert answer.code == 0
+    assert "twin_utm33.gpkg" in answer.out
+    assert "geopackage:" not in answer.out
+    assert f"`twin export {tmp_path / 'out'} --project` puts one in" in answer.err
+
+
+def test_qgis_of_a_folder_without_an_export_says_what_to_run(twin: Twin, tmp_path: Path) -> None:
+    """One sentence, and the exit code for what was refused."""
+    answer = twin("qgis", tmp_path)
+    assert answer.code == 5
+    assert "twin export" in answer.err
+
+
+def test_qgis_open_starts_the_program_with_the_project(
+    twin: Twin, exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is called qgis on the search path is started, with the project's address."""
+    told = tmp_path / "arguments"
+    program = tmp_path / "bin" / "qgis"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nprintf "%s\\n" "$@" > "{told}.part"\nmv "{told}.part" "{told}"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:/usr/bin:/bin")
+    found = twin("qgis", exported, "--open", "--json").json
+    assert found["command"] == [str(program), "--project", found["project"]]
+    for _ in range(500):
+        if told.exists():
+            break
+        time.sleep(0.02)
+    assert told.read_text().splitlines() == ["--project", found["project"]]
+
+
+def test_qgis_open_without_qgis_says_how_to_get_it(
+    twin: Twin, exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One sentence with the cure."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    answer = twin("qgis", exported, "--open")
+    assert answer.code == 2
+    assert "https://qgis.org/download" in answer.err
