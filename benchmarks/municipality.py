@@ -1,7 +1,7 @@
 """Verdicts on a simulated municipality: who is right, how often, and whether the confidences are true.
 
 Usage: python benchmarks/municipality.py [--seeds 5] [--signs 5000] [--drives 40] [--overlooked 0.002]
-       [--centre-line 0.0]
+       [--centre-line 0.0] [--misread 0.0] [--exchanged 0.0]
 
 A grid of roads, poles beside it with up to five plates, some in clusters 0.8 m apart; NVDB's positions with
 0.3 m of noise; 2 % each moved by 0.5 to 10 m, with another code on a plate, unknown to NVDB, and gone;
@@ -16,7 +16,6 @@ code then gives the verdicts. Nothing is timed here: see benchmarks/matching.py.
 from __future__ import annotations
 
 import argparse
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -123,7 +122,7 @@ def add_score(
         elif name == "moved":
             right = paired and world.off_m[truth] > config.tolerance_m
         elif name == "wrong_type":
-            right = paired and world.edit[truth] == name
+            right = paired and world.edit[truth] in {name, "exchanged"}
             right = right and change.skiltnummer_seen in set(world.codes[truth]) - set(
                 world.nvdb_codes[truth]
             )
@@ -132,7 +131,7 @@ def add_score(
         else:
             right = change.nvdb_type == 95 and not world.stands[truth]
         if right:
-            kind = "taken_down" if world.edit[truth] == "taken_down" else name
+            kind = str(world.edit[truth]) if world.edit[truth] in {"taken_down", "exchanged"} else name
             hits.add((kind, pole if name == "new" else truth))
         wrong_pair = name == "unchanged" and not paired
         score.judged.append(Judged(name, change.confidence, bool(right), wrong_pair))
@@ -147,6 +146,7 @@ def add_score(
         "new": {k for k in observed if world.edit[k] == "new"},
         "missing": {k for k in watched - loose if world.edit[k] == "missing"},
         "taken_down": {k for k in watched - loose if world.edit[k] == "taken_down"},
+        "exchanged": {k for k in observed if world.edit[k] == "exchanged"},
     }
     for name, those in wanted.items():
         score.there[name] += len(those)
@@ -174,6 +174,11 @@ def print_score(title: str, score: Score) -> None:
         f"taken down between two drives, and passed since: {score.there['taken_down']}, "
         f"of them found missing: {score.hit['taken_down']}"
     )
+    if score.there["exchanged"]:
+        console().print(
+            f"a plate exchanged between two drives, and seen since: {score.there['exchanged']}, "
+            f"of them found wrong_type: {score.hit['exchanged']}"
+        )
     if score.n_loose:
         console().print(
             f"on the centre line and observed: {score.n_loose:,}, given a position: {score.n_placed:,}, "
@@ -189,22 +194,41 @@ def print_score(title: str, score: Score) -> None:
 
 
 def print_calibration(score: Score) -> None:
-    """Of those given a confidence, how many are right."""
-    table = []
-    for low, high in pairwise(BINS):
-        cells: list[object] = [f"{low:g} to {min(high, 1.0):g}"]
-        those = [j for j in score.judged if low <= j.confidence < high]
-        for names in (("unchanged",), ("moved",), ("wrong_type", "new"), ("missing",)):
-            some = [j for j in those if j.verdict in names]
-            stated = np.mean([j.confidence for j in some]) if some else math.nan
-            cells.append(
-                f"{len(some):,}: {stated:.1%} said, {np.mean([j.right for j in some]):.1%} right"
-                if some
-                else "–"
-            )
-        table.append(cells)
-    columns = ["confidence", "unchanged", "moved", "wrong type, new", "missing"]
-    print_table("Calibration: how sure, and how often right", columns, table, right_from=1)
+    """Of those given a confidence, how many are right: number, mean of what was said, and what was right.
+
+    The expected calibration error is the mean of |said - right| over the bins, weighted by their numbers.
+    """
+    groups = {
+        "unchanged": ("unchanged",),
+        "moved": ("moved",),
+        "wrong type": ("wrong_type",),
+        "new": ("new",),
+        "missing": ("missing",),
+        "all": ("unchanged", "moved", "wrong_type", "new", "missing"),
+    }
+    columns = {name: _calibration([j for j in score.judged if j.verdict in v]) for name, v in groups.items()}
+    table: list[list[object]] = []
+    for k, (low, high) in enumerate(pairwise(BINS)):
+        cells = [
+            f"{n[k]:,}: {said[k]:.1%}, {right[k]:.1%}" if n[k] else "–" for n, said, right in columns.values()
+        ]
+        table.append([f"{low:g} to {min(high, 1.0):g}", *cells])
+    errors = []
+    for n, said, right in columns.values():
+        gap = np.abs(np.nan_to_num(said - right))
+        errors.append(f"{float((n * gap).sum() / max(n.sum(), 1)):.2%}")
+    table.append(["expected error", *errors])
+    print_table("Calibration: number, said, right", ["confidence", *columns], table, right_from=1)
+
+
+def _calibration(judged: Sequence[Judged]) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Number of findings in each bin, their mean confidence, and the share that is right."""
+    said = np.array([j.confidence for j in judged])
+    right = np.array([j.right for j in judged], dtype=np.float64)
+    each = np.digitize(said, BINS[1:-1])
+    n = np.bincount(each, minlength=len(BINS) - 1)
+    some = np.where(n > 0, n, np.nan)
+    return n, *(np.bincount(each, values, minlength=len(BINS) - 1) / some for values in (said, right))
 
 
 def main() -> None:
@@ -215,16 +239,18 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=40)
     parser.add_argument("--centre-line", type=float, default=0.0, help="share without own geometry")
     parser.add_argument("--overlooked", type=float, default=MatchConfig().p_missed)
+    parser.add_argument("--misread", type=float, default=0.0, help="chance that a drive misreads a plate")
+    parser.add_argument("--exchanged", type=float, default=0.0, help="share exchanged between two drives")
     options = parser.parse_args()
     ours, theirs = (Score(Counter(), Counter(), Counter(), Counter(), []) for _ in range(2))
     config = MatchConfig()
     for seed in track(range(options.seeds), "municipalities", console=console()):
         rng = np.random.default_rng(seed)
-        world = make_world(options.signs, rng)
+        world = make_world(options.signs, rng, options.exchanged)
         sites, rows = sites_of(world)
         if options.centre_line:
             sites = on_the_centre_line(sites, options.centre_line, rng)
-        fleet = drive_around(world, sites, options.drives, options.overlooked, rng)
+        fleet = drive_around(world, sites, options.drives, options.overlooked, rng, options.misread)
         poles = observed_poles(fleet.estimates, fleet.order, config, None, fleet.seen_from_deg)
         poles = still_seen(poles, past_poles(fleet, poles), config)
         evidence = evidence_of_absence(fleet.passages, sites, config)

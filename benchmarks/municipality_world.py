@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from twin.match import views_of_places
 from twin.matching.config import MatchConfig
 from twin.matching.evidence import Passage, Views, front_views
 from twin.matching.observed import ObservedPole
+from twin.matching.readings import family
 from twin.matching.sites import Plate, Site
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +55,8 @@ class World:
     stands, known : bool (n,)
         On the road; in NVDB.
     codes, nvdb_codes : tuples of str
-    edit : (n,) "", "moved", "wrong_type", "new", "missing" or "taken_down" (between two drives)
+        Of a plate that is exchanged between two drives, NVDB has what it was before.
+    edit : (n,) "", "moved", "wrong_type", "new", "missing", or between two drives "taken_down", "exchanged"
     """
 
     place: FloatArray
@@ -72,8 +74,8 @@ class World:
         return np.asarray(np.hypot(*(self.place - self.recorded).T))
 
 
-def make_world(n_signs: int, rng: np.random.Generator) -> World:
-    """Draw the municipality."""
+def make_world(n_signs: int, rng: np.random.Generator, exchanged: float = 0.0) -> World:
+    """Draw the municipality; `exchanged` is the share of poles of which a plate is exchanged meanwhile."""
     place, azimuth_grid = _places(n_signs, rng)
     n = len(place)
     weight = 1.0 / np.arange(1, len(CODES) + 1)
@@ -85,13 +87,16 @@ def make_world(n_signs: int, rng: np.random.Generator) -> World:
     each = round(EDITED * n)
     for k, name in enumerate(("moved", "wrong_type", "new", "missing")):
         edit[order[k * each : (k + 1) * each]] = name
-    edit[order[4 * each : 4 * each + round(TAKEN_DOWN * n)]] = "taken_down"
+    gone = 4 * each + round(TAKEN_DOWN * n)
+    edit[order[4 * each : gone]] = "taken_down"
+    edit[order[gone : gone + round(exchanged * n)]] = "exchanged"
     recorded = place + rng.normal(0, NVDB_SIGMA_M, (n, 2))
     turn = rng.uniform(0, 2 * np.pi, n)
     shift = rng.uniform(0.5, 10.0, n)[:, np.newaxis] * np.stack([np.sin(turn), np.cos(turn)], axis=1)
     recorded = np.where((edit == "moved")[:, np.newaxis], recorded + shift, recorded)
     nvdb_codes = [
-        _with_wrong_code(c, rng) if e == "wrong_type" else c for c, e in zip(codes, edit, strict=True)
+        _with_wrong_code(c, rng) if e in {"wrong_type", "exchanged"} else c
+        for c, e in zip(codes, edit, strict=True)
     ]
     convergence = grid_convergence_deg(*geographic_from_utm33(*place.T))
     return World(
@@ -234,9 +239,14 @@ class Fleet:
 
 
 def drive_around(
-    world: World, sites: Sequence[Site], n_drives: int, overlooked: float, rng: np.random.Generator
+    world: World,
+    sites: Sequence[Site],
+    n_drives: int,
+    overlooked: float,
+    rng: np.random.Generator,
+    misread: float = 0.0,
 ) -> Fleet:
-    """Let the drives see what they pass; some signs are taken down between two of them."""
+    """Let the drives see what they pass; some signs are taken down, or exchanged, between two of them."""
     config, rig = MatchConfig(), simulated_rig()
     east, north = np.array([(s.east_m, s.north_m) for s in sites]).T
     # Only to know which face each pole of the world has.
@@ -247,6 +257,11 @@ def drive_around(
     taken_down = rng.integers(1, n_drives, len(world.place))
     taken_down[world.edit != "taken_down"] = n_drives
     known_gone = np.zeros(len(world.place), dtype=bool)
+    exchanged = np.flatnonzero(world.edit == "exchanged")
+    exchanged_at = dict(
+        zip(exchanged.tolist(), rng.integers(1, n_drives, exchanged.size).tolist(), strict=True)
+    )
+    seen_since: set[int] = set()
     visible = world.stands & (rng.random(len(world.place)) >= config.p_hidden)
     fleet = Fleet([], {}, [], [], [])
     for number in range(n_drives):
@@ -258,16 +273,36 @@ def drive_around(
         passed = count >= config.min_views
         known_gone |= (number >= taken_down) & passed
         annotated = visible & (number < taken_down) & passed & (rng.random(count.size) >= overlooked)
-        fleet.estimates.extend(_estimates(name, started, world, np.flatnonzero(annotated), count, rng))
+        rows = np.flatnonzero(annotated)
+        now = {
+            k: world.codes[k] if number >= exchanged_at.get(k, 0) else world.nvdb_codes[k]
+            for k in rows.tolist()
+        }
+        seen_since |= {k for k in exchanged_at.keys() & now.keys() if number >= exchanged_at[k]}
+        if misread:
+            now = {k: _misread(codes, misread, rng) for k, codes in now.items()}
+        fleet.estimates.extend(_estimates(name, started, world, now, count, rng))
         fleet.seen_from_deg.update(_directions(name, views, annotated))
         seen = views_of_places(rig, poses, east, north, config, cameras=list(rig.cameras))
         fleet.tracks.append(poses)
         fleet.passages.append(Passage(name, started, True, seen))
         fleet.order.append(name)
-    # What was taken down after the last drive that passed it, nobody can know of.
+    # What was taken down or exchanged after the last drive that passed it, nobody can know of.
     world.stands[known_gone] = False
     world.edit[(world.edit == "taken_down") & ~known_gone] = ""
+    for k in exchanged_at.keys() - seen_since:
+        world.edit[k], world.codes[k] = "", world.nvdb_codes[k]
     return fleet
+
+
+def _misread(codes: tuple[str, ...], share: float, rng: np.random.Generator) -> tuple[str, ...]:
+    """Each plate may be given another code: half of the slips within its family, where that has others."""
+    read = list(codes)
+    for k in np.flatnonzero(rng.random(len(codes)) < share).tolist():
+        kin = [code for code in CODES if family(code) == family(codes[k]) and code != codes[k]]
+        others = kin if kin and rng.random() < 0.5 else [code for code in CODES if code != codes[k]]
+        read[k] = str(rng.choice(others))
+    return tuple(read)
 
 
 def past_poles(fleet: Fleet, poles: Sequence[ObservedPole]) -> list[Passage]:
@@ -293,12 +328,17 @@ def _directions(name: str, views: Views, annotated: NDArray[np.bool_]) -> dict[s
 
 
 def _estimates(
-    name: str, started_ns: int, world: World, rows: IntArray, count: IntArray, rng: np.random.Generator
+    name: str,
+    started_ns: int,
+    world: World,
+    codes: Mapping[int, tuple[str, ...]],
+    count: IntArray,
+    rng: np.random.Generator,
 ) -> list[dict[str, Any]]:
     """Draw positions from their covariances; half of each variance is the drive's own."""
     common = rng.normal(size=2)
     found = []
-    for k in rows.tolist():
+    for k in codes:
         along, across = rng.uniform(0.08, 0.15), rng.uniform(0.05, 0.08)
         turn = math.radians(world.travel_deg[k])
         axes = np.array([[math.sin(turn), math.cos(turn)], [math.cos(turn), -math.sin(turn)]]).T
@@ -313,7 +353,7 @@ def _estimates(
                 "cov_ee_m2": float(covariance[0, 0]),
                 "cov_en_m2": float(covariance[0, 1]),
                 "cov_nn_m2": float(covariance[1, 1]),
-                "skiltnummer": ";".join(world.codes[k]),
+                "skiltnummer": ";".join(codes[k]),
                 "cameras": ["C1_front60Single"],
                 "n_sightings": int(count[k]),
                 "first_ns": started_ns,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import IntEnum
 from functools import cache
 from importlib.resources import files
@@ -194,6 +194,23 @@ class Egenskapstype:
 
 
 @dataclass(frozen=True, slots=True)
+class Stedfestingskrav:
+    """What a type wants its place on the road network to say.
+
+    Attributes
+    ----------
+    retning : bool or None
+        Whether it has to say a direction; None if not known.
+    sideposisjon, kjorefelt : str or None
+        ``KAN``, ``NEI`` or ``MÅ``; None if not known.
+    """
+
+    retning: bool | None = None
+    sideposisjon: str | None = None
+    kjorefelt: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Datakatalog:
     """What the ids of some vegobjekttyper mean, in one version.
 
@@ -209,6 +226,8 @@ class Datakatalog:
         What the lists under ``barn`` hold. Both ids of a relation are keys: of the list (220004) and of its
         members (200004), since it is not documented which of them Uberiket uses.
     typer : mapping of vegobjekttype → name
+    stedfesting : mapping of vegobjekttype → Stedfestingskrav
+        Absent where it is not known.
     """
 
     version: str
@@ -216,6 +235,7 @@ class Datakatalog:
     egenskapstyper: Mapping[int, Egenskapstype]
     barn: Mapping[int, int]
     typer: Mapping[int, str]
+    stedfesting: Mapping[int, Stedfestingskrav] = field(default_factory=dict)
 
     def enum_value(self, egenskap_id: int, enum_id: int) -> str | int | float | None:
         """Value of an enum id, as API Les V4 shows it in ``verdi``; None if it is not known."""
@@ -239,6 +259,8 @@ class Datakatalog:
         typer: dict[str, Any] = {
             str(type_id): {"navn": navn, "egenskapstyper": {}} for type_id, navn in self.typer.items()
         }
+        for type_id, krav in self.stedfesting.items():
+            typer[str(type_id)]["stedfesting"] = asdict(krav)
         for kind in self.egenskapstyper.values():
             typer[str(kind.type_id)]["egenskapstyper"][str(kind.id)] = {
                 "navn": kind.navn,
@@ -284,6 +306,11 @@ def katalog_from_document(document: Mapping[str, Any]) -> Datakatalog:
             {kind.id: kind for kind in kinds},
             {int(relation): int(type_id) for relation, type_id in document["barn"].items()},
             {int(number): str(raw["navn"]) for number, raw in document["vegobjekttyper"].items()},
+            {
+                int(number): Stedfestingskrav(**raw["stedfesting"])
+                for number, raw in document["vegobjekttyper"].items()
+                if "stedfesting" in raw
+            },
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         msg = f"The saved datakatalog cannot be read ({error!r}): fetch it again."
@@ -309,13 +336,26 @@ def hent_datakatalog(client: NvdbClient, type_ids: tuple[int, ...] = (SKILTPUNKT
     kinds: dict[int, Egenskapstype] = {}
     barn: dict[int, int] = {}
     typer: dict[int, str] = {}
+    krav: dict[int, Stedfestingskrav] = {}
     for type_id in type_ids:
         answer = client.get_json(f"/datakatalog/api/v1/vegobjekttyper/{type_id}", {"inkluder": "alle"})
         top = _document(answer, f"the datakatalog's type {type_id}")
         typer[type_id] = top.text("navn") or ""
         kinds.update((kind.id, kind) for kind in _egenskapstyper(top, type_id))
         barn.update(_barn(top))
-    return Datakatalog(version, released or "", kinds, barn, typer)
+        if "stedfesting" in top.raw:
+            stedfesting = top.child("stedfesting")
+            listed = "innhold" in stedfesting.raw  # where a type takes several places
+            krav[type_id] = _stedfestingskrav(stedfesting.child("innhold") if listed else stedfesting)
+    return Datakatalog(version, released or "", kinds, barn, typer, krav)
+
+
+def _stedfestingskrav(raw: Fields) -> Stedfestingskrav:
+    return Stedfestingskrav(
+        retning=raw.boolean("retning_relevant") if "retning_relevant" in raw.raw else None,
+        sideposisjon=raw.text("sideposisjon_relevant"),
+        kjorefelt=raw.text("kjørefelt_relevant"),
+    )
 
 
 def _document(answer: object, what: str) -> Fields:
@@ -352,45 +392,3 @@ def _barn(top: Fields) -> Iterator[tuple[int, int]]:
         for number in (relation.integer("id"), inner.integer("id")):
             if number is not None:
                 yield number, type_id
-
-
-def diff(old: Datakatalog, new: Datakatalog) -> list[str]:
-    """Say what changed between two versions, one sentence each; empty if nothing did.
-
-    Values that only a partial list lacked are counted in one sentence a property instead of named.
-    """
-    found = (
-        [] if old.version == new.version else [f"The datakatalog went from {old.version} to {new.version}."]
-    )
-    for number in sorted(old.egenskapstyper.keys() | new.egenskapstyper.keys()):
-        before, after = old.egenskapstyper.get(number), new.egenskapstyper.get(number)
-        if before is not None and after is not None:
-            found.extend(_changes(before, after))
-        elif after is not None:
-            found.append(f"Egenskap {number} {after.navn!r} of type {after.type_id} is new.")
-        elif before is not None:
-            found.append(f"Egenskap {number} {before.navn!r} of type {before.type_id} is gone.")
-    return found
-
-
-def _changes(before: Egenskapstype, after: Egenskapstype) -> Iterator[str]:
-    where = f"egenskap {after.id} {after.navn!r}"
-    for what, was, now in (
-        ("name", before.navn, after.navn),
-        ("kind", before.egenskapstype, after.egenskapstype),
-    ):
-        if was and was != now:
-            yield f"The {what} of {where} went from {was!r} to {now!r}."
-    new = [enum_id for enum_id in after.verdier if enum_id not in before.verdier]
-    if before.complete:
-        yield from (f"Enum {enum_id} {after.verdier[enum_id]!r} of {where} is new." for enum_id in new)
-    elif new:
-        yield f"{len(new)} enum values of {where} are known now that the older list lacked."
-    if after.complete:
-        gone = [enum_id for enum_id in before.verdier if enum_id not in after.verdier]
-        yield from (f"Enum {enum_id} {before.verdier[enum_id]!r} of {where} is gone." for enum_id in gone)
-    for enum_id, old in before.verdier.items():
-        value = after.verdier.get(enum_id, old)
-        # A partial list knows some signs by their code alone: a description added to it is no change.
-        if str(value) != str(old) and (before.complete or not str(value).startswith(f"{old} ")):
-            yield f"Enum {enum_id} of {where} was {old!r} and is {value!r}."

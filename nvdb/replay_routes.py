@@ -206,11 +206,25 @@ class Routes:
         return json_answer(200, vegobjekttype_document(self.katalog, type_id))
 
 
+def _stedfesting(katalog: Datakatalog, type_id: int) -> dict[str, Any]:
+    krav = katalog.stedfesting.get(type_id)
+    if krav is None:
+        return {}
+    said = {
+        "egenskapstype": "Stedfesting",
+        "retning_relevant": krav.retning,
+        "sideposisjon_relevant": krav.sideposisjon,
+        "kjørefelt_relevant": krav.kjorefelt,
+    }
+    return {"stedfesting": {name: value for name, value in said.items() if value is not None}}
+
+
 def vegobjekttype_document(katalog: Datakatalog, type_id: int) -> dict[str, Any]:
     """One type as the datakatalog API shows it."""
     return {
         "id": type_id,
         "navn": katalog.typer[type_id],
+        **_stedfesting(katalog, type_id),
         "egenskapstyper": [
             {
                 "id": kind.id,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import zlib
@@ -18,7 +19,7 @@ from geoloc.interpolation import metres_per_degree
 from geoloc.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory import Poses
 from geoloc.visibility import views
-from twin import schema
+from twin import __version__, schema
 from twin.errors import StoreError
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
@@ -92,7 +93,9 @@ def match(
     with store.snapshot() as view:
         say("grouping estimates into poles")
         drives = _drives(view, method)
-        estimates = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method))
+        # What is no sign has nothing to be compared with in a mirror of signs.
+        is_sign = schema.estimate.c.nvdb_type.is_(None)
+        estimates = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign))
         known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
         has_network = store.fact(VEGNETT) is not None
         seen_from = _seen_from(view, estimates, method) if has_network else {}
@@ -117,7 +120,10 @@ def match(
     keys = {member: pole.key for pole in poles for member in pole.members}
     measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
     rows = [{**asdict(change), **_covariance(change, measured)} for change in changes]
-    store.save_changes(rows, keys, {"method": method, "at": utc_now()})
+    settings = _settings(method, config, drives, estimates) | {"road_network": has_network}
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
+    run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
+    store.save_changes(rows, keys, run)
     return MatchReport(
         method=method,
         verdicts=_counts(changes),
@@ -153,6 +159,7 @@ class _Drive:
 
     drive_id: str
     started_ns: int
+    content_sha256: str
     is_evidence: bool
     rig: Rig
     poses: Poses
@@ -163,6 +170,36 @@ class _Drive:
         east, north = np.array([(place.east_m, place.north_m) for place in places]).reshape(-1, 2).T
         views = views_of_places(self.rig, self.poses, east, north, config, cameras=self.cameras)
         return Passage(self.drive_id, self.started_ns, self.is_evidence, views)
+
+
+def _settings(
+    method: str, config: MatchConfig, drives: Sequence[_Drive], estimates: Sequence[Row]
+) -> dict[str, Any]:
+    """Everything that findings depend on but NVDB: by its SHA-256 two runs are known to be alike.
+
+    A drive's files (``drive.toml`` among them) are known by their hash. How it was ingested (terrain, error
+    budget, installed grids) is known by what came of it: the hash of its estimates.
+    """
+    digests = {drive.drive_id: hashlib.sha256() for drive in drives}
+    for row in sorted(estimates, key=lambda e: str(e["estimate_id"])):
+        values = [row[name] for name in _HASHED]
+        digests[row["drive_id"]].update(json.dumps(values, sort_keys=True).encode())
+    return {
+        "software": f"nvdb-twin {__version__}",
+        "method": method,
+        "matching": asdict(config),
+        "drives": {
+            drive.drive_id: {
+                "content_sha256": drive.content_sha256,
+                "estimates_sha256": digests[drive.drive_id].hexdigest(),
+                "complete": drive.is_evidence,
+            }
+            for drive in drives
+        },
+    }
+
+
+_HASHED = ("object", "east_m", "north_m", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "skiltnummer", "cameras")
 
 
 def _places(drives: Sequence[_Drive], poles: Sequence[ObservedPole]) -> FloatArray:
@@ -215,6 +252,7 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
             _Drive(
                 drive_id=row["drive_id"],
                 started_ns=row["started_ns"],
+                content_sha256=row["content_sha256"],
                 is_evidence=bool(row["annotations_complete"]) and row["n_unplaced"] == 0,
                 rig=rig,
                 poses=poses_from_blob(row["poses"]),

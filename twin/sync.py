@@ -11,7 +11,8 @@ from urllib.parse import urlencode
 
 from nvdb.area import Area
 from nvdb.client import Json, NvdbClient, Params
-from nvdb.datakatalog import Datakatalog, diff, hent_datakatalog, katalog_from_document, snapshot
+from nvdb.datakatalog import Datakatalog, hent_datakatalog, katalog_from_document, snapshot
+from nvdb.datakatalog_diff import diff
 from nvdb.errors import AreaError, BodyError, HttpStatusError, SchemaError
 from nvdb.les_v4 import LesV4Source
 from nvdb.mirror import (
@@ -328,9 +329,11 @@ def _sync(
         max_deleted_share=MAX_DELETED_SHARE,
         progress=tell,
     )
-    if news:
+    # Also without news: what was fetched is whole, what ships with this program is not.
+    document = katalog.to_document()
+    if katalog is not snapshot() and document != store.fact(_KATALOG):
         with store.transaction() as connection:
-            store.put_fact(connection, _KATALOG, katalog.to_document())
+            store.put_fact(connection, _KATALOG, document)
     return _result(store, mirror.counts(), report, katalog, news)
 
 

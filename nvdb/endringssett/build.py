@@ -266,15 +266,22 @@ def skiltnummer_enum(code: str, katalog: Datakatalog | None = None) -> int:
     Raises
     ------
     RequestError
-        The datakatalog does not have it; the snapshot has 130 codes of 642.
+        The datakatalog does not have it. The snapshot has 130 codes of 642: its message says to sync first.
     """
     katalog = katalog or datakatalog.snapshot()
     kind = katalog.egenskapstyper.get(SKILTNUMMER)
     for enum_id, text in (kind.verdier if kind is not None else {}).items():
         if datakatalog.sign_code(str(text)) == code:
             return enum_id
+    if kind is not None and not kind.complete:
+        msg = (
+            f"The sign code {code!r} cannot be looked up: only {len(kind.verdier)} codes of datakatalog "
+            f"{katalog.version} ship with this program, so sync with NVDB first, which fetches all of them."
+        )
+        raise RequestError(msg)
     msg = (
-        f"Datakatalog {katalog.version} as known here has no sign code {code!r}: fetch the datakatalog anew."
+        f"Datakatalog {katalog.version} has no sign code {code!r}: correct the code, or sync with NVDB again "
+        "if it is a new one."
     )
     raise RequestError(msg)
 

@@ -13,7 +13,7 @@ from datetime import date
 from typing import Final
 
 from nvdb import datakatalog
-from nvdb.datakatalog import Datakatalog
+from nvdb.datakatalog import Datakatalog, Stedfestingskrav
 from nvdb.endringssett.document import (
     DELVIS,
     MAX_VEGOBJEKTER,
@@ -121,6 +121,7 @@ def _of_an_object(endring: Endring, katalog: Datakatalog) -> Iterator[Finding]:
     if endring.stedfesting is not None:
         for punkt in endring.stedfesting.punkter:
             yield from _place(punkt, say)
+            yield from _what_a_place_says(punkt, endring, katalog, say)
 
 
 def _identity(endring: Endring, say: _Object) -> Iterator[Finding]:
@@ -239,6 +240,24 @@ def _place(punkt: Punkt, say: _Object) -> Iterator[Finding]:
     for felt in punkt.kjorefelt:
         if not _FELT.fullmatch(felt):
             yield say("UGYLDIG_FELT", f"is in lane {felt!r}: give a lane code such as 1 or 2K")
+
+
+def _what_a_place_says(
+    punkt: Punkt, endring: Endring, katalog: Datakatalog, say: _Object
+) -> Iterator[Finding]:
+    """Direction, side and lanes against what the type wants; nothing where the datakatalog is not known."""
+    krav = katalog.stedfesting.get(endring.type_id, Stedfestingskrav())
+    if punkt.retning is None and krav.retning:
+        yield say("MANGLER_RETNING", "says no retning, which its type must: give MED or MOT")
+    elif punkt.retning is None and krav.retning is None and endring.operasjon == "registrer":
+        clause = "says no retning, and it is not known whether its type must: give MED or MOT if you know it"
+        yield say("MANGLER_RETNING", clause, severity=ADVARSEL)
+    if punkt.sideposisjon is not None and krav.sideposisjon == "NEI":
+        yield say("UGYLDIG_SIDEPOSISJON", "says a sideposisjon, which its type does not take: leave it out")
+    if punkt.sideposisjon is None and krav.sideposisjon == "MÅ":
+        yield say("UGYLDIG_SIDEPOSISJON", "says no sideposisjon, which its type must: give H or V")
+    if punkt.kjorefelt and krav.kjorefelt == "NEI":
+        yield say("UGYLDIG_FELT", "says lanes, which its type does not take: leave them out")
 
 
 @dataclass(slots=True)

@@ -82,9 +82,13 @@ def _check_enum(enum_id: int, kind: Egenskapstype, name: str, say: Say) -> Itera
         yield say("IKKE_FLERVERDIEGENSKAP", clause, egenskap=kind.id)
     elif enum_id not in kind.verdier:
         severity = FEIL if kind.complete else ADVARSEL
-        cure = "give one of its values" if kind.complete else "fetch the datakatalog to check it"
-        clause = f"gives {name} the enum id {enum_id}, which is not among its known values: {cure}"
+        clause = f"gives {name} the enum id {enum_id}, which is not among its values: give one of them"
+        if not kind.complete:
+            clause = f"gives {name} the enum id {enum_id}, which cannot be checked: {_PARTIAL}"
         yield say("UGYLDIG_FLERVERDI", clause, severity=severity, egenskap=kind.id)
+
+
+_PARTIAL: Final = "only a part of its values ships with this program, so sync with NVDB first"
 
 
 def _check_text(text: str, kind: Egenskapstype, name: str, say: Say) -> Iterator[Finding]:
@@ -94,9 +98,9 @@ def _check_text(text: str, kind: Egenskapstype, name: str, say: Say) -> Iterator
     if kind.egenskapstype in _ENUMS:
         if text not in {str(value) for value in kind.verdier.values()}:
             severity = FEIL if kind.complete else ADVARSEL
-            clause = (
-                f"gives {name} the value {text[:40]!r}, which is not among its known ones: give the enum id"
-            )
+            clause = f"gives {name} the value {text[:40]!r}, which is not among its values: give the enum id"
+            if not kind.complete:
+                clause = f"gives {name} the value {text[:40]!r}, which cannot be checked: {_PARTIAL}"
             yield say("UGYLDIG_FLERVERDI", clause, severity=severity, egenskap=kind.id)
         return
     if not _readable(text, kind.egenskapstype):

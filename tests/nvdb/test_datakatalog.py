@@ -15,7 +15,7 @@ from nvdb.datakatalog import (
     SKILTNUMMER_ENUM,
     Datakatalog,
     Egenskapstype,
-    diff,
+    Stedfestingskrav,
     hent_datakatalog,
     is_retired,
     katalog_from_document,
@@ -23,6 +23,7 @@ from nvdb.datakatalog import (
     sign_family,
     snapshot,
 )
+from nvdb.datakatalog_diff import diff
 from nvdb.errors import SchemaError
 from nvdb.replay import Fault
 
@@ -67,6 +68,7 @@ def test_snapshot_knows_the_signs_and_says_which_version_it_is() -> None:
     for code, enum_id in SKILTNUMMER_ENUM.items():
         assert sign_code(katalog.enum_text(5530, enum_id) or "") == code
     assert katalog.barn[220004] == katalog.barn[200004] == 96
+    assert katalog.stedfesting == {95: Stedfestingskrav(None, "KAN", "KAN")}
     assert katalog_from_document(json.loads(json.dumps(katalog.to_document()))) == katalog
 
 
@@ -98,6 +100,16 @@ def test_hent_datakatalog_refuses_an_answer_of_another_form(api: Any, body: byte
     client, _ = api.serve({95: []}, lambda info: Fault("status", 200, body=body))
     with pytest.raises(SchemaError):
         hent_datakatalog(client)
+
+
+def test_hent_datakatalog_reads_what_a_place_has_to_say(api: Any) -> None:
+    """Whether a type wants a direction, a side, lanes is in its stedfesting, or in what a list holds."""
+    krav = {"retning_relevant": True, "sideposisjon_relevant": "KAN", "kjørefelt_relevant": "NEI"}
+    for stedfesting in (krav, {"egenskapstype": "Liste", "innhold": krav}):
+        body = json.dumps({"versjon": "2.41", "navn": "x", "stedfesting": stedfesting}).encode()
+        client, _ = api.serve({95: []}, lambda info, body=body: Fault("status", 200, body=body))
+        fetched = hent_datakatalog(client, (95,))
+        assert fetched.stedfesting == {95: Stedfestingskrav(True, "KAN", "NEI")}
 
 
 def test_diff_says_what_changed() -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvdb.datakatalog import Ansiktsside
+from nvdb.datakatalog import Ansiktsside, snapshot
 from nvdb.endringssett import (
     Endring,
     Measured,
@@ -43,7 +43,7 @@ READ = datetime(2026, 11, 1, 12, 0, 15, tzinfo=UTC)
 DAY = date(2026, 10, 31)
 POINT = Target(95, 78735745, 3, READ)
 PLATES = (Target(96, 801, 1, READ), Target(96, 802, 2, READ))
-PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.142940712345, sideposisjon="H")
+PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.142940712345, retning="MED", sideposisjon="H")
 MEASURED = Measured(
     east_m=270196.9912, north_m=7041858.1349, std_m=0.081, captured=DAY, height_m=12.3, std_height_m=0.2
 )
@@ -168,8 +168,12 @@ def test_gone_closes_and_says_about_its_plates() -> None:
 def test_sign_codes_become_enum_ids() -> None:
     """Codes come from the datakatalog; one that it lacks is refused by name."""
     assert skiltnummer_enum("362.50") == 8874
-    with pytest.raises(RequestError, match=r"no sign code '999\.9'"):
+    with pytest.raises(RequestError, match=r"only 130 codes .* sync with NVDB first"):
         skiltnummer_enum("999.9")
+    kind = dataclasses.replace(snapshot().egenskapstyper[5530], complete=True)
+    whole = dataclasses.replace(snapshot(), egenskapstyper={5530: kind})
+    with pytest.raises(RequestError, match=r"no sign code '999\.9': correct the code"):
+        skiltnummer_enum("999.9", whole)
 
 
 @pytest.mark.parametrize(

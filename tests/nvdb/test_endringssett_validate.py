@@ -10,6 +10,7 @@ import pytest
 
 from nvdb import datakatalog
 from nvdb.endringssett import (
+    ADVARSEL,
     FEIL,
     Assosiasjon,
     Datter,
@@ -33,7 +34,7 @@ from nvdb.endringssett import (
 
 DAY = date(2026, 10, 31)
 READ = datetime(2026, 11, 1, tzinfo=UTC)
-PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.25, sideposisjon="H")
+PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.25, retning="MED", sideposisjon="H")
 MEASURED = Measured(east_m=270000, north_m=7040000, std_m=0.1, captured=DAY, height_m=10.0, std_height_m=0.2)
 KVALITET = Kvalitet(datafangstmetode="fot", noyaktighet_cm=10, synbarhet=0)
 TOO_LARGE = "STØRRE_ENN_ABSOLUTT_MAKSIMUM"
@@ -207,7 +208,9 @@ def test_an_unknown_enum_id_is_an_error_only_where_the_list_is_complete() -> Non
     """The shipped snapshot is partial and warns; a fetched datakatalog refuses."""
     snapshot = datakatalog.snapshot()
     sett = _with(Egenskap(type_id=5530, enum=(1,)), 96)
-    assert [f.severity for f in validate(sett)] == ["advarsel"]
+    (warning,) = validate(sett)
+    assert warning.severity == ADVARSEL
+    assert "sync with NVDB first" in str(warning)
     whole = {5530: replace(snapshot.egenskapstyper[5530], complete=True)}
     katalog = replace(snapshot, egenskapstyper={**snapshot.egenskapstyper, **whole})
     assert [f.severity for f in validate(sett, katalog)] == ["feil"]
@@ -273,6 +276,36 @@ def test_places_are_checked(changes: dict[str, Any], code: str) -> None:
         operasjon="delvisOppdater", type_id=95, nvdb_id=1, versjon=1, startdato=DAY, stedfesting=place
     )
     assert _codes(_sett(endring)) == [code]
+
+
+def _wanting(**krav: Any) -> datakatalog.Datakatalog:
+    """The snapshot, where both types want this of their places."""
+    both = dict.fromkeys((95, 96), datakatalog.Stedfestingskrav(**krav))
+    return replace(datakatalog.snapshot(), stedfesting=both)
+
+
+@pytest.mark.parametrize(
+    ("krav", "place", "code"),
+    [
+        ({"retning": True}, {"retning": None}, "MANGLER_RETNING"),
+        ({"retning": False, "sideposisjon": "NEI"}, {}, "UGYLDIG_SIDEPOSISJON"),
+        ({"retning": False, "sideposisjon": "MÅ"}, {"sideposisjon": None}, "UGYLDIG_SIDEPOSISJON"),
+        ({"retning": False, "kjorefelt": "NEI"}, {"kjorefelt": ("1",)}, "UGYLDIG_FELT"),
+    ],
+)
+def test_a_place_says_what_its_type_wants(krav: dict[str, Any], place: dict[str, Any], code: str) -> None:
+    """Direction, side and lanes missing, or not wanted: refused, for pole and plate."""
+    where = Stedfesting(punkter=(replace(PLACE, **place),))
+    sett = _sett(*(replace(endring, stedfesting=where) for endring in _new()))
+    assert [(f.code, f.severity) for f in validate(sett, _wanting(**krav))] == [(code, FEIL)] * 2
+
+
+def test_a_new_sign_without_direction_is_warned_of_only_where_nothing_is_known() -> None:
+    """Not knowing whether a type wants a retning is a warning; knowing that it does not, no word."""
+    where = Stedfesting(punkter=(replace(PLACE, retning=None),))
+    sett = _sett(*(replace(endring, stedfesting=where) for endring in _new()))
+    assert [(f.code, f.severity) for f in validate(sett)] == [("MANGLER_RETNING", ADVARSEL)] * 2
+    assert validate(sett, _wanting(retning=False)) == ()
 
 
 @pytest.mark.parametrize(("first", "second"), [(None, "ny"), ("oppdater", "ny")])

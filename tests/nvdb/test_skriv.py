@@ -50,8 +50,8 @@ from nvdb.skriv_login import OidcLogin
 START = datetime(2026, 11, 1, 12, 0, tzinfo=UTC)
 READ = datetime(2026, 10, 31, tzinfo=UTC)
 DAY = date(2026, 10, 31)
-OLD_PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.1)
-PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.25)
+OLD_PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.1, retning="MED")
+PLACE = Punkt(veglenkesekvens_id=2510771, posisjon=0.25, retning="MED")
 MEASURED = Measured(east_m=270000, north_m=7040000, std_m=0.1, captured=DAY)
 SIGN = [NewPlate(skiltnummer="362.50", plasseringskode=10)]
 PASSWORD = "hemmelig-7b1f"  # of the local server

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from nvdb.datakatalog import snapshot
+from nvdb.datakatalog import Ansiktsside, katalog_from_document, snapshot
 from nvdb.endringssett import (
     Assosiasjon,
     Datter,
@@ -30,13 +30,20 @@ from twin import schema
 from twin.changesets import ChangeSets, files_of, groups_from_store
 from twin.changesets.merge import merged
 from twin.changesets.operations import is_correction
+from twin.changesets.places import Places
 from twin.export import FILES
 from twin.store import Store
 
 Twin = Callable[..., Any]
 DAY = date(2026, 6, 10)
 MOVED, WRONG_PLATE, MISSING, THREE_PLATES = 1042500106, 1042600114, 1042500115, 1042500105
-SETS = ["endringssett-1-before.json", "endringssett-1.json", "endringssett-1.xml", "proveniens.json"]
+SETS = [
+    "datafangst-1.geojson",
+    "endringssett-1-before.json",
+    "endringssett-1.json",
+    "endringssett-1.xml",
+    "proveniens.json",
+]
 
 
 def made_from(path: Path, decision: str = "accept") -> ChangeSets:
@@ -89,8 +96,63 @@ def test_every_verdict_becomes_its_operation(twin: Twin, road_store: Path) -> No
     places = {e.stedfesting for e in item.sett.endringer if e.nvdb_id in {MOVED, 1042600108}}
     assert len(places) == 1
     (punkt,) = next(iter(places)).punkter
-    assert punkt.veglenkesekvens_id == 3041771
+    assert (punkt.veglenkesekvens_id, punkt.retning, punkt.sideposisjon) == (3041771, "MED", "H")
     assert abs(punkt.posisjon - 0.203) < 0.001  # 3 m before NVDB's place, of 1,000 m
+
+
+def test_new_sign_says_which_traffic_it_is_for(twin: Twin, road_store: Path) -> None:
+    """The car drove with the road: direction and side of pole and plates, and the plates' Ansiktsside."""
+    assert twin("decide", "accept", "--verdict", "new", "--by", "kari", "--store", road_store).code == 0
+    made = made_from(road_store)
+    assert [warning.partition(" lacks")[2][:18] for warning in made.setts[0].warnings] == [
+        " the property 1876"
+    ]
+    new = made.setts[0].sett.endringer
+    for endring in new:
+        assert endring.stedfesting is not None
+        (punkt,) = endring.stedfesting.punkter
+        assert (punkt.retning, punkt.sideposisjon) == ("MED", "H")
+    sides = [e.enum for endring in new for e in endring.egenskaper if e.type_id == 1894]
+    assert sides == [(2714,), (2714,)]
+
+
+def test_sign_seen_from_both_sides_gets_no_direction(twin: Twin, road_store: Path) -> None:
+    """Half of the cameras behind it: which traffic it is for is not guessed, and the warning says so."""
+    mirrored = ", ".join(
+        f"eye_{axis}_m = 2 * (SELECT {axis}_m FROM estimate AS e WHERE e.drive_id = sighting.drive_id "
+        f"AND e.object = sighting.object AND e.method = sighting.method) - eye_{axis}_m"
+        for axis in ("east", "north")
+    )
+    change(road_store, f"UPDATE sighting SET {mirrored} WHERE number % 2 = 0")
+    assert twin("decide", "accept", "--verdict", "new", "--by", "kari", "--store", road_store).code == 0
+    made = made_from(road_store)
+    assert made.left_out == ()
+    for endring in made.setts[0].sett.endringer:
+        assert endring.stedfesting is not None
+        assert [(p.retning, p.sideposisjon) for p in endring.stedfesting.punkter] == [(None, "H")]
+        assert 1894 not in {egenskap.type_id for egenskap in endring.egenskaper}
+    assert sum("says no retning" in warning for warning in made.setts[0].warnings) == 3
+
+
+@pytest.mark.parametrize(
+    ("face_deg", "retning", "ansiktsside"),
+    [
+        (225.0, "MED", Ansiktsside.MED_METRERINGSRETNING),
+        (45.0, "MOT", Ansiktsside.MOT_METRERINGSRETNING),
+        (135.0, None, None),
+        (None, None, None),
+    ],
+)
+def test_place_says_the_direction_of_the_traffic_that_reads_a_face(
+    road_store: Path, face_deg: float | None, retning: str | None, ansiktsside: Ansiktsside | None
+) -> None:
+    """The main road runs to the north-east: a face to the south-west is for those who follow it."""
+    with Store.open(road_store) as opened:
+        places = Places(opened)
+        rows = opened.rows(sa.select(schema.skiltpunkt).where(schema.skiltpunkt.c.nvdb_id == MOVED))
+        where = rows[0]["east_m"], rows[0]["north_m"], DAY
+        assert places.place(*where, face_deg=face_deg).retning == retning
+        assert places.ansiktsside(*where, face_deg) == ansiktsside
 
 
 def test_geometry_says_how_well_it_is_known(twin: Twin, road_store: Path) -> None:
@@ -206,7 +268,7 @@ def test_merged_update_takes_a_correction_in() -> None:
     [
         ("UPDATE skiltplate SET start_date='2026-06-10' WHERE nvdb_id=1042600114", "defer it until"),
         ("UPDATE skiltplate SET version=NULL WHERE nvdb_id=1042600114", "twin sync-nvdb"),
-        ("UPDATE change SET skiltnummer_seen='999.77' WHERE verdict='wrong_type'", "fetch the datakatalog"),
+        ("UPDATE change SET skiltnummer_seen='999.77' WHERE verdict='wrong_type'", "correct the code"),
         ("UPDATE change SET skiltnummer_seen='' WHERE verdict='wrong_type'", "annotate it"),
     ],
 )
@@ -220,6 +282,33 @@ def test_what_cannot_be_sent_is_left_out_with_its_cure(
     assert made.setts == ()
     (item,) = made.left_out
     assert cure in item.sentence
+
+
+def test_a_synced_store_has_the_whole_datakatalog(store: Path) -> None:
+    """What the API gave is kept as complete, even where it brought nothing that was not known before."""
+    with Store.open(store) as opened:
+        fact = opened.fact("datakatalog")
+    assert fact is not None
+    katalog = katalog_from_document(fact)
+    assert all(kind.complete for kind in katalog.egenskapstyper.values())
+    assert katalog.stedfesting == snapshot().stedfesting
+
+
+def test_a_code_that_only_the_whole_datakatalog_has_says_sync_first(twin: Twin, store: Path) -> None:
+    """With the shipped list alone a rare code is not wrong, only unknown; a sync brings all of them."""
+    assert twin("decide", "accept", "--verdict", "wrong_type", "--by", "kari", "--store", store).code == 0
+    change(store, "UPDATE change SET skiltnummer_seen='999.77' WHERE verdict='wrong_type'")
+    with Store.open(store) as opened, opened.transaction() as connection:
+        opened.put_fact(connection, "datakatalog", snapshot().to_document())
+    (item,) = made_from(store).left_out
+    assert "sync with NVDB first" in item.sentence
+    with Store.open(store) as opened, opened.transaction() as connection:
+        document = snapshot().to_document()
+        document["vegobjekttyper"]["96"]["egenskapstyper"]["5530"]["verdier"]["77777"] = "999.77 - X"
+        opened.put_fact(connection, "datakatalog", document)
+    made = made_from(store)
+    assert made.left_out == ()
+    assert [item.enum for item in made.setts[0].sett.endringer[0].egenskaper] == [(77777,)]
 
 
 def test_export_without_acceptance_writes_no_change_set(twin: Twin, store: Path, tmp_path: Path) -> None:
@@ -254,6 +343,16 @@ def test_export_writes_sets_with_their_provenance(twin: Twin, road_store: Path, 
         assert [drive["name"] for drive in told["drives"]] == ["trip_trondheim"]
         assert bool(told["frames"]) == (told["verdict"] != "missing")
         assert bool(told["nvdb"]["read"]) == (told["nvdb"]["id"] is not None)
+        assert bool(told["nvdb"]["version"]) == (told["nvdb"]["id"] is not None)
+        assert all(len(drive["content_sha256"]) == 64 for drive in told["drives"])
+        assert all(numbers for cameras in told["frames"].values() for numbers in cameras.values())
+        assert set(told["frames"]) <= {drive["drive_id"] for drive in told["drives"]}
+        # No geoid model is installed here: no height, and it is said.
+        assert ("height" in told) == (told["verdict"] in {"new", "moved"})
+        assert "HREF2018B is not installed" in told.get("height", "HREF2018B is not installed")
+    assert document["software"].startswith("twin ")
+    assert (document["match"]["method"], len(document["match"]["config_sha256"])) == ("adjusted", 64)
+    assert document["match"]["settings"]["matching"]["tolerance_m"] == 1.0
     assert twin("export", tmp_path / "b", "--store", road_store).code == 0
     for name in SETS:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
@@ -266,6 +365,7 @@ def test_preview_of_open_findings_is_named_so(twin: Twin, store: Path, tmp_path:
     assert answer.code == 0
     assert "cannot be sent" in answer.err
     assert exported(out) == [
+        "preview-datafangst-1.geojson",
         "preview-endringssett-1.json",
         "preview-endringssett-1.xml",
         "preview-proveniens.json",

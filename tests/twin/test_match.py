@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 import shapely
 import sqlalchemy as sa
 
+from geoloc.locate import ErrorBudget
 from twin import schema
 from twin.errors import ConfigError
 from twin.ingest import ingest_drive
@@ -178,6 +180,47 @@ def test_match_keeps_ids_when_an_earlier_drive_arrives_later(synced: Path, trip:
         assert {row["change_id"] for row in store.rows(sa.select(schema.change))} == first
 
 
+def run_of(store: Store) -> dict[str, Any]:
+    """What the store keeps of its last match."""
+    found = store.fact("last_match")
+    assert found is not None
+    return found
+
+
+def test_match_hashes_every_setting_that_changes_findings(store: Path) -> None:
+    """Tolerance, gate, a prior and the method change the hash, a re-run does not; no setting is left out."""
+    with Store.open(store) as opened:
+        hashes = []
+        for settings in ({}, {}, {"tolerance_m": 2.0}, {"gate_m": 10.0}, {"p_misread": 0.02}):
+            match(opened, config=MatchConfig(**settings))
+            hashes.append(run_of(opened)["config_sha256"])
+        assert run_of(opened)["settings"]["matching"].keys() == {field.name for field in fields(MatchConfig)}
+        match(opened, method="paper")
+        hashes.append(run_of(opened)["config_sha256"])
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 5
+
+
+def test_match_hashes_what_the_drive_says_of_itself(synced: Path, trip: Path) -> None:
+    """A line of drive.toml, or another error budget, changes the hash; ingesting anew does not."""
+    hashes = []
+    settings = trip / "drive.toml"
+    as_it_is = settings.read_text()
+    with Store.open(synced) as opened:
+        for line, budget in (
+            ("", None),
+            ("", None),
+            ("pole_radius_m = 0.1\n", None),
+            ("", ErrorBudget(pixel_px=3.0)),
+        ):
+            settings.write_text(line + as_it_is)
+            ingest_drive(opened, trip, budget=budget)
+            match(opened)
+            hashes.append(run_of(opened)["config_sha256"])
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 3
+
+
 def test_export_refuses_findings_of_an_older_state(
     twin: Twin, synced: Path, trip: Path, tmp_path: Path
 ) -> None:
@@ -199,6 +242,13 @@ def test_match_refuses_nonsense_settings(twin: Twin, store: Path, value: float) 
     with pytest.raises(ConfigError, match="tolerance_m"):
         MatchConfig(tolerance_m=value)
     assert twin("match", "--tolerance", str(value), "--store", store).code == 2
+
+
+def test_match_refuses_a_probability_above_one() -> None:
+    """A share is at most 1; a distance may be anything."""
+    with pytest.raises(ConfigError, match=r"p_misread of matching is 1\.5: give a share of at most 1"):
+        MatchConfig(p_misread=1.5)
+    assert MatchConfig(gate_m=1.5).gate_m == 1.5
 
 
 def with_road(store: Store, retning: int) -> None:

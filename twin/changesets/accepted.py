@@ -62,6 +62,8 @@ class ChangeSets:
     seen : mapping of change_id → Seen
     read : mapping of change_id → when the mirror fetched its object; absent where NVDB has none
     decided : mapping of change_id → the standing entry of the log; absent where nobody ever decided
+    match : mapping
+        Of the match that found them: ``method``, ``config_sha256`` and the ``settings`` that it is of.
     """
 
     decision: str
@@ -71,6 +73,7 @@ class ChangeSets:
     seen: Mapping[str, Seen] = field(default_factory=dict)
     read: Mapping[str, str] = field(default_factory=dict)
     decided: Mapping[str, Row] = field(default_factory=dict)
+    match: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def is_preview(self) -> bool:
@@ -106,9 +109,7 @@ def groups_from_store(store: Store, decision: str = ACCEPT) -> ChangeSets:
     fact = store.fact("datakatalog")
     katalog = katalog_from_document(fact) if fact else snapshot()
     with store.snapshot() as view:
-        chosen = [
-            row for row in findings(view.rows) if row["decision"] == decision and row["verdict"] not in QUIET
-        ]
+        chosen = [row for row in findings(view.rows, decision) if row["verdict"] not in QUIET]
         if not chosen:
             return ChangeSets(decision)
         said = standing(view.rows)
@@ -130,6 +131,8 @@ def groups_from_store(store: Store, decision: str = ACCEPT) -> ChangeSets:
             if (key := (row["nvdb_type"], row["nvdb_id"])) in mirrored.rows
         },
         decided={row["change_id"]: said[row["change_id"]] for row in chosen if row["change_id"] in said},
+        # Not when: the same findings give the same files.
+        match={name: last.get(name) for name in ("method", "config_sha256", "settings")},
     )
 
 

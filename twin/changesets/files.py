@@ -11,17 +11,24 @@ from typing import Any, Final
 import twin
 from nvdb.endringssett import to_json, to_xml
 from twin.changesets.accepted import ChangeSets, Sett
+from twin.changesets.datafangst import datafangst
+from twin.changesets.seen import height_of
 
 PROVENANCE: Final = "proveniens.json"
 PREVIEW: Final = "preview-"
 """Before the name of every file about findings that nobody has accepted."""
-_OURS: Final = re.compile(r"(preview-)?(endringssett-\d+(-before)?\.(xml|json)|proveniens\.json)")
+_MEASURED: Final = frozenset({"new", "moved"})
+"""Verdicts that bring a measured position into NVDB."""
+_OURS: Final = re.compile(
+    r"(preview-)?(endringssett-\d+(-before)?\.(xml|json)|datafangst-\d+\.geojson|proveniens\.json)"
+)
 
 
 def files_of(made: ChangeSets) -> dict[str, bytes]:
     """Write change sets.
 
     ``endringssett-1.xml`` is what is sent, ``endringssett-1.json`` says the same;
+    ``datafangst-1.geojson`` says it to Datafangst,
     ``endringssett-1-before.json`` holds the objects as they were, for undoing; ``proveniens.json`` says where
     every change comes from and the SHA-256 of each set. The name of a preview begins with ``preview-``. A set
     in which our own checks found errors is not written. Nothing depends on the clock: the same findings give
@@ -40,6 +47,8 @@ def files_of(made: ChangeSets) -> dict[str, bytes]:
     for number, sett in enumerate(made.setts, start=1):
         base = f"{prefix}endringssett-{number}"
         own = {} if sett.errors else _files_of_set(base, sett, preview=made.is_preview)
+        if own:
+            own[f"{prefix}datafangst-{number}.geojson"] = datafangst(made, sett)
         files |= own
         setts.append(
             {
@@ -55,6 +64,7 @@ def files_of(made: ChangeSets) -> dict[str, bytes]:
     document = {
         "software": f"twin {twin.__version__}",
         "decision": made.decision,
+        "match": made.match,
         "sets": setts,
         "changes": _changes(made),
         "left_out": {item.change_id: item.sentence for item in made.left_out},
@@ -92,6 +102,7 @@ def _changes(made: ChangeSets) -> list[dict[str, Any]]:
             "verdict": row["verdict"],
             "reason": row["reason"],
             "confidence": row["confidence"],
+            "terms": row["terms"],
             "set": where[key][0] if key in where else None,
             "operations": [endring.navn for endring in where[key][1].endringer] if key in where else [],
             "decision": _decision(made.decided.get(key)),
@@ -127,4 +138,5 @@ def _evidence(made: ChangeSets, key: str) -> dict[str, Any]:
         ],
         "estimates": [estimate["estimate_id"] for estimate in seen.estimates],
         "frames": seen.frames,
+        **({"height": height_of(seen).how} if made.findings[key]["verdict"] in _MEASURED else {}),
     }

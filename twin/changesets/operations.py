@@ -8,9 +8,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nvdb.datakatalog import Datakatalog
+from nvdb.datakatalog import Ansiktsside, Datakatalog
 from nvdb.endringssett import (
     Endring,
+    Measured,
     NewPlate,
     Punkt,
     changed_type,
@@ -78,16 +79,19 @@ def new_pole(finding: Row, scene: Scene) -> Group | LeftOut:
     """``registrer`` of a Skiltpunkt and its plates."""
     try:
         seen = _need_seen(finding, scene)
-        plates = [
-            NewPlate(skiltnummer=code, plasseringskode=10 * number)
-            for number, code in enumerate(_codes(finding, scene), start=1)
-        ]
+        codes = _codes(finding, scene)
         position = measured_position(finding, seen)
+        where = position.east_m, position.north_m, seen.first_day
+        side = scene.places.ansiktsside(*where, seen.face_deg)
+        plates = [
+            NewPlate(skiltnummer=code, ansiktsside=side, plasseringskode=10 * number)
+            for number, code in enumerate(codes, start=1)
+        ]
         group = new_sign(
             finding["change_id"],
             position,
             on_date=seen.first_day,
-            stedfesting=scene.places.place(position.east_m, position.north_m, seen.first_day),
+            stedfesting=scene.places.place(*where, face_deg=seen.face_deg),
             plates=plates,
             katalog=scene.katalog,
         )
@@ -154,7 +158,9 @@ class _Pole:
         day = seen.last_day
         point = self._target(SKILTPUNKT, self.site.nvdb_id, day)
         targets = [self._target(SKILTPLATE, number, day) for number in plates]
-        place = self.scene.places.place(position.east_m, position.north_m, day, self._place_before())
+        place = self.scene.places.place(
+            position.east_m, position.north_m, day, face_deg=seen.face_deg, before=self._place_before()
+        )
         self.place = place
         return moved(point, position, on_date=day, stedfesting=place, plates=targets)
 
@@ -170,15 +176,26 @@ class _Pole:
         self._need_point("is registered on its Skiltpunkt")
         seen = _need_seen(finding, self.scene)
         point = self._target(SKILTPUNKT, self.site.nvdb_id, seen.last_day)
+        position = measured_position(finding, seen)
+        side = self._side(position, seen)
         return new_plates(
             point,
             finding["change_id"],
-            measured_position(finding, seen),
+            position,
             on_date=seen.last_day,
             stedfesting=self.place or self.scene.mirrored.place((SKILTPUNKT, self.site.nvdb_id)),
-            plates=[NewPlate(skiltnummer=code) for code in _codes(finding, self.scene)],
+            plates=[NewPlate(skiltnummer=code, ansiktsside=side) for code in _codes(finding, self.scene)],
             katalog=self.scene.katalog,
         )
+
+    def _side(self, position: Measured, seen: Seen) -> Ansiktsside | None:
+        """Which traffic a new plate is for; a plate can do without, so no road network is needed."""
+        try:
+            return self.scene.places.ansiktsside(
+                position.east_m, position.north_m, seen.last_day, seen.face_deg
+            )
+        except RequestError:
+            return None
 
     def _need_point(self, what: str) -> None:
         if self.site.nvdb_type != SKILTPUNKT:

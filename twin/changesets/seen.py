@@ -34,11 +34,15 @@ class Seen:
     estimates : tuple of mapping
         Of the pole, in the order of their ids; empty for what was not seen.
     frames : mapping of drive → camera → frame numbers, ascending
+    face_deg : float or None
+        Azimuth from grid north, from the pole to the cameras that saw it: which way its face looks. None
+        where it was seen from both sides, or the method does not tell where the cameras were.
     """
 
     drives: tuple[Row, ...]
     estimates: tuple[Row, ...]
     frames: Mapping[str, Mapping[str, list[int]]]
+    face_deg: float | None = None
 
     @property
     def first_day(self) -> dt.date:
@@ -70,13 +74,15 @@ def seen_of(view: Snapshot, findings: Sequence[Row], method: str) -> dict[str, S
         if math.isfinite(row["east_m"])
     ]
     keys = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
-    poles = {row["change_id"]: _of_the_pole(row, estimates, keys) for row in findings}
-    frames = _frames(view, {_member(e) for pole in poles.values() for e in pole}, method)
+    members = _by_pole(estimates, keys)
+    poles = {row["change_id"]: members.get((row["terms"] or {}).get("pole"), []) for row in findings}
+    sightings = _sightings(view, {_member(e) for pole in poles.values() for e in pole}, method)
     return {
         row["change_id"]: Seen(
             tuple(drive for drive in drives if drive["drive_id"] in row["drive_ids"].split(",")),
             tuple(poles[row["change_id"]]),
-            _together(frames, poles[row["change_id"]]),
+            _frames(sightings, poles[row["change_id"]]),
+            _face_deg(sightings, poles[row["change_id"]]),
         )
         for row in findings
     }
@@ -88,55 +94,60 @@ def measured_position(finding: Row, seen: Seen) -> Measured:
     The standard deviation in plan is √(σE² + σN²). The height is NN2000 of the estimate that knows it best;
     there is none where the method gives no standard deviation of it, or the geoid model is not installed.
     """
-    height_m, std_height_m = _height(seen.estimates)
+    height = height_of(seen)
     return Measured(
         east_m=finding["east_m"],
         north_m=finding["north_m"],
         std_m=math.sqrt(finding["cov_ee_m2"] + finding["cov_nn_m2"]),
         captured=seen.last_day,
-        height_m=height_m,
-        std_height_m=std_height_m,
+        height_m=height.height_m,
+        std_height_m=height.std_m,
     )
 
 
-def _height(estimates: Sequence[Row]) -> tuple[float | None, float | None]:
-    known = [row for row in estimates if row["sigma_height_m"] and math.isfinite(row["height_m"])]
+@dataclass(frozen=True, slots=True)
+class Height:
+    """Height of a pole's foot in NN2000 and its standard deviation; None where unknown. `how`: a sentence."""
+
+    height_m: float | None
+    std_m: float | None
+    how: str
+
+
+def height_of(seen: Seen) -> Height:
+    """NN2000 by the estimate that knows its height best."""
+    known = [row for row in seen.estimates if row["sigma_height_m"] and math.isfinite(row["height_m"])]
     if not known:
-        return None, None
+        return Height(None, None, "No height: the method does not say how well it knows heights.")
     best = min(known, key=lambda row: (row["sigma_height_m"], row["estimate_id"]))
     latitude, longitude = geographic_from_utm33(best["east_m"], best["north_m"])
     heights = nn2000_from_ellipsoidal(latitude, longitude, best["height_m"])
     height_m = float(heights.height_m)
-    if not math.isfinite(height_m):
-        return None, None
-    return height_m, math.hypot(best["sigma_height_m"], heights.sigma_m)
+    if math.isfinite(height_m):
+        return Height(height_m, math.hypot(best["sigma_height_m"], heights.sigma_m), heights.how)
+    installed = math.isfinite(heights.sigma_m)
+    return Height(None, None, "No height: outside the geoid model." if installed else heights.how)
 
 
-def _of_the_pole(finding: Row, estimates: Sequence[Row], keys: Mapping[str, str]) -> list[Row]:
-    """Estimates that were fused to the pole of a finding: the nearest one says which pole that is."""
-    drives = set(finding["drive_ids"].split(","))
-    own = [row for row in estimates if row["drive_id"] in drives and _member(row) in keys]
-    if not own or not finding["n_sightings"]:
-        return []
-    nearest = min(own, key=lambda e: math.dist(_place(e), _place(finding)))
-    pole = keys[_member(nearest)]
-    return sorted((e for e in own if keys[_member(e)] == pole), key=lambda e: str(e["estimate_id"]))
-
-
-def _place(row: Row) -> tuple[float, float]:
-    return row["east_m"], row["north_m"]
+def _by_pole(estimates: Iterable[Row], keys: Mapping[str, str]) -> dict[str | None, list[Row]]:
+    """Estimates that were fused to each pole, in the order of their ids."""
+    found: dict[str | None, list[Row]] = {}
+    for row in sorted(estimates, key=lambda e: str(e["estimate_id"])):
+        if (pole := keys.get(_member(row))) is not None:
+            found.setdefault(pole, []).append(row)
+    return found
 
 
 def _member(estimate: Row) -> str:
     return f"{estimate['drive_id']}:{estimate['object']}"
 
 
-def _frames(view: Snapshot, members: Iterable[str], method: str) -> dict[tuple[str, str], list[Row]]:
+def _sightings(view: Snapshot, members: Iterable[str], method: str) -> dict[tuple[str, str], list[Row]]:
     """Located sightings by drive and object."""
     t = schema.sighting
     member = t.c.drive_id + ":" + t.c.object
     rows = view.rows(
-        sa.select(t.c.drive_id, t.c.object, t.c.camera, t.c.frame)
+        sa.select(t.c.drive_id, t.c.object, t.c.camera, t.c.frame, t.c.eye_east_m, t.c.eye_north_m)
         .where(t.c.method == method, t.c.rejected == "", member.in_(_values(members)))
         .order_by(t.c.drive_id, t.c.camera, t.c.frame)
     )
@@ -146,17 +157,36 @@ def _frames(view: Snapshot, members: Iterable[str], method: str) -> dict[tuple[s
     return found
 
 
-def _together(
-    frames: Mapping[tuple[str, str], Sequence[Row]], estimates: Sequence[Row]
+def _frames(
+    sightings: Mapping[tuple[str, str], Sequence[Row]], estimates: Sequence[Row]
 ) -> dict[str, dict[str, list[int]]]:
     found: dict[str, dict[str, set[int]]] = {}
     for estimate in estimates:
-        for row in frames.get((estimate["drive_id"], estimate["object"]), ()):
+        for row in sightings.get((estimate["drive_id"], estimate["object"]), ()):
             found.setdefault(row["drive_id"], {}).setdefault(row["camera"], set()).add(row["frame"])
     return {
         drive: {camera: sorted(numbers) for camera, numbers in sorted(cameras.items())}
         for drive, cameras in sorted(found.items())
     }
+
+
+_ONE_SIDE = 0.5
+"""Length of the mean of unit vectors: 1 from one point, 0.64 from a half circle, 0 from both sides alike."""
+
+
+def _face_deg(sightings: Mapping[tuple[str, str], Sequence[Row]], estimates: Sequence[Row]) -> float | None:
+    """Mean direction from the pole to the cameras, from grid north; None where there is none."""
+    directions = [
+        math.atan2(row["eye_east_m"] - estimate["east_m"], row["eye_north_m"] - estimate["north_m"])
+        for estimate in estimates
+        for row in sightings.get((estimate["drive_id"], estimate["object"]), ())
+        if row["eye_east_m"] is not None
+    ]
+    if not directions:
+        return None
+    east = math.fsum(map(math.sin, directions)) / len(directions)
+    north = math.fsum(map(math.cos, directions)) / len(directions)
+    return math.degrees(math.atan2(east, north)) % 360.0 if math.hypot(east, north) >= _ONE_SIDE else None
 
 
 def _asked(

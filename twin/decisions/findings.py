@@ -56,24 +56,37 @@ class Selection:
         return not (self.drives or self.area or self.verdicts or self.classes or self.since or self.until)
 
 
-def findings(ask: Ask) -> list[Row]:
-    """Return every row of the ``change`` table in the order of its id, with its ``decision``.
+def findings(ask: Ask, decision: str | None = None) -> list[Row]:
+    """Return the rows of the ``change`` table in the order of their ids, with their ``decision``.
 
-    The reason of a finding that is open again says what changed since it was decided.
+    The reason of a finding that is open again says what changed since it was decided. With `decision` only
+    those that are so decided.
     """
+    statement = findings_statement(*schema.change.columns)
+    if decision is not None:
+        statement = statement.where(sa.func.coalesce(schema.decision.c.decision, OPEN) == decision)
+    rows = ask(statement)
+    return [_told(dict(row)) for row in rows]
+
+
+def findings_statement(*columns: sa.Column[Any]) -> sa.Select[Any]:
+    """Ask for columns of the ``change`` table, its ``decision``, and ``kind`` and ``note`` of that."""
     change, said = schema.change, schema.decision
-    joined = change.outerjoin(said, said.c.change_id == change.c.change_id)
-    rows = ask(
+    return (
         sa.select(
-            change,
+            *columns,
             sa.func.coalesce(said.c.decision, OPEN).label("decision"),
             said.c.kind.label("kind"),
             said.c.reason.label("note"),
         )
-        .select_from(joined)
+        .select_from(change.outerjoin(said, said.c.change_id == change.c.change_id))
         .order_by(change.c.change_id)
     )
-    return [_told(dict(row)) for row in rows]
+
+
+def told_reason(reason: str, kind: str | None, note: str | None) -> str:
+    """Give a finding's reason; of one that is open again also what changed since it was decided."""
+    return f"{reason} {note}" if kind == REOPENED else reason
 
 
 def is_open(finding: Row) -> bool:
@@ -138,7 +151,7 @@ def read_area(path: Path) -> BaseGeometry:
 
 def _told(row: dict[str, Any]) -> Row:
     kind, note = row.pop("kind"), row.pop("note")
-    return {**row, "reason": f"{row['reason']} {note}"} if kind == REOPENED else row
+    return {**row, "reason": told_reason(row["reason"], kind, note)}
 
 
 def _has_class(row: Row, classes: Collection[str]) -> bool:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from twin.matching.clusters import Cluster, clusters, extra_costs, lonely_pairs, solve
 from twin.matching.config import MatchConfig
-from twin.matching.likelihood import TERMS, Pairs, code_probability, family, gated_pairs
+from twin.matching.likelihood import TERMS, Pairs, gated_pairs
 from twin.matching.observed import ObservedPole
 from twin.matching.sites import Site
 
-__all__ = ["Assignment", "assign", "code_probability", "family"]
+__all__ = ["Assignment", "assign"]
 
 FloatArray = NDArray[np.float64]
 

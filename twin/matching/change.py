@@ -65,7 +65,7 @@ class Offset:
     ----------
     distance_m : float
     sigma_m : float
-        Our one sigma along that direction.
+        Our one sigma along that direction, by the fused covariance.
     p_beyond : float
         Probability that the pole stands further from NVDB's position than the tolerance.
     """
@@ -80,7 +80,9 @@ def offset_of(pole: ObservedPole, site: Site, config: MatchConfig) -> Offset:
 
     The probability weighs two readings by how well they explain the distance: NVDB's position is as good as
     it says (then the pole stands between it and our measurement, the nearer to ours the better that is), or
-    the sign was moved (then only our measurement says where it stands).
+    the sign was moved (then only our measurement says where it stands). The fused covariance is a bound: it
+    holds even if all drives make the same errors. Here the errors that each drive makes for itself
+    (`MatchConfig.own_share`) are averaged; else NVDB's position would be trusted too much beside ours.
     """
     east, north = pole.east_m - site.east_m, pole.north_m - site.north_m
     distance = math.hypot(east, north)
@@ -89,6 +91,8 @@ def offset_of(pole: ObservedPole, site: Site, config: MatchConfig) -> Offset:
         variance = (ee + nn) / 2
     else:
         variance = (ee * east**2 + 2 * en * east * north + nn * north**2) / distance**2
+    bound = math.sqrt(variance)
+    variance *= 1 - config.own_share * (1 - pole.averaged)
     sigma = math.sqrt(variance)
     both = site.sigma_m**2 + variance
     in_place = (1 - config.p_moved) * math.exp(-0.5 * distance**2 / both) / (2 * math.pi * both)
@@ -96,7 +100,7 @@ def offset_of(pole: ObservedPole, site: Site, config: MatchConfig) -> Offset:
     share = site.sigma_m**2 / both
     beyond = in_place * _phi((share * distance - config.tolerance_m) / max(math.sqrt(share) * sigma, 1e-9))
     beyond += moved * _phi((distance - config.tolerance_m) / max(sigma, 1e-9))
-    return Offset(distance, sigma, beyond / (in_place + moved))
+    return Offset(distance, bound, beyond / (in_place + moved))
 
 
 def _phi(z: float) -> float:
@@ -108,13 +112,14 @@ def when_seen(pole: ObservedPole) -> dict[str, Any]:
     """Time of the first and last sighting, and in how many drives."""
     known = pole.last_ns > 0
     return {
-        "first": _utc(pole.first_ns) if known else None,
-        "last": _utc(pole.last_ns) if known else None,
+        "first": utc_time(pole.first_ns) if known else None,
+        "last": utc_time(pole.last_ns) if known else None,
         "drives": len(pole.drive_ids),
     }
 
 
-def _utc(epoch_ns: int) -> str:
+def utc_time(epoch_ns: int) -> str:
+    """``2026-05-28T20:26:40Z``."""
     moment = dt.datetime.fromtimestamp(epoch_ns // 1_000_000_000, tz=dt.UTC)
     return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 

@@ -30,6 +30,9 @@ class MatchConfig:
     """Chance that NVDB has such an object on the wrong side of the road."""
     p_behind: float = 0.05
     """Chance that a plate was read though NVDB says that it faces away from every camera."""
+    own_share: float = 0.8
+    """Share of a position's variance that is the drive's own (satellites, clock, pixels), so that it falls
+    over several drives; the rest (lever arm, boresight, slope, kerb) is the same in all of them."""
     p_moved: float = 0.03
     """Prior share of signs that no longer stand where NVDB has them."""
     p_gone: float = 0.02
@@ -46,11 +49,17 @@ class MatchConfig:
     """Density of signs that NVDB does not have, near the road."""
     p_code: float = 0.05
     """Chance that any one sign carries a given common code."""
-    p_code_wrong: float = 0.03
-    """Chance that a sign has changed, or was misread: that it carries another code than NVDB says."""
-    p_code_family: float = 0.01
-    """Chance that a sign now carries a given other code of its family (362.50 for 362.60)."""
-    p_code_other: float = 0.00015
+    p_code_wrong: float = 0.02
+    """Chance that a plate carries another code than NVDB says: as many as are exchanged in a year, which is
+    about how long NVDB takes to follow."""
+    p_misread: float = 0.01
+    """Chance that a drive's annotator gives a plate another code than it carries."""
+    exchanged_per_year: float = 0.02
+    """Share of plates that get another code in a year: a new speed limit, a new rule."""
+    p_of_family: float = 0.5
+    """Chance that what was exchanged, misread or registered wrongly is a given code of its own family
+    (362.50 for 362.60): families have few members, and members look alike."""
+    p_of_another_family: float = 0.005
     """The same for a given code of another family."""
     p_plate_extra: float = 0.02
     """Chance that a pole carries one plate more than NVDB knows."""
@@ -74,3 +83,10 @@ class MatchConfig:
                 raise ConfigError(
                     f"The setting {field.name} of matching is {value}: give a number of at least 0."
                 )
+            if value > 1 and (field.name.startswith("p_") or field.name in _SHARES):
+                raise ConfigError(
+                    f"The setting {field.name} of matching is {value}: give a share of at most 1."
+                )
+
+
+_SHARES = frozenset({"own_share", "review_below"})

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nvdb.datakatalog import sign_family
 from twin.matching.config import MatchConfig
 from twin.matching.observed import ObservedPole
+from twin.matching.readings import family
 from twin.matching.sites import Site
 
 FloatArray = NDArray[np.float64]
@@ -112,14 +112,15 @@ def score(
     behind = float(np.log(max(config.p_behind, 1e-12)))
     for k, (pole, site) in enumerate(pairs):
         known = site.codes
-        if (pole.codes, known) not in codes:
-            codes[pole.codes, known] = _code_odds(pole.codes, known, common, config)
-        code[k] = codes[pole.codes, known]
+        seen = pole.codes_as(known)
+        if (seen, known) not in codes:
+            codes[seen, known] = _code_odds(seen, known, common, config)
+        code[k] = codes[seen, known]
         if pole.seen_from_deg and not _faces_a_camera(pole, site):
             facing[k] = behind
-    seen = (1 - config.p_gone) * np.maximum(1 - p_unannotated[j], 0.5)
+    noticed = (1 - config.p_gone) * np.maximum(1 - p_unannotated[j], 0.5)
     alone = config.p_gone + (1 - config.p_gone) * p_unannotated[j]
-    return np.stack([position, code, facing, side, np.log(seen / alone)], axis=1)
+    return np.stack([position, code, facing, side, np.log(noticed / alone)], axis=1)
 
 
 def _position(
@@ -209,8 +210,8 @@ def code_probability(seen: Sequence[str], known: Sequence[str], config: MatchCon
     chance = 1.0
     for alike, p_code in (
         (_same, 1.0 - config.p_code_wrong),
-        (_kin, config.p_code_family),
-        (_any, config.p_code_other),
+        (_kin, config.p_code_wrong * config.p_of_family),
+        (_any, config.p_code_wrong * config.p_of_another_family),
     ):
         for code in list(left):
             partner = next((other for other in rest if alike(code, other)), None)
@@ -231,8 +232,3 @@ def _kin(code: str, other: str) -> bool:
 
 def _any(_code: str, _other: str) -> bool:
     return True
-
-
-def family(code: str) -> str:
-    """``"362"`` for ``"362.50"``; retired ``U…`` codes belong to the family they retired from."""
-    return sign_family(code).removeprefix("U")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin.matching.clusters import cheapest_pairs
 from twin.matching.config import MatchConfig
+from twin.matching.readings import PlateRead, Reader, Reading, code_now, is_disputed, together
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -41,7 +42,7 @@ class ObservedPole:
     covariance_m2 : float64 (2, 2)
         Grid east, grid north.
     codes : tuple of str
-        Sign codes seen, top down; empty if not annotated.
+        Sign code of each plate as the readings have it now, top down; empty if not annotated.
     cameras : frozenset of str
         ``drive/camera`` that saw it: one camera never sees one pole as two objects.
     first_ns, last_ns : int
@@ -51,6 +52,14 @@ class ObservedPole:
         not known.
     p_taken_down : float
         Probability that it is gone: later, completely annotated drives passed and did not see it.
+    averaged : float
+        What is left of one drive's own variance in the mean of all: 1 for one drive, 1/n for n alike.
+    readers : tuple of Reader
+        The drives, where each of them read the same plates; empty for a single one.
+    plates : tuple of tuples of Reading
+        What each drive read on each plate, where that was not the same; see :meth:`readings`.
+    disputed : bool
+        Whether the drives disagree on the code of a plate.
     """
 
     members: tuple[str, ...]
@@ -66,6 +75,29 @@ class ObservedPole:
     last_ns: int = 0
     seen_from_deg: frozenset[float] = frozenset()
     p_taken_down: float = 0.0
+    averaged: float = 1.0
+    readers: tuple[Reader, ...] = ()
+    plates: tuple[PlateRead, ...] = ()
+    disputed: bool = False
+
+    def readings(self) -> tuple[PlateRead, ...]:
+        """What each drive read on each plate, in the order of `codes`."""
+        # Made when asked for: a fleet's poles are a hundred thousand, and nearly all are read alike.
+        readers = self.who_read()
+        return self.plates or tuple([tuple([Reading(code, *r) for r in readers]) for code in self.codes])
+
+    def who_read(self) -> tuple[Reader, ...]:
+        """The drives, where each of them read the same plates."""
+        return self.readers or (Reader(self.drive_ids[0], self.last_ns, self.seen_from_deg),)
+
+    def codes_as(self, known: Sequence[str]) -> tuple[str, ...]:
+        """Codes of the plates; where drives disagree on one, a known code that one of them read."""
+        if not self.disputed:
+            return self.codes
+        return tuple(
+            next((reading.code for reading in plate if reading.code in known), code)
+            for code, plate in zip(self.codes, self.readings(), strict=True)
+        )
 
     @property
     def sigma_m(self) -> float:
@@ -96,7 +128,7 @@ def observed_poles(
     list of ObservedPole
         In the order of their keys.
     """
-    gathered = _Gathered()
+    gathered = _Gathered(config)
     by_drive: dict[str, list[Mapping[str, Any]]] = {}
     for row in estimates:
         by_drive.setdefault(row["drive_id"], []).append(row)
@@ -106,17 +138,27 @@ def observed_poles(
             pole = _pole_of_estimate(row, seen_from_deg or {})
             by_cameras.setdefault(tuple(sorted(row["cameras"])), []).append(pole)
         # Objects that several cameras share (by the annotator's id) come first: single ones join them.
-        seen = _Gathered()
+        seen = _Gathered(config)
         for cameras in sorted(by_cameras, key=lambda names: (-len(names), names)):
             seen.merge(_poles_of_cameras(by_cameras[cameras], config))
         gathered.merge(seen.poles)
-    poles = [_with_key(pole, known_keys or {}) for pole in gathered.poles]
-    return sorted(poles, key=lambda pole: pole.key)
+    return sorted(_with_keys(gathered.poles, known_keys or {}), key=lambda pole: pole.key)
 
 
-def _with_key(pole: ObservedPole, known: Mapping[str, str]) -> ObservedPole:
-    key = next((known[member] for member in pole.members if member in known), pole.key)
-    return replace(pole, key=key)
+def _with_keys(poles: Sequence[ObservedPole], known: Mapping[str, str]) -> list[ObservedPole]:
+    """Give each pole a key of its own: one that has come apart since leaves its key to the first part."""
+    wanted = [next((known[m] for m in pole.members if m in known), pole.key) for pole in poles]
+    owners = {key: k for k, key in reversed(list(enumerate(wanted)))}
+    # Whoever holds the member that a key is named after has the better right to it.
+    owners |= {key: k for k, key in enumerate(wanted) if key in poles[k].members}
+    keyed, taken = [], set(owners)
+    for k, pole in enumerate(poles):
+        key = wanted[k]
+        if owners[key] != k:
+            key = next((m for m in pole.members if m not in taken), f"{pole.members[0]}+")
+            taken.add(key)
+        keyed.append(replace(pole, key=key))
+    return keyed
 
 
 def split_codes(text: str) -> tuple[str, ...]:
@@ -182,7 +224,8 @@ def _same_foot(group: Sequence[ObservedPole]) -> ObservedPole:
 class _Gathered:
     """Poles gathered so far, and where they stand as an array: a fleet's next drive passes few of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: MatchConfig) -> None:
+        self._config = config
         self.poles: list[ObservedPole] = []
         # Easting, northing and the sum of both variances; grown by doubling.
         self._rows = np.empty((64, 3))
@@ -205,7 +248,7 @@ class _Gathered:
         partner = {b: a for a, b in cheapest_pairs(i, j, cost - _CHI2_999_2DOF).items()}
         for b, pole in enumerate(seen):
             if b in partner:
-                self.put(partner[b], _fuse(self.poles[partner[b]], pole))
+                self.put(partner[b], _fuse(self.poles[partner[b]], pole, self._config))
             else:
                 self.put(len(self.poles), pole)
 
@@ -243,13 +286,39 @@ def _pair_cost(a: ObservedPole, b: ObservedPole) -> float:
     east, north = a.east_m - b.east_m, a.north_m - b.north_m
     (ee, en), (_, nn) = (a.covariance_m2 + b.covariance_m2).tolist()
     cost = (nn * east**2 - 2 * en * east * north + ee * north**2) / (ee * nn - en**2)
-    if set(a.codes) & set(b.codes):
+    if _share_a_code(a, b):
         return float(cost * _CHI2_999_2DOF / _SAME_CODE_CHI2)
-    if a.codes and b.codes and not set(a.codes) & set(b.codes):
+    if a.codes and b.codes:
         same_drive = set(a.drive_ids) & set(b.drive_ids)
         near = math.hypot(east, north) < _OTHER_CODE_M
         return float(cost + _OTHER_CODE_COST) if near and not same_drive else float("inf")
     return float(cost)
+
+
+def _read_together(a: ObservedPole, b: ObservedPole, config: MatchConfig) -> dict[str, Any]:
+    """Fields of the plates of a pole that two observers saw, `b` the later one."""
+    if a.codes == b.codes and not (a.plates or b.plates):  # nearly always
+        known = a.who_read()
+        drives = {reader.drive_id for reader in known}
+        return {"readers": (*known, *(r for r in b.who_read() if r.drive_id not in drives))}
+    plates = together(a.readings(), b.readings())
+    return {
+        "codes": tuple(code_now(plate, config) for plate in plates),
+        "readers": (),
+        "plates": plates,
+        "disputed": any(map(is_disputed, plates)),
+    }
+
+
+def _share_a_code(a: ObservedPole, b: ObservedPole) -> bool:
+    """Whether both were ever read with one code."""
+    if not set(a.codes).isdisjoint(b.codes):
+        return True
+    if not (a.disputed or b.disputed):
+        return False
+    return not {r.code for plate in a.readings() for r in plate}.isdisjoint(
+        r.code for plate in b.readings() for r in plate
+    )
 
 
 def _parts(pole: ObservedPole) -> tuple[float, float, float]:
@@ -258,16 +327,21 @@ def _parts(pole: ObservedPole) -> tuple[float, float, float]:
     return ee, en, nn
 
 
-def _fuse(a: ObservedPole, b: ObservedPole) -> ObservedPole:
-    """Fuse what two observers say of one pole; `b` is the later one, whose plates count if they contradict.
+def _fuse(a: ObservedPole, b: ObservedPole, config: MatchConfig) -> ObservedPole:
+    """Fuse what two observers say of one pole; `b` is the later one.
 
     By covariance intersection (Julier and Uhlmann 1997): ground slope, kerb and boresight are the same errors
     in every drive past a pole, and how far two estimates share theirs is not known. The result is never
-    more certain than the better of the two.
+    more certain than the better of the two. The weights are those that make the mean best if each drive's
+    errors are its own: n drives alike have 1/n each, in whatever order they came.
     """
     (a_ee, a_en, a_nn), (b_ee, b_en, b_nn) = _parts(a), _parts(b)
+    of_a, of_b = a.averaged * (a_ee + a_nn), b.averaged * (b_ee + b_nn)
+    share = of_b / (of_a + of_b)
+    averaged = share**2 * a.averaged + (1 - share) ** 2 * b.averaged
+    if not set(a.drive_ids).isdisjoint(b.drive_ids):
+        averaged = max(a.averaged, b.averaged)  # the cameras of one drive share trajectory and clock
     # Weighted inverses of 2×2 matrices by hand: a fleet fuses a hundred thousand of them.
-    share = (b_ee + b_nn) / (a_ee + a_nn + b_ee + b_nn)
     w_a, w_b = share / (a_ee * a_nn - a_en**2), (1 - share) / (b_ee * b_nn - b_en**2)
     ee, en, nn = w_a * a_nn + w_b * b_nn, -w_a * a_en - w_b * b_en, w_a * a_ee + w_b * b_ee
     determinant = ee * nn - en**2
@@ -277,19 +351,18 @@ def _fuse(a: ObservedPole, b: ObservedPole) -> ObservedPole:
     pull_e, pull_n = w_a * (a_nn * east - a_en * north), w_a * (a_ee * north - a_en * east)
     east = b.east_m + (nn * pull_e - en * pull_n) / determinant
     north = b.north_m + (ee * pull_n - en * pull_e) / determinant
-    contradict = bool(a.codes and b.codes and not set(a.codes) & set(b.codes))
-    extra = tuple(code for code in b.codes if code not in a.codes)
     return replace(
         a,
         members=a.members + b.members,
         east_m=east,
         north_m=north,
         covariance_m2=covariance,
-        codes=b.codes if contradict else a.codes + extra,
         drive_ids=tuple(dict.fromkeys(a.drive_ids + b.drive_ids)),
         cameras=a.cameras | b.cameras,
         n_sightings=a.n_sightings + b.n_sightings,
         first_ns=min(a.first_ns, b.first_ns),
         last_ns=max(a.last_ns, b.last_ns),
         seen_from_deg=a.seen_from_deg | b.seen_from_deg,
+        averaged=averaged,
+        **_read_together(a, b, config),
     )

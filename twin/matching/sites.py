@@ -31,6 +31,8 @@ class Plate:
     ansiktsside: str | None
     faces_deg: tuple[float, float] = (math.nan, math.nan)
     """Azimuths from true north that its face, and a second face, look towards; NaN where not known."""
+    start_date: str = ""
+    """ISO date from which NVDB's version of it holds; "" if unknown."""
 
     def shows_to(self, azimuth_deg: float) -> bool:
         """Whether somebody in this direction from the plate sees a face; True where it is not known."""
@@ -173,6 +175,7 @@ def _site(
                 p["skiltnummer"] or "",
                 p["ansiktsside"],
                 faces.get(p["nvdb_id"], _NOT_KNOWN),
+                p["start_date"] or "",
             )
             for p in ordered
         ),

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.matching.assign import Assignment, family
+from twin.matching.assign import Assignment
 from twin.matching.change import (
     VERDICTS,
     Change,
@@ -26,6 +26,7 @@ from twin.matching.config import MatchConfig
 from twin.matching.likelihood import TERMS
 from twin.matching.observed import ObservedPole
 from twin.matching.plates import MatchedPole, plate_findings
+from twin.matching.readings import family
 from twin.matching.sites import SKILTPUNKT, Site
 
 __all__ = ["VERDICTS", "Change", "judge"]
@@ -143,7 +144,9 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
             f"({_why(match)}): look before deciding."
         )
         return [_pole_change("review", reason, match, confidence)]
-    findings = plate_findings(match)
+    plates = plate_findings(match, config)
+    findings = plates.findings
+    match = replace(match, pole=replace(pole, codes=plates.codes))
     if not site.own_geometry:
         reason = (
             f"{name_of(site)} has no position of its own in NVDB, only the road's centre line: here is one, "
@@ -162,7 +165,8 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
         f"{name_of(site)} stands where NVDB has it: {offset.distance_m:.2f} m off, ± {offset.sigma_m:.2f} m "
         f"({_why(match)})."
     )
-    return [_pole_change("unchanged", reason, match, confidence * (1 - offset.p_beyond))]
+    confidence *= (1 - offset.p_beyond) * plates.p_as_known
+    return [_pole_change("unchanged", reason, match, confidence)]
 
 
 def _rival(scene: _Scene, index: int) -> str:
@@ -209,6 +213,7 @@ def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[s
         "sigmas": round(offset.distance_m / float(np.hypot(offset.sigma_m, site.sigma_m)), 2),
         "nvdb_sigma_m": round(site.sigma_m, 3),
         "beyond_tolerance": round(offset.p_beyond, 4) if site.own_geometry else None,
+        "pole": pole.key,
         "seen": when_seen(pole),
         "taken_down": round(pole.p_taken_down, 4),
         "alternatives": other_sites(assignment.alternatives_of_pole.get(index, ()), scene.sites),
@@ -275,6 +280,7 @@ def _new_pole(scene: _Scene, index: int) -> list[Change]:
         north_m=pole.north_m,
         terms={
             "match": round(confidence, 4),
+            "pole": pole.key,
             "seen": when_seen(pole),
             "taken_down": round(pole.p_taken_down, 4),
             "alternatives": other_sites(alternatives, scene.sites),

@@ -7,10 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
-from twin.matching.assign import assign, code_probability, family
+from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
-from twin.matching.likelihood import score
+from twin.matching.likelihood import code_probability, score
 from twin.matching.observed import ObservedPole
+from twin.matching.readings import family
 from twin.matching.sites import Plate, Site
 
 CONFIG = MatchConfig()

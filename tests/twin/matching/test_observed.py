@@ -71,11 +71,37 @@ def test_observed_poles_weigh_the_better_drive_more() -> None:
     assert 0.1 <= pole.sigma_m < 0.12
 
 
-def test_observed_poles_take_the_later_drives_plate() -> None:
-    """A 50 in an earlier drive and a 60 at the same place in a later one: the sign was changed."""
-    rows = [estimate("a", "1", 0.0, "362.50"), estimate("b", "1", 0.1, "362.60")]
-    (pole,) = observed_poles(rows, ["a", "b"], CONFIG)
+def test_observed_poles_follow_a_change_that_stays() -> None:
+    """A 50 in two drives and a 60 at the same place in two later ones: the sign was changed."""
+    rows = [estimate(d, "1", 0.0, code) for d, code in zip("abcd", ("50", "50", "60", "60"), strict=True)]
+    rows = [{**row, "skiltnummer": f"362.{row['skiltnummer']}", "last_ns": k} for k, row in enumerate(rows)]
+    (pole,) = observed_poles(rows, ["a", "b", "c", "d"], CONFIG)
     assert pole.codes == ("362.60",)
+    assert [reading.drive_id for reading in pole.readings()[0]] == ["a", "b", "c", "d"]
+
+
+def test_observed_poles_outvote_a_slip() -> None:
+    """One drive of four that reads a 60, not the last: the sign is a 50 still, and no plate was added."""
+    rows = [estimate(d, "1", 0.0, "362.50;808") for d in "abcd"]
+    rows[1]["skiltnummer"] = "362.60;808"
+    (pole,) = observed_poles(rows, ["a", "b", "c", "d"], CONFIG)
+    assert pole.codes == ("362.50", "808")
+
+
+def test_observed_poles_average_what_is_each_drives_own() -> None:
+    """Four drives alike have a quarter of the weight each; their sigma does not fall."""
+    rows = [estimate(d, "1", 0.1 * k, "202") for k, d in enumerate("abcd")]
+    (pole,) = observed_poles(rows, ["a", "b", "c", "d"], CONFIG)
+    assert pole.east_m == pytest.approx(0.15)
+    assert pole.averaged == pytest.approx(0.25)
+    assert pole.sigma_m == pytest.approx(0.2)
+
+
+def test_observed_poles_take_the_cameras_of_a_drive_for_one_observer() -> None:
+    """Two cameras of one drive share trajectory and clock: nothing is averaged."""
+    rows = [estimate("a", f"{c}:1", 0.1, "202", cameras=(c,)) for c in ("C2", "C3")]
+    (pole,) = observed_poles(rows, ["a"], CONFIG)
+    assert pole.averaged == 1.0
 
 
 def test_observed_poles_keep_other_codes_a_metre_away_apart() -> None:
@@ -157,3 +183,20 @@ def test_observed_poles_fuse_as_the_matrices_say() -> None:
     (pole,) = observed_poles(rows, ["a", "b"], CONFIG)
     assert np.allclose(pole.covariance_m2, covariance)
     assert np.allclose((pole.east_m, pole.north_m), covariance @ weight_b @ np.array([0.2, 0.1]))
+
+
+def test_observed_poles_that_come_apart_have_keys_of_their_own() -> None:
+    """Two poles that an earlier run took for one: the first member's keeps the key, the other gets one."""
+    rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 5.0, "202"), estimate("b", "7", 9.0, "204")]
+    known = {"a:1": "a:1", "b:9": "a:1", "b:7": "a:1"}
+    poles = observed_poles(rows, ["a", "b"], CONFIG, known)
+    assert {pole.members[0]: pole.key for pole in poles} == {"a:1": "a:1", "b:9": "b:9", "b:7": "b:7"}
+    again = observed_poles(rows, ["a", "b"], CONFIG, {pole.members[0]: pole.key for pole in poles})
+    assert [pole.key for pole in again] == [pole.key for pole in poles]
+
+
+def test_observed_poles_never_share_a_key() -> None:
+    """Whatever earlier runs said: a key that another pole's member is named after is not taken twice."""
+    rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 5.0, "202"), estimate("b", "7", 9.0, "204")]
+    poles = observed_poles(rows, ["a", "b"], CONFIG, {"a:1": "b:9", "b:9": "b:7", "b:7": "b:7"})
+    assert len({pole.key for pole in poles}) == 3

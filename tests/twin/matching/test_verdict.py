@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from twin.matching.assign import assign
 from twin.matching.change import offset_of
 from twin.matching.config import MatchConfig
 from twin.matching.observed import ObservedPole
+from twin.matching.readings import Reading, code_now
 from twin.matching.sites import Plate, Site
 from twin.matching.verdict import Change, judge
 
@@ -76,6 +78,78 @@ def test_judge_wrong_type_is_the_plates() -> None:
     changes = found([pole(0, 0, "362.60", "808")], [site(1, "362.50", "808")])
     assert verdicts(changes) == [("wrong_type", 96, 10)]
     assert (changes[0].skiltnummer_nvdb, changes[0].skiltnummer_seen) == ("362.50", "362.60")
+
+
+def read_as(one: ObservedPole, *codes: str, days: int = 30) -> ObservedPole:
+    """Let drives some days apart read the pole's one plate so."""
+    step = days * 86_400_000_000_000
+    plate = tuple(Reading(code, f"d{k}", (1 + k) * step) for k, code in enumerate(codes))
+    return replace(one, codes=(code_now(plate, CONFIG),), plates=(plate,), disputed=len(set(codes)) > 1)
+
+
+def test_judge_wrong_type_is_as_sure_as_the_readings() -> None:
+    """One drive may have misread it; two that agree leave no doubt. The id is the same."""
+    here = [site(1, "362.50")]
+    (one,) = found([read_as(pole(0, 0, "362.60"), "362.60")], here)
+    (two,) = found([read_as(pole(0, 0, "362.60"), "362.60", "362.60")], here)
+    assert (one.verdict, two.verdict) == ("wrong_type", "wrong_type")
+    assert one.change_id == two.change_id
+    assert one.confidence == pytest.approx(0.669, abs=0.002)
+    assert two.confidence > 0.98
+    assert [told["code"] for told in two.terms["readings"]] == ["362.60", "362.60"]
+
+
+def test_judge_takes_a_reading_that_was_not_confirmed_for_a_slip() -> None:
+    """50, 60, 50, 50 where NVDB has a 50: unchanged, and the code shown is the 50."""
+    (change,) = found(
+        [read_as(pole(0, 0, "362.50"), "362.50", "362.60", "362.50", "362.50")], [site(1, "362.50")]
+    )
+    assert (change.verdict, change.skiltnummer_seen) == ("unchanged", "362.50")
+
+
+def test_judge_takes_a_slip_that_reads_like_the_plate_beside_it_for_a_slip() -> None:
+    """A 30 above a 40, once read as two 40s: the plate that nobody disputes keeps its partner in NVDB."""
+    month = 30 * 86_400_000_000_000
+    upper = (Reading("362.30", "a", month), Reading("362.40", "b", month + 1))
+    lower = (Reading("362.40", "a", month), Reading("362.40", "b", month + 1))
+    seen = replace(pole(0, 0, "362.40", "362.40"), plates=(upper, lower), disputed=True)
+    (change,) = found([seen], [site(1, "362.30", "362.40")])
+    assert (change.verdict, change.skiltnummer_seen) == ("unchanged", "362.30;362.40")
+
+
+def test_judge_reviews_what_drives_contradict() -> None:
+    """50, then 60 half a year later: exchanged or misread, a review of the plate that names both."""
+    (change,) = found([read_as(pole(0, 0, "362.60"), "362.50", "362.60", days=182)], [site(1, "362.50")])
+    assert (change.verdict, change.nvdb_type, change.nvdb_id) == ("review", 96, 10)
+    assert "362.50, 362.60 in this order" in change.reason
+    assert change.skiltnummer_seen == "362.60"
+
+
+def test_judge_does_not_hold_an_old_reading_against_a_newer_version() -> None:
+    """NVDB gave the plate its code after the drives: it may have followed the road. A later drive tells."""
+    newer = site(1, Plate(10, 3, "362.50", "med", start_date="1970-03-15"))
+    (before,) = found([read_as(pole(0, 0, "362.60"), "362.60", "362.60")], [newer])
+    (after,) = found([read_as(pole(0, 0, "362.60"), "362.60", "362.60", "362.60")], [newer])
+    assert (before.verdict, before.skiltnummer_seen) == ("unchanged", "362.60")
+    assert after.verdict == "wrong_type"
+    assert len(after.terms["readings"]) == 1
+
+
+def test_judge_asks_two_questions_of_a_plate_without_position() -> None:
+    """A plate that is a site of its own, on the centre line and read in two ways: two reviews, two ids."""
+    alone = replace(site(11, Plate(11, 1, "362.50", "med"), own=False, sigma=8.0), nvdb_type=96)
+    seen = read_as(pole(2, 0, "362.60"), "362.50", "362.60", days=182)
+    changes = found([seen], [alone])
+    assert verdicts(changes) == [("review", 96, 11), ("review", 96, 11)]
+    assert len({change.change_id for change in changes}) == 2
+
+
+def test_judge_leaves_the_back_plate_alone() -> None:
+    """A wrong code is that of the plate that faces the camera, not of the one on the back."""
+    back, front = Plate(11, 1, "402.1", "mot", (180.0, math.nan)), Plate(12, 1, "202", "med", (0.0, math.nan))
+    seen = replace(pole(0, 0, "372"), seen_from_deg=frozenset({0.0}))
+    changes = found([seen], [site(1, back, front)])
+    assert verdicts(changes) == [("wrong_type", 96, 12)]
 
 
 def test_judge_reports_a_moved_pole_and_its_wrong_plate_apart() -> None:
