@@ -123,6 +123,18 @@ class Axes(NamedTuple):
     """Level, unit length, east and north."""
 
 
+def axes_at(axes: Axes, rows: Rows) -> Axes:
+    """Give some rows of axes."""
+    (fe, fn, fu), (le, ln, lu) = axes.forward, axes.left
+    (ne, nn), (he, hn) = axes.normal, axes.heading
+    return Axes(
+        (fe[rows], fn[rows], fu[rows]),
+        (le[rows], ln[rows], lu[rows]),
+        (ne[rows], nn[rows]),
+        (he[rows], hn[rows]),
+    )
+
+
 def axes_of(poses: Poses) -> Axes:
     """Columns of `rotation_enu_from_rig`, whose yaw is 90° - heading."""
     sin_h, cos_h = sin_cos(_RADIANS * poses.heading_deg)
@@ -166,13 +178,15 @@ class Rejections:
         max_range_m: float,
         *,
         otherwise: str = "",
+        pose_of: Rows | None = None,
     ) -> BoolArray | None:
         """Note the rejected ones among the feet of these rows, and mark them; None where there are none.
 
-        `start` is the place of the first pose in the column; `otherwise` a reason, if there is one, why the
-        rows that hit the ground are rejected too.
+        `start` is the place of the first row in the column; `otherwise` a reason, if there is one, why the
+        rows that hit the ground are rejected too; `pose_of` says which pose each row has, if not its own.
         """
-        posed = poses.valid[rows]
+        pose_of = rows if pose_of is None else pose_of
+        posed = poses.valid[pose_of]
         bad = np.full(posed.shape, fill_value=True) if otherwise else np.asarray(~(feet.hit & posed))
         if not bad.any():
             return None
@@ -180,7 +194,8 @@ class Rejections:
         row = index if isinstance(rows, slice) else rows[index]
         reason = _why_not(camera, feet, index, max_range_m)
         reason = np.where(reason == "", otherwise, reason)
-        said = np.where(posed[index] | (poses.reason[row] != ""), poses.reason[row], "no pose")
+        of_pose = poses.reason[pose_of][index]
+        said = np.where(posed[index] | (of_pose != ""), of_pose, "no pose")
         self._parts.append((start + row, np.where(said == "", reason, said)))
         return bad
 

@@ -269,7 +269,7 @@ def _poses(
     roll_sigma = np.hypot(tilt.roll_sigma_deg, _ROLL_FLOOR_DEG)
     # What all antennas of a car share, atmosphere and base station, no smoothing removes.
     fix_sigma = np.where(knots.seen, knots.sigma_m, np.inf).min(axis=1)
-    lean = abs(float(arms_m[:, 2].mean())) * np.radians(np.hypot(pitch_sigma, roll_sigma)) / np.sqrt(2.0)
+    lean = lean_m(float(arms_m[:, 2].mean()), roll_sigma, pitch_sigma)
     columns = {
         "latitude_deg": lat,
         "longitude_deg": lon,
@@ -290,6 +290,11 @@ def _poses(
         valid=known,
         reason=np.where(known, "", np.where(speed > MOVING_MPS, DROWNED, still)),
     )
+
+
+def lean_m(height_m: float, roll_sigma_deg: FloatArray, pitch_sigma_deg: FloatArray) -> FloatArray:
+    """One sigma a horizontal axis that a tilt, known so well, leaves below an antenna of this height."""
+    return np.asarray(abs(height_m) * np.radians(np.hypot(pitch_sigma_deg, roll_sigma_deg)) / np.sqrt(2.0))
 
 
 def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, FloatArray]:

@@ -15,6 +15,8 @@ from geoloc.feet import (
     Enu,
     Feet,
     Rejections,
+    Rows,
+    axes_at,
     axes_of,
     enu_of,
     feet_on_plane,
@@ -100,7 +102,7 @@ def place(
         If the rig lacks one of the cameras, or cannot compute with it.
     """
     starts = range(0, sightings.camera.size, BLOCK)
-    blocks = (part(poses, slice(start, start + BLOCK)) for start in starts)
+    blocks = ((part(poses, slice(start, start + BLOCK)), slice(None)) for start in starts)
     return _placed(rig, sightings, blocks, budget, max_range_m)
 
 
@@ -121,7 +123,7 @@ def place_at(
 def _placed(
     rig: Rig,
     sightings: Sightings,
-    blocks: Iterable[Poses],
+    blocks: Iterable[tuple[Poses, Rows]],
     budget: ErrorBudget | None,
     max_range_m: float,
 ) -> Places:
@@ -129,36 +131,56 @@ def _placed(
     latitude, longitude, height, reach = (np.empty(n) for _ in range(4))
     covariance = None if budget is None else np.empty((n, 2, 2))
     rejections = Rejections()
-    for start, block in zip(range(0, n, BLOCK), blocks, strict=True):
-        own = slice(start, start + BLOCK)
+    for start, (poses, pose_of_row) in zip(range(0, n, BLOCK), blocks, strict=True):
+        own, axes = slice(start, start + BLOCK), axes_of(poses)
         columns = [latitude[own], longitude[own], height[own], reach[own]]
         if covariance is not None:
             columns += [covariance[own, i, j] for i, j in _ENTRIES]
         for camera, rows in rows_by_camera(rig, sightings.camera[own]):
-            poses = block if isinstance(rows, slice) else part(block, rows)
+            pose_of = rows if isinstance(pose_of_row, slice) else pose_of_row[rows]
             pixel = sightings.pixel_px[own][rows]
             with np.errstate(all="ignore"):
                 feet = feet_on_plane(camera, pixel, max_range_m, slopes=budget is not None)
-                values = _place_block(camera, feet, poses, budget)
-            bad = rejections.add(camera, feet, block, rows, start, max_range_m)
+                values = _place_block(camera, feet, poses, axes, pose_of, budget)
+            bad = rejections.add(camera, feet, poses, rows, start, max_range_m, pose_of=pose_of)
             for column, value in zip(columns, values, strict=True):
                 column[rows] = value if bad is None else np.where(bad, np.nan, value)
     return Places(latitude, longitude, height, covariance, reach, rejections.column(n))
 
 
 def _place_block(
-    camera: RigCamera, feet: Feet, poses: Poses, budget: ErrorBudget | None
+    camera: RigCamera, feet: Feet, poses: Poses, axes: Axes, pose_of: Rows, budget: ErrorBudget | None
 ) -> tuple[FloatArray, ...]:
-    """Latitude, longitude, height and range of feet, and the entries of their covariance if asked for."""
-    axes = axes_of(poses)
+    """Latitude, longitude, height and range of feet, and the entries of their covariance if asked for.
+
+    `poses` and `axes` are those of frames; `pose_of` says which of them each foot was seen in.
+    """
+    axes = axes_at(axes, pose_of)
     enu = enu_of(axes, feet)
-    lat, lon = geographic_from_enu(poses.latitude_deg, poses.longitude_deg, enu.east, enu.north)
-    up_m = poses.height_m + enu.up
+    lat, lon = geographic_from_enu(
+        poses.latitude_deg[pose_of], poses.longitude_deg[pose_of], enu.east, enu.north
+    )
+    up_m = poses.height_m[pose_of] + enu.up
     if budget is None:
         return lat, lon, up_m, feet.range_m
-    on_road = _spread_on_road(feet, poses.speed_mps, budget, float(camera.rig_t_camera_m[2]))
-    ee, en, nn = _spread(on_road, feet, axes, enu, poses, budget)
+    on_road = _spread_on_road(feet, poses.speed_mps[pose_of], budget, float(camera.rig_t_camera_m[2]))
+    sigmas = _Sigmas(
+        poses.sigma_horizontal_m[pose_of],
+        poses.sigma_heading_deg[pose_of],
+        poses.sigma_pitch_deg[pose_of],
+        poses.sigma_roll_deg[pose_of],
+    )
+    ee, en, nn = _spread(on_road, feet, axes, enu, sigmas, budget)
     return lat, lon, up_m, feet.range_m, ee, en, en, nn
+
+
+class _Sigmas(NamedTuple):
+    """Of the pose that each foot was seen from."""
+
+    horizontal_m: FloatArray
+    heading_deg: FloatArray
+    pitch_deg: FloatArray
+    roll_deg: FloatArray
 
 
 class _Symmetric(NamedTuple):
@@ -207,7 +229,7 @@ def _spread(
     feet: Feet,
     axes: Axes,
     enu: Enu,
-    poses: Poses,
+    sigmas: _Sigmas,
     budget: ErrorBudget,
 ) -> _Symmetric:
     """Total covariance, east and north: that in the road's plane, the foot's height, and the pose's own."""
@@ -215,7 +237,7 @@ def _spread(
     fx, fy = fe * on_road.xx + le * on_road.xy, fe * on_road.xy + le * on_road.yy
     ee, en = fx * fe + fy * le, fx * fn + fy * ln
     nn = (fn * on_road.xx + 2.0 * ln * on_road.xy) * fn + ln * ln * on_road.yy
-    gnss = poses.sigma_horizontal_m**2
+    gnss = sigmas.horizontal_m**2
     ee += gnss
     nn += gnss
     a, b = feet.slope_x, feet.slope_y
@@ -223,10 +245,10 @@ def _spread(
     (he, hn), (ne, nn_) = axes.heading, axes.normal
     for variance, x, y in (
         (budget.ground_height_m**2 + climb, fe * a + le * b + ne, fn * a + ln * b + nn_),
-        (_RADIANS**2 * poses.sigma_heading_deg**2, n, -e),
+        (_RADIANS**2 * sigmas.heading_deg**2, n, -e),
         # The plane turns with the pose: the point keeps its place on the plane.
-        (_RADIANS**2 * (u * poses.sigma_pitch_deg) ** 2, he, hn),
-        (_RADIANS**2 * poses.sigma_roll_deg**2, fn * u - fu * n, fu * e - fe * u),
+        (_RADIANS**2 * (u * sigmas.pitch_deg) ** 2, he, hn),
+        (_RADIANS**2 * sigmas.roll_deg**2, fn * u - fu * n, fu * e - fe * u),
     ):
         scaled = variance * x
         en += scaled * y

@@ -1,8 +1,8 @@
 """Height, climb and crossfall of the road below the rig, by one least-squares fit to all heights of a drive.
 
-State at each knot: height of the rig's origin, rise a metre ahead, rise a metre to the left, and what
-multipath adds to each antenna's height. Climb and crossfall change with the way driven, so that a car that
-stands keeps them. With the track in the plane known, all of it is linear.
+State at each knot: height of the rig's origin, rise a metre ahead, rise a metre to the left beyond what roads
+have, and what multipath adds to each antenna's height. Climb and crossfall change with the way driven, so
+that a car that stands keeps them. With the track in the plane known, all of it is linear.
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ FloatArray = NDArray[np.float64]
 # Roads climb by about 4 %, and their climb is another after a few hundred metres.
 _CLIMB = np.tan(np.radians(2.5))
 _CLIMB_LASTS_M = 1000.0
-# A car leans by its crossfall (2 to 3 %, either way, and for long), and by its springs.
-_LEAN = np.tan(np.radians(1.2))
+# A road falls to both sides of its crown, by 3 % where it is straight (Statens vegvesen, håndbok N100), so
+# that a car on the right leans to the right. Bends that fall inwards, by up to 8 % and either way, yards and
+# the car's springs make that 2 ± 3 %.
+_CROSSFALL, _LEAN = 0.02, 0.03
 _LEAN_LASTS_M = 300.0
 # Height over the road, m²/s: heave and roughness.
 _HEAVE = 0.003**2
@@ -80,7 +82,7 @@ def smoothed_tilt(
         height_sigma_m=sigma[:, 0],
         pitch_deg=-np.degrees(np.arctan(state[:, 1])),
         pitch_sigma_deg=np.degrees(sigma[:, 1]),
-        roll_deg=np.degrees(np.arctan(state[:, 2])),
+        roll_deg=np.degrees(np.arctan(_CROSSFALL + state[:, 2])),
         roll_sigma_deg=np.degrees(sigma[:, 2]),
     )
 
@@ -128,8 +130,9 @@ class _Fit:
         jacobian[:, 0, 1] = x + self.fixes.late_s[:, antenna] * self.forward_mps
         jacobian[:, 0, 2] = y
         jacobian[:, 0, _OWN + antenna] = slow
-        upright = z / np.sqrt(1.0 + state[:, 1] ** 2 + state[:, 2] ** 2)
-        expected = (jacobian @ state[:, :, None])[:, 0, 0] + upright + self.modes[:, antenna] @ constants
+        upright = z / np.sqrt(1.0 + state[:, 1] ** 2 + (_CROSSFALL + state[:, 2]) ** 2)
+        expected = (jacobian @ state[:, :, None])[:, 0, 0] + y * _CROSSFALL + upright
+        expected += self.modes[:, antenna] @ constants
         residual = np.where(self.fixes.seen[:, antenna], self.fixes.height_m[:, antenna] - expected, 0.0)
         by_constants = np.broadcast_to(self.modes[:, antenna], (len(state), 1, constants.size))
         return jacobian, by_constants, residual[:, None]

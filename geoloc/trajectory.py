@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -62,6 +62,9 @@ class Trajectory:
         No pose is given between knots that are further apart.
     dropped : tuple of (count, reason)
         Recorded positions that were left out.
+    measured_at_m : float64 (3,)
+        Where on the rig positions were measured: the middle of the antennas. A tilt that is wrong leaves that
+        point where it is, and moves the rig's origin below it.
     """
 
     knots: Poses
@@ -69,6 +72,7 @@ class Trajectory:
     host_ns: IntArray
     max_gap_s: float
     dropped: tuple[tuple[int, str], ...]
+    measured_at_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def epoch_ns(self) -> IntArray:
@@ -109,14 +113,19 @@ class Trajectory:
         asked = np.asarray(epoch_ns, dtype=np.int64)
         return self._poses(pose_curves(self.knots, self.max_gap_s), asked, sigmas=True)
 
-    def poses_in_blocks(self, epoch_ns: IntArray, rows: int, *, sigmas: bool = True) -> Iterator[Poses]:
+    def poses_in_blocks(
+        self, epoch_ns: IntArray, rows: int, *, sigmas: bool = True
+    ) -> Iterator[tuple[Poses, slice | IntArray]]:
         """Give the poses of `poses_at` so many rows at a time, for work that should stay in the cache.
 
-        Without `sigmas` those columns, and the speed, are NaN and cost nothing.
+        Neighbours of one epoch, as the sightings of one frame are, share a pose: beside the poses of a block
+        comes which of them each row has. Without `sigmas` those columns, and the speed, are NaN and cost
+        nothing.
         """
         curves = pose_curves(self.knots, self.max_gap_s)
         for start in range(0, epoch_ns.size, rows):
-            yield self._poses(curves, epoch_ns[start : start + rows], sigmas=sigmas)
+            asked, index = _once(epoch_ns[start : start + rows])
+            yield self._poses(curves, asked, sigmas=sigmas), index
 
     def _poses(self, curves: PoseCurves, epoch_ns: IntArray, *, sigmas: bool) -> Poses:
         columns, valid = curves.at(epoch_ns, sigmas=sigmas)
@@ -239,6 +248,7 @@ def trajectory_from_gnss(
         host_ns=kept[0].host_ns,
         max_gap_s=max_gap_s,
         dropped=dropped,
+        measured_at_m=np.mean(levers, axis=0),
     )
 
 
@@ -273,6 +283,18 @@ def trajectory_from_poses(track: PoseTrack, *, max_gap_s: float = MAX_GAP_S) -> 
     )
     dropped = _dropped(int((~keep).sum()), "the track of poses")
     return Trajectory(knots, knots, one.epoch_ns, max_gap_s, dropped)
+
+
+def _once(epoch_ns: IntArray) -> tuple[IntArray, slice | IntArray]:
+    """Epochs without those that equal the one before, and which of them each row has.
+
+    All of them where most differ: there is nothing to save then.
+    """
+    new = np.ones(epoch_ns.size, dtype=bool)
+    np.not_equal(epoch_ns[1:], epoch_ns[:-1], out=new[1:])
+    if 2 * np.count_nonzero(new) > new.size:
+        return epoch_ns, slice(None)
+    return epoch_ns[new], np.cumsum(new) - 1
 
 
 def _without_jumps(fixes: Sequence[GnssFixes]) -> tuple[list[GnssFixes], tuple[tuple[int, str], ...]]:

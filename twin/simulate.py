@@ -245,7 +245,10 @@ def _drawn(drive: SimulatedDrive) -> list[tuple[str, str]]:
         return " ".join(f"{value:+.4f}" for value in values)
 
     drawn = drive.drawn
-    rows = [("frame stamps late, ms", f"{drawn.frame_offset_ms:+.3f}")]
+    rows = [
+        ("frame stamps late, ms", f"{drawn.frame_offset_ms:+.3f}"),
+        ("slip of the rear axle, deg per m/s²", f"{drawn.slip_deg_per_mps2:.3f}"),
+    ]
     for camera in drive.scenario.cameras:
         rows += [
             (f"{camera}: boresight about the rig's x y z, deg", vector(drawn.boresight_deg[camera])),

@@ -45,6 +45,8 @@ _CHANGING_SHARE = 0.5
 # A heading's error changes slowly, but for the noise of single fixes.
 _TREMBLING_SHARE = 0.25
 _FULL_RATE_MPS, _LEAST_RATE = 3.0, 0.001
+# What an engine and people in the car leave of the body's bounce while it stands.
+_IDLE_SHARE = 0.1
 _MIN_SIGMA_RAD, _MIN_SIGMA_M = np.radians(0.01), 0.002
 _OTHER_GROUND_M = 2.0
 
@@ -153,6 +155,7 @@ def model_of(
         readout_s,
         np.where(scene.is_foot, pole_radius_m, 0.0)[scene.point],
         np.einsum("nij,nj->ni", scene.body.enu_R_rig[:, :2], scene.rig_t_camera_m[scene.camera]),
+        trajectory.measured_at_m,
         ground,
     )
     links = links_of(scene.object, scene.is_foot, _side_by_side(scene))
@@ -250,11 +253,13 @@ def _ages_s(nodes: Nodes, trajectory: Trajectory) -> FloatArray:
 
 def _fast_sigma(scene: Scene, budget: ErrorBudget) -> FloatArray:
     """Sigmas (k, 3) of what changes from one instant to the next: bounce, and the heading's trembling."""
-    heading = np.zeros(scene.instant_ns.size)
+    heading, speed = np.zeros(scene.instant_ns.size), np.zeros(scene.instant_ns.size)
     np.maximum.at(heading, scene.instant, scene.body.sigma_rad[:, 2])
-    roll, pitch = np.radians([budget.roll_jitter_deg, budget.pitch_jitter_deg])
+    np.maximum.at(speed, scene.instant, np.hypot(*scene.body.velocity_mps[:, :2].T))
+    liveliness = np.clip(speed / _FULL_RATE_MPS, _IDLE_SHARE, 1.0)
+    jitter = np.radians([budget.roll_jitter_deg, budget.pitch_jitter_deg])
     trembling = np.maximum(_TREMBLING_SHARE * heading, _MIN_SIGMA_RAD)
-    return np.column_stack([np.full(heading.size, roll), np.full(heading.size, pitch), trembling])
+    return np.column_stack([liveliness[:, None] * jitter, trembling])
 
 
 def _slow_sigma(body: Bodies) -> FloatArray:

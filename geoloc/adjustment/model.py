@@ -127,6 +127,8 @@ class Model:
         How far before the point its visible front stands; 0 for faces.
     eye_m : float64 (n, 2)
         The camera from the rig's origin, east and north.
+    measured_at_m : float64 (3,)
+        Where on the rig the trajectory's place was measured: about this point its tilt is corrected.
     ground : Ground
     terrain : MeasuredGround or None
     """
@@ -141,6 +143,7 @@ class Model:
     readout_s: float
     radius_m: FloatArray
     eye_m: FloatArray
+    measured_at_m: FloatArray
     ground: Ground
     terrain: MeasuredGround | None = None
 
@@ -177,7 +180,7 @@ class Model:
         drift[:, 0] += body.yaw_rate_radps * s.in_rig[:, 1]
         drift[:, 1] -= body.yaw_rate_radps * s.in_rig[:, 0]
         by_time = by_rig @ drift[:, :, None]
-        by_node = np.concatenate([by_attitude, -by_point], axis=2)
+        by_node = np.concatenate([by_attitude - by_point @ self._swing(body.enu_R_rig), -by_point], axis=2)
         left, right = (1.0 - self.share)[:, None, None], self.share[:, None, None]
         derivative = np.concatenate(
             [
@@ -222,7 +225,7 @@ class Model:
         scene, layout, body = self.scene, self.layout, self.scene.body
         late = x[TIME] + scene.readout * (self.readout_s + x[READOUT])
         slow = self._slow(x, self.left, self.share)
-        origin = self.origin_m + late[:, None] * body.velocity_mps + slow[:, 3:]
+        origin = self.origin_m + late[:, None] * body.velocity_mps + self._shift(slow, body.enu_R_rig)
         delta = self.points_m(x)[scene.point] - origin
         sight = delta[:, :2] - self.eye_m
         away = np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1.0)
@@ -257,12 +260,13 @@ class Model:
         """Height of each foot above the plane of the road (without the body's bounce), over its sigma."""
         g = self.ground
         slow = self._slow(x, g.left, g.share)
-        delta = self.points_m(x)[g.point] - g.origin_m - slow[:, 3:]
+        delta = self.points_m(x)[g.point] - g.origin_m - self._shift(slow, g.body.enu_R_rig)
         in_rig = _into(g.body.enu_R_rig, delta)
         attitude = slow[:, :3]
         q = _rotated(in_rig, attitude)
-        by_attitude = _rotation_derivative(q, attitude)[:, 2]
         by_point = np.einsum("nj,nij->ni", _rotation_matrix_back(attitude)[:, 2], g.body.enu_R_rig)
+        by_swing = np.einsum("ni,nij->nj", by_point, self._swing(g.body.enu_R_rig))
+        by_attitude = _rotation_derivative(q, attitude)[:, 2] - by_swing
         by_node = np.concatenate([by_attitude, -by_point], axis=1)
         derivative = np.concatenate(
             [by_point, by_node * (1.0 - g.share)[:, None], by_node * g.share[:, None]], axis=1
@@ -286,6 +290,14 @@ class Model:
         residual = np.where(inside, above / t.sigma_m, 0.0)
         derivative = np.where(inside[:, None], derivative / t.sigma_m[:, None], 0.0)
         return Linear(residual, derivative, self.layout.point(t.point))
+
+    def _shift(self, slow: FloatArray, enu_R_rig: FloatArray) -> FloatArray:
+        """How far the rig's origin moves (n, 3): with its place, and below an antenna that stays."""
+        return np.asarray(slow[:, 3:] + (self._swing(enu_R_rig) @ slow[:, :3, None])[:, :, 0])
+
+    def _swing(self, enu_R_rig: FloatArray) -> FloatArray:
+        """Move of the rig's origin, east, north and up, by a turn about the antennas (n, 3, 3)."""
+        return np.asarray(enu_R_rig @ _cross_matrix(self.measured_at_m[None])[0])
 
     def _slow(self, x: FloatArray, left: IntArray, share: FloatArray) -> FloatArray:
         """Corrections (n, 6) between nodes: a rotation vector about the rig's axes, and a shift."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.geodesy import enu_offset, rotation_enu_from_rig
+from geoloc.gnss import lean_m
 from geoloc.interpolation import NANOSECONDS, metres_per_degree, wrap_deg
 from geoloc.locate import ErrorBudget, Sightings
 from geoloc.poses import Poses
@@ -23,7 +24,9 @@ TextArray = NDArray[np.str_]
 
 OUTSIDE = "outside the camera's image or model"
 ON_THE_CAR = "on the car itself"
-_RATE_STEP_NS = 50_000_000
+# Rates are differences over twice this: longer than most errors of the trajectory last, shorter than a bend.
+# Over a tenth of a second they are the slopes of those errors, which look like a clock that is wrong.
+_RATE_STEP_NS = 500_000_000
 # Frames of cameras that are triggered together carry stamps of their own, a fraction of a frame apart.
 _SAME_INSTANT_NS = 8_000_000
 # A pass over the ground beside an object this long before or after it was seen still tells its height: the
@@ -50,6 +53,7 @@ class Bodies(NamedTuple):
     sigma_rad: FloatArray
     """Of roll, pitch and heading: float64 (n, 3)."""
     sigma_horizontal_m: FloatArray
+    """Of the point whose place was measured, `Trajectory.measured_at_m`."""
     sigma_vertical_m: FloatArray
 
 
@@ -165,6 +169,7 @@ def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses
     yaw_rate = -rate("heading_deg", np.radians(1.0), angle=True)
     velocity = [rate("longitude_deg", east), rate("latitude_deg", north), rate("height_m", 1.0)]
     sigma = np.radians(np.stack([poses.sigma_roll_deg, poses.sigma_pitch_deg, poses.sigma_heading_deg], 1))
+    lean = lean_m(float(trajectory.measured_at_m[2]), poses.sigma_roll_deg, poses.sigma_pitch_deg)
     return (
         Bodies(
             poses.latitude_deg,
@@ -175,7 +180,7 @@ def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses
             yaw_rate,
             yaw_rate * np.hypot(velocity[0], velocity[1]),
             sigma,
-            poses.sigma_horizontal_m,
+            np.sqrt(np.maximum(poses.sigma_horizontal_m**2 - lean**2, 0.0)),
             poses.sigma_vertical_m,
         ),
         poses,

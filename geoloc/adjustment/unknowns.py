@@ -211,13 +211,18 @@ def prior_of(
 def _add_process(
     rows: _Rows, source: str, places: IntArray, age_s: FloatArray, sigma: FloatArray, tau_s: float
 ) -> None:
-    """First-order Gauss-Markov process: the first value by its sigma, each further one by its innovation."""
+    """First-order Gauss-Markov process: the first value by its sigma, each further one by its innovation.
+
+    Where sigmas grow, something new is added to what was there: an error that grew in proportion would take a
+    small drift of a standing car's heading for a share of a large error that it always had.
+    """
     rows.add(source, places[:1, None], 1.0 / sigma[:1, None])
     if places.size == 1:
         return
-    fades = np.exp(-np.diff(age_s) / tau_s)
+    ratio = sigma[1:] / sigma[:-1]
+    fades = np.exp(-np.diff(age_s) / tau_s) * np.minimum(ratio, 1.0 / ratio)
     innovation = 1.0 / (sigma[1:] * np.sqrt(1.0 - fades**2))
-    before = -fades * sigma[1:] / sigma[:-1] * innovation
+    before = -fades * ratio * innovation
     rows.add(source, np.stack([places[:-1], places[1:]], axis=1), np.stack([before, innovation], axis=1))
 
 

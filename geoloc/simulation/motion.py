@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.errors import GeolocError
-from geoloc.simulation.noise import NoiseSpec, damped_oscillation, stream
+from geoloc.simulation.noise import NoiseSpec, damped_oscillation, drawn_slip_deg_per_mps2, stream
 from geoloc.simulation.road import MARGIN_M, Road
 
 FloatArray = NDArray[np.float64]
@@ -54,6 +54,7 @@ class TrueMotion:
 
     def __init__(self, road: Road, spec: MotionSpec, noise: NoiseSpec, seed: int) -> None:
         self.road, self.spec, self.noise = road, spec, noise
+        self._slip_deg_per_mps2 = drawn_slip_deg_per_mps2(noise, seed)
         self._station = np.arange(-MARGIN_M, road.spec.length_m + MARGIN_M, PATH_STEP_M)
         path = road.plan_m(self._station, self._offset(self._station)[0])
         steps = np.linalg.norm(np.diff(path, axis=0), axis=-1)
@@ -93,7 +94,7 @@ class TrueMotion:
         sideways = speed**2 * curvature
         yaw = self.road.yaw_rad(station) + np.arctan2(offset_slope, 1.0 - curvature * offset)
         # The path's tangent is the course; the body points further into the bend by the rear tyres' slip.
-        yaw = yaw + np.radians(self.noise.slip_deg_per_mps2 * sideways)
+        yaw = yaw + np.radians(self._slip_deg_per_mps2 * sideways)
         pitch, roll, heave = self._attitude(time_s, station, offset, acceleration, sideways, speed)
         plan = self.road.plan_m(station, offset)
         up = self.road.surface_m(station, offset) + heave
@@ -119,7 +120,7 @@ class TrueMotion:
             jitter[0] * (noise.idle_jitter_deg + noise.pitch_jitter_deg * liveliness)
             - acceleration * noise.dive_deg_per_mps2
         )
-        roll = np.arctan(self.road.across_slope(offset)) + np.radians(
+        roll = np.arctan(self.road.across_slope(station, offset)) + np.radians(
             jitter[1] * (noise.idle_jitter_deg + noise.roll_jitter_deg * liveliness)
             + sideways * noise.roll_deg_per_mps2
         )

@@ -24,11 +24,11 @@ class NoiseSpec:
     """Each fix, each axis, each antenna. Carrier-phase noise of a fixed RTK solution, short baseline."""
     gnss_white_vertical_m: float = 0.010
     """As above; the vertical is worse by 1.7 because no satellite is below the horizon."""
-    gnss_slow_horizontal_m: float = 0.008
+    gnss_slow_horizontal_m: float = 0.011
     """† Gauss–Markov, each axis, common to all antennas: atmosphere left over between the car and the virtual
-    reference station. Kartverket states 8 mm plan for CPOS at a station spacing of 35 km."""
-    gnss_slow_vertical_m: float = 0.017
-    """† The same source; Kartverket states 17 mm for CPOS heights at 35 km."""
+    reference station. The middle of the 8 to 14 mm in plan that Kartverket states for CPOS."""
+    gnss_slow_vertical_m: float = 0.023
+    """† The same source; the middle of 17 to 30 mm in height."""
     gnss_slow_tau_s: float = 100.0
     """† Correlation time of the slow part: minutes, as atmosphere and satellite geometry change."""
     gnss_multipath_m: float = 0.004
@@ -57,6 +57,9 @@ class NoiseSpec:
     """† Once for a camera and axis. Typical repeatability of a checkerboard calibration."""
     lever_arm_m: float = 0.015
     """Once for an antenna and axis. A tape measure on a car body."""
+    rig_origin_m: float = 0.010
+    """† Once for an axis, in all lever arms alike: the middle of the rear axle, from which the tape is laid,
+    lies under the car, and the cameras' calibration has an origin of its own."""
     pitch_jitter_deg: float = 0.10
     """Damped oscillation at 50 km/h, grows with the square root of speed: body bounce on its springs."""
     roll_jitter_deg: float = 0.10
@@ -72,7 +75,10 @@ class NoiseSpec:
     roll_deg_per_mps2: float = 0.35
     """† Not a sigma: the body leans out of a bend, 3.5 degrees per g for a family car."""
     slip_deg_per_mps2: float = 0.25
-    """† Not a sigma: the rear axle drifts out of a bend by its tyres' compliance, 2 to 3 degrees per g."""
+    """Not a sigma: the rear axle drifts out of a bend by its tyres' compliance, 2 to 3 degrees per g."""
+    slip_sigma_deg_per_mps2: float = 0.08
+    """Once. Soft winter tyres and a full boot drift half as much again, hard tyres on an empty car half as
+    little."""
     heave_m: float = 0.006
     """† The body's height over its wheels at 50 km/h, same process as pitch."""
     pole_radius_m: float = 0.03
@@ -115,6 +121,8 @@ class DrawnErrors:
         True principal point minus that of the rig file.
     lever_arm_m : mapping antenna → float64 (3,)
         True lever arm minus that of the rig file.
+    slip_deg_per_mps2 : float
+        Slip angle of the rear axle a lateral acceleration.
     """
 
     frame_offset_ms: float
@@ -123,6 +131,7 @@ class DrawnErrors:
     focal_relative: Mapping[str, float]
     principal_point_px: Mapping[str, FloatArray]
     lever_arm_m: Mapping[str, FloatArray]
+    slip_deg_per_mps2: float
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -134,6 +143,7 @@ def draw_errors(
     spec: NoiseSpec, seed: int, cameras: tuple[str, ...], antennas: tuple[str, ...]
 ) -> DrawnErrors:
     """Draw the errors that a drive keeps from its first to its last frame."""
+    origin = stream(seed, "rig origin").normal(size=3) * spec.rig_origin_m
     return DrawnErrors(
         frame_offset_ms=float(stream(seed, "frame offset").normal(0.0, 1.0) * spec.frame_offset_ms),
         boresight_deg={
@@ -146,8 +156,17 @@ def draw_errors(
         principal_point_px={
             n: stream(seed, f"principal point {n}").normal(size=2) * spec.principal_point_px for n in cameras
         },
-        lever_arm_m={n: stream(seed, f"lever arm {n}").normal(size=3) * spec.lever_arm_m for n in antennas},
+        lever_arm_m={
+            n: stream(seed, f"lever arm {n}").normal(size=3) * spec.lever_arm_m + origin for n in antennas
+        },
+        slip_deg_per_mps2=drawn_slip_deg_per_mps2(spec, seed),
     )
+
+
+def drawn_slip_deg_per_mps2(spec: NoiseSpec, seed: int) -> float:
+    """Draw how far the rear axle of this drive's car slips."""
+    spread = float(stream(seed, "slip").normal()) * spec.slip_sigma_deg_per_mps2
+    return spec.slip_deg_per_mps2 + spread
 
 
 def gauss_markov(rng: np.random.Generator, epoch_s: FloatArray, sigma: float, tau_s: float) -> FloatArray:

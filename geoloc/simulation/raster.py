@@ -74,12 +74,9 @@ def rasterised(
 
 
 def _surface_m(road: Road, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
-    """`Road.surface_m` for many points: its two parts, along and across, add up."""
+    """`Road.surface_m` for many points: that of the centre line, and the fall from there."""
     profile = np.arange(np.min(station_m) - 1.0, np.max(station_m) + 1.0, 0.05)
     crown = np.concatenate(
         [road.surface_m(part, np.zeros_like(part)) for part in np.array_split(profile, 20)]
     )
-    offset = np.linspace(-road.spec.lane_width_m, road.spec.lane_width_m, 201)
-    fall = road.surface_m(np.zeros_like(offset), offset)
-    middle = fall[100]
-    return np.asarray(np.interp(station_m, profile, crown) + np.interp(offset_m, offset, fall - middle))
+    return np.asarray(np.interp(station_m, profile, crown) + road.fall_m(station_m, offset_m))

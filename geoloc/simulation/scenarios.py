@@ -104,7 +104,14 @@ def _sample(speed_mps: float, _seed: int) -> Scenario:
         (370.0, counterbend),
         (410.0, 0.0),
     )
-    road = RoadSpec(length_m=500.0, curvature=curvature)
+    # Spelt out, so that the shipped bytes stay whatever other drives are made of.
+    road = RoadSpec(length_m=500.0, curvature=curvature, crossfall_percent=2.0, crossfall_spread=0.0)
+    noise = NoiseSpec(
+        gnss_slow_horizontal_m=0.008,
+        gnss_slow_vertical_m=0.017,
+        rig_origin_m=0.0,
+        slip_sigma_deg_per_mps2=0.0,
+    )
     slow = speed_mps / 2.0
     fast_s, change_s, slow_s = 178.0 / speed_mps, 33.0 / (0.75 * speed_mps), 33.0 / slow
     time = [0.0, fast_s, fast_s + change_s, fast_s + change_s + slow_s, fast_s + 2.0 * change_s + slow_s]
@@ -112,7 +119,7 @@ def _sample(speed_mps: float, _seed: int) -> Scenario:
         duration_s=round(time[-1] + 200.0 / speed_mps, 1),
         speed=tuple(zip(time, (speed_mps, speed_mps, slow, slow, speed_mps), strict=True)),
     )
-    return Scenario("sample", road, motion, SAMPLE_POLES, cameras=("C2_tricam60", "C3_tricam120"))
+    return Scenario("sample", road, motion, SAMPLE_POLES, noise, cameras=("C2_tricam60", "C3_tricam120"))
 
 
 def _still(_speed_mps: float, _seed: int) -> Scenario:
@@ -193,7 +200,14 @@ def _highway(speed_mps: float, seed: int) -> Scenario:
         (640.0, -1 / 500.0),
         (720.0, 0.0),
     )
-    road = RoadSpec(length_m=720.0, curvature=curvature, lane_width_m=3.5, kerb_share=0.0, verge_sigma_m=0.06)
+    road = RoadSpec(
+        length_m=720.0,
+        curvature=curvature,
+        lane_width_m=3.5,
+        superelevation_percent=6.0,
+        kerb_share=0.0,
+        verge_sigma_m=0.06,
+    )
     poles = _scattered(16, 45.0, 675.0, (5.2, 7.5), seed)
     motion = MotionSpec(
         duration_s=round(700.0 / speed_mps, 1), speed=((0.0, speed_mps),), lane_offset_m=-1.75

@@ -94,6 +94,21 @@ def test_places_are_those_of_locate_single_frame(names: list[str]) -> None:
         np.testing.assert_allclose(fast.covariance_m2, slow.covariance_m2, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("names", [["f-theta"], list(MODELS)])
+def test_places_of_shared_frames_are_those_of_each_row(names: list[str]) -> None:
+    """Sightings in the order of frames share poses, valid and rejected ones alike: nothing else changes."""
+    epoch, sightings = sighted(2000, names)
+    epoch = np.sort(np.repeat(epoch[::20], 20))
+    track, budget = trajectory(), ErrorBudget()
+    shared, alone = place_at(rig(), sightings, track, epoch, budget), track.poses_at(epoch)
+    own = place(rig(), sightings, alone, budget)
+    assert 0.2 < own.valid.mean() < 0.9
+    assert not alone.valid.all()
+    np.testing.assert_array_equal(shared.rejected, own.rejected)
+    for name in ("latitude_deg", "longitude_deg", "height_m", "covariance_m2"):
+        np.testing.assert_array_equal(getattr(shared, name), getattr(own, name))
+
+
 def test_places_without_a_budget_have_no_covariance() -> None:
     """Positions do not depend on whether covariances are asked for."""
     epoch, sightings = sighted(300, list(MODELS))
@@ -157,7 +172,7 @@ def test_poses_in_blocks_are_those_of_all_at_once() -> None:
     whole = track.poses_at(epoch)
     assert 0.5 < whole.valid.mean() < 1.0
     for sigmas in (True, False):
-        for k, block in enumerate(track.poses_in_blocks(epoch, 300, sigmas=sigmas)):
+        for k, (block, _) in enumerate(track.poses_in_blocks(epoch, 300, sigmas=sigmas)):
             expected: Poses = part(whole, slice(300 * k, 300 * (k + 1)))
             np.testing.assert_array_equal(block.valid, expected.valid)
             np.testing.assert_array_equal(block.reason, expected.reason)

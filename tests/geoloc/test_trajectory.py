@@ -60,6 +60,10 @@ def epochs(t_s: ArrayLike) -> NDArray[np.int64]:
     return EPOCH0 + np.round(np.asarray(t_s) * 1e9).astype(np.int64)
 
 
+EXPECTED_ROLL_DEG = float(np.degrees(np.arctan(0.02)))
+"""The fall to the right that a trajectory expects: with it, nothing is left to be found out."""
+
+
 def record(
     drive: Circle,
     lever: FloatArray,
@@ -69,7 +73,7 @@ def record(
     length_s: float = 30.0,
     noise_m: float = 0.0,
     delay_ms: float = 0.0,
-    roll_deg: float = 0.0,
+    roll_deg: float = EXPECTED_ROLL_DEG,
     seed: int = 1,
 ) -> GnssFixes:
     """What an antenna on the car of this drive would say."""
@@ -102,7 +106,10 @@ def turned(a_deg: FloatArray, b_deg: ArrayLike) -> FloatArray:
 def still(lever: FloatArray, name: str, heading_deg: float, n: int = 60, noise_m: float = 0.0) -> GnssFixes:
     """A car that stands."""
     rng = np.random.default_rng(7)
-    offset = rotation_enu_from_rig(heading_deg, 0.0, 0.0) @ lever + rng.normal(0.0, 1.0, (n, 3)) * noise_m
+    offset = (
+        rotation_enu_from_rig(heading_deg, 0.0, EXPECTED_ROLL_DEG) @ lever
+        + rng.normal(0.0, 1.0, (n, 3)) * noise_m
+    )
     lat, lon = geographic_from_enu(LAT0, LON0, offset[:, 0], offset[:, 1])
     stamp = epochs(np.arange(n) * 0.2)
     return GnssFixes(name, stamp, stamp, lat, lon, HEIGHT + offset[:, 2], np.full(n, 4))
@@ -148,11 +155,22 @@ def test_pitch_follows_the_climb_of_the_road() -> None:
 
 
 def test_roll_is_seen_by_antennas_side_by_side() -> None:
-    """A crossfall that lifts the left antenna moves the estimated roll to its side, never past it."""
+    """A crossfall beyond the expected one moves the estimated roll to its side, never past it."""
     drive = Circle(radius_m=5000.0)
-    fixes = [record(drive, lever, name, roll_deg=1.5) for name, lever in PAIR.items()]
-    roll = trajectory_from_gnss(fixes, PAIR).poses_at(epochs(FRAMES_S)).roll_deg
-    assert ((roll > 0.2) & (roll < 1.5)).all()
+    for lean in (1.5, -1.5):
+        roll_deg = EXPECTED_ROLL_DEG + lean
+        fixes = [record(drive, lever, name, roll_deg=roll_deg) for name, lever in PAIR.items()]
+        roll = trajectory_from_gnss(fixes, PAIR).poses_at(epochs(FRAMES_S)).roll_deg
+        found = (roll - EXPECTED_ROLL_DEG) / lean
+        assert ((found > 0.2) & (found < 1.0)).all()
+
+
+def test_place_is_measured_at_the_antennas() -> None:
+    """The place that a trajectory measured is that between its antennas, or the origin of recorded poses."""
+    fixes = [record(Circle(), lever, name) for name, lever in PAIR.items()]
+    poses = pose_track(np.arange(3.0), Circle(), np.zeros(3))
+    np.testing.assert_allclose(trajectory_from_gnss(fixes, PAIR).measured_at_m, 0.5 * (LEFT + RIGHT))
+    np.testing.assert_array_equal(trajectory_from_poses(poses).measured_at_m, np.zeros(3))
 
 
 @settings(max_examples=25, deadline=None)

@@ -229,9 +229,9 @@ def test_replayed_pages_are_complete() -> None:
 
 
 def test_readme_states_every_source_of_noise() -> None:
-    """The README has every field of `NoiseSpec` with its value, the seed, and the command."""
-    text = (DATA / "README.md").read_text(encoding="utf-8")
+    """The README has every field of the sample's `NoiseSpec` with its value, the seed, and the command."""
+    text, noise = (DATA / "README.md").read_text(encoding="utf-8"), scenario("sample").noise
     for field in fields(NoiseSpec):
-        assert f"| `{field.name}` | {getattr(NoiseSpec(), field.name):g} |" in text, field.name
+        assert f"| `{field.name}` | {getattr(noise, field.name):g} |" in text, field.name
     assert "python -m twin.sample data" in text
     assert str(SEED) in text
