@@ -40,6 +40,9 @@ class ErrorBudget:
     """Kerb and camber: the foot's height over the rig's plane, systematic for an object."""
     ground_slope_deg: float = 0.4
     """Grade of the road between car and object, systematic for an object."""
+    ground_fall: float = 0.03
+    """Fall across the road, a share of the distance to the side: a crown between car and object, or
+    superelevation that ends at the shoulder. Systematic for an object; only single frames use it."""
     boresight_deg: float = 0.2
     """Mounting error of a camera about each axis, systematic for a camera."""
     time_ms: float = 5.0
@@ -90,6 +93,7 @@ def source_moves(
         "boresight roll": enu(boresight, moves.by_boresight(2)),
         "camera height": enu(budget.camera_position_m, moves.by_camera_height()),
     }
+    climb = np.hypot(_RADIANS * budget.ground_slope_deg * moves.reach_m(), budget.ground_fall * feet.y_m)
     # A foot that stands higher moves along its ray and, on a tilted road, sideways with the road's normal.
     rise_e, rise_n = (
         own + axis for own, axis in zip(enu(1.0, moves.by_ground_height()), axes.normal, strict=True)
@@ -106,6 +110,6 @@ def source_moves(
         "lever arm x": scaled(budget.lever_arm_m, fe, fn),
         "lever arm y": scaled(budget.lever_arm_m, le, ln),
         "ground height": scaled(budget.ground_height_m, rise_e, rise_n),
-        "ground slope": scaled(_RADIANS * budget.ground_slope_deg * moves.reach_m(), rise_e, rise_n),
+        "ground slope": scaled(climb, rise_e, rise_n),
     }
     return SourceMoves(random, of_camera, shared)

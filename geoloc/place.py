@@ -241,7 +241,8 @@ def _spread(
     ee += gnss
     nn += gnss
     a, b = feet.slope_x, feet.slope_y
-    climb = np.radians(budget.ground_slope_deg) ** 2 * (feet.x_m * feet.x_m + feet.y_m * feet.y_m)
+    grade = np.radians(budget.ground_slope_deg) ** 2
+    climb = grade * (feet.x_m * feet.x_m) + (grade + budget.ground_fall**2) * (feet.y_m * feet.y_m)
     (he, hn), (ne, nn_) = axes.heading, axes.normal
     for variance, x, y in (
         (budget.ground_height_m**2 + climb, fe * a + le * b + ne, fn * a + ln * b + nn_),

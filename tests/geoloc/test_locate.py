@@ -365,7 +365,7 @@ def test_predicted_covariance_matches_the_spread_of_located_feet(name: str) -> N
         sigma_horizontal_m=np.full(n, 0.02),
         sigma_heading_deg=np.full(n, 0.2),
     )
-    settled = replace(budget, ground_height_m=0.03, ground_slope_deg=0.1)
+    settled = replace(budget, ground_height_m=0.03, ground_slope_deg=0.1, ground_fall=0.0)
     found = locate_single_frame(RIG, Sightings(np.full(n, name), pixel), poses, settled)
     truth = (rotation_enu_from_rig(world.heading, world.pitch, world.roll) @ world.foot)[:2]
     error = metres(found) - truth
