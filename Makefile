@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint check real sample bench bench-speed bench-mirror soak clean
+.PHONY: demo test lint check real sample bench bench-speed bench-mirror bench-export bench-calibration soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -40,6 +40,13 @@ bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the 
 
 bench-mirror: $(VENV)/.installed  ## the mirror against a bare loop over the same pages, as ratios
 	$(BIN)/python benchmarks/mirror.py
+
+bench-export: $(VENV)/.installed  ## an export of 100,000 findings against bare writes of the same rows
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/export.py
+
+bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known lenses, against the bars
+	$(BIN)/python benchmarks/calibration.py
+	$(BIN)/python benchmarks/extrinsics.py
 
 soak: $(VENV)/.installed          ## a hundred syncs killed at random instants
 	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/test_mirror_kill.py
