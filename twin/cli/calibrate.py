@@ -1,0 +1,170 @@
+"""``twin calibrate …``: cameras from pictures of boards and tags."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, warn
+
+app = typer.Typer(
+    name="calibrate",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Calibrate the car's cameras from pictures, and check that they still are.",
+    epilog="Try it: twin calibrate example board",
+)
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document on stdout instead of tables.")
+]
+_PARAMETER_DIGITS, _SIGMA_DIGITS = 8, 2
+
+
+@app.command(
+    "intrinsics",
+    epilog="Example: twin calibrate intrinsics pictures --board charuco:12x9:0.06:0.045 --out calibrated",
+)
+def intrinsics(
+    sources: Annotated[
+        list[Path],
+        typer.Argument(help="Pictures or films of the board, or folders of them.", metavar="IMAGES|VIDEO"),
+    ],
+    board: Annotated[
+        str,
+        typer.Option(
+            help="checkerboard:9x6:0.08 (inner corners, square in metres) or charuco:12x9:0.06:0.045 "
+            "(squares, square and marker in metres), then :DICT_… for other markers than DICT_5X5_250."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the camera's files, the report and its pictures.")
+    ] = Path("calibrated"),
+    model: Annotated[
+        str,
+        typer.Option(help="ftheta, fisheye, pinhole, ocam, several with commas, or auto: the best of all."),
+    ] = "auto",
+    linear: Annotated[
+        bool, typer.Option("--linear", help="ftheta and ocam: also free c and d, for pixels not square.")
+    ] = False,
+    rig: Annotated[
+        Path | None, typer.Option(help="DriveWorks rig to put the camera into; written to OUT/rig.json.")
+    ] = None,
+    camera: Annotated[str, typer.Option(help="Name of the camera, as in the rig.")] = "camera",
+    max_views: Annotated[int, typer.Option(min=5, help="Use at most so many views, well spread.")] = 60,
+    every: Annotated[
+        int | None,
+        typer.Option(min=1, help="Look at every so manieth frame of a film.  [default: some 240 frames]"),
+    ] = None,
+    distance: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="PICTURE=METRES, measured from the camera to the middle of the board: tells a wrong square "
+            "size, which the pictures alone cannot."
+        ),
+    ] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Calibrate one camera from pictures of a board: model, uncertainty, coverage, and what is wrong."""
+    from twin.calibrate.intrinsics import calibrate_intrinsics
+    from twin.calibrate.report import report_document
+    from twin.calibrate.write import check_rig, write_calibration
+
+    distances_m = _distances(distance or [])
+    if rig is not None:
+        check_rig(rig, camera)
+    with bar(quiet=json_output) as progress:
+        made = calibrate_intrinsics(
+            sources,
+            board,
+            model=model,
+            linear=linear,
+            max_views=max_views,
+            every=every,
+            distances_m=distances_m,
+            progress=progress,
+        )
+    files = write_calibration(made, out, camera, rig)
+    document = report_document(made, camera)
+    if json_output:
+        print_json({**document, "files": [str(file) for file in files]})
+        return
+    _print_report(document)
+    print_paths("Written:", files)
+    for fault in made.faults:
+        warn(fault.sentence)
+
+
+def _distances(texts: list[str]) -> dict[str, float]:
+    from twin.errors import ConfigError
+
+    distances = {}
+    for text in texts:
+        name, found, metres = text.rpartition("=")
+        try:
+            distances[name] = float(metres)
+        except ValueError:
+            found = ""
+        if not found:
+            raise ConfigError(f"--distance is {text}: write PICTURE=METRES, board_01.png=2.50 for one.")
+    return distances
+
+
+def _print_report(document: dict[str, Any]) -> None:
+    residuals, coverage, pictures = document["residuals"], document["coverage"], document["pictures"]
+    sigma = coverage["ray_sigma_deg"]
+    print_pairs(
+        f"Camera {document['camera']}: {document['model']}",
+        {
+            "pictures": f"{pictures['looked_at']} looked at, board in {pictures['board_found']}, "
+            f"{pictures['used']} used",
+            "corners": f"{residuals['corners']:,}, {residuals['rejected']} rejected",
+            "one corner": f"{residuals['sigma_px']:.3f} px",
+            "residual angle": f"{residuals['rms_deg']:.4f}° RMS, {residuals['max_deg']:.4f}° at most",
+            "covered": f"{coverage['part_of_the_image']:.0%} of the image; nothing is vouched for elsewhere",
+            "a ray there": f"known to {sigma['median']:.4f}°, {sigma['largest']:.4f}° at worst (one sigma)",
+        },
+    )
+    print_table(
+        "Parameters",
+        ["parameter", "value", "one sigma"],
+        [
+            (p["name"], f"{p['value']:.{_PARAMETER_DIGITS}g}", f"{p['sigma']:.{_SIGMA_DIGITS}g}")
+            for p in document["parameters"]
+        ],
+    )
+    print_table(
+        "Models, by views left out of the fit",
+        ["model", "parameters", "held-out RMS [°]", ""],
+        [
+            (
+                m["model"],
+                m["parameters"],
+                "–" if m["held_out_rms_deg"] is None else f"{m['held_out_rms_deg']:.5f}",
+                "chosen" if m["chosen"] else m["reason"],
+            )
+            for m in document["models"]
+        ],
+    )
+
+
+@app.command("example", epilog="Example: twin calibrate example board")
+def example(
+    out: Annotated[Path, typer.Argument(help="A new or an empty folder.", metavar="OUT")],
+    pictures: Annotated[int, typer.Option(min=5, help="How many.")] = 24,
+    seed: Annotated[int, typer.Option(min=0, help="Draws poses, light and noise.")] = 0,
+    json_output: JsonOption = False,
+) -> None:
+    """Render pictures of a ChArUco board to try `intrinsics` on, and the rig that they were taken with."""
+    from twin.calibrate.example import EXAMPLE_BOARD, EXAMPLE_CAMERA, PICTURES, write_example
+
+    with bar(quiet=json_output) as progress:
+        files = write_example(out, n_pictures=pictures, seed=seed, progress=progress)
+    if json_output:
+        print_json({"board": EXAMPLE_BOARD, "camera": EXAMPLE_CAMERA, "files": [str(f) for f in files]})
+        return
+    print_paths("Written:", [files[0], "…", *files[-2:]])
+    note(f"Next: twin calibrate intrinsics {out / PICTURES} --board {EXAMPLE_BOARD} --out calibrated")
