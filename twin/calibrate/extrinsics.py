@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +169,15 @@ def _hand_model(path: Path) -> CameraModel:
     return next(iter(cameras.values())).model
 
 
-def _by_camera(folder: Path, rig: Rig, hand: bool) -> list[tuple[str, Path]]:
+class _PictureFile(NamedTuple):
+    """One picture: its camera, its file, and its name inside the folder."""
+
+    camera: str
+    file: Path
+    name: str
+
+
+def _by_camera(folder: Path, rig: Rig, hand: bool) -> list[_PictureFile]:
     """Every picture of the folder and its sub-folders with the camera that its name names."""
     if not folder.is_dir():
         raise ConfigError(f"{folder} is no folder: give the one that holds the pictures.")
@@ -184,46 +192,46 @@ def _by_camera(folder: Path, rig: Rig, hand: bool) -> list[tuple[str, Path]]:
                 " put the camera's name into the name of the picture or its folder, or give the file of"
                 " the carried camera's calibration with --hand."
             )
-        found.append((names[0] if names else HAND, file))
+        found.append(_PictureFile(names[0] if names else HAND, file, inside.as_posix() + file.suffix))
     if not found:
         raise ConfigError(f"There are no pictures in {folder}: name the folder they are in.")
     return found
 
 
 def _tag_pictures(
-    files: Sequence[tuple[str, Path]],
+    files: Sequence[_PictureFile],
     models: Mapping[str, CameraModel],
     layout: Layout,
     progress: Progress | None,
 ) -> tuple[list[TagPicture], list[str]]:
     found, notes = [], []
-    for done, (camera, file) in enumerate(files):
+    for done, (camera, file, name) in enumerate(files):
         if progress is not None:
             progress("pictures", done, len(files))
         grey = next(iter(pictures([file]))).grey
         model = models[camera]
         if grey.shape != (model.height_px, model.width_px):
             raise CalibrationError(
-                f"{file.name} has {grey.shape[1]} x {grey.shape[0]} pixels, but {camera} has"
+                f"{name} has {grey.shape[1]} x {grey.shape[0]} pixels, but {camera} has"
                 f" {model.width_px} x {model.height_px}: give pictures in the camera's own size."
             )
         tags = find_tags(grey, model)
         if tags.mirrored:
             raise CalibrationError(
-                f"{file.name} shows its tags mirrored: print them the right way round, or do not flip it."
+                f"{name} shows its tags mirrored: print them the right way round, or do not flip it."
             )
         if tags.n_small:
-            notes.append(f"{file.name}: {tags.n_small} tags are too small or too blurred and were left out.")
+            notes.append(f"{name}: {tags.n_small} tags are too small or too blurred and were left out.")
         strange = sorted(set(tags.ids.tolist()) - set(layout.tags))
         if strange:
             listed = ", ".join(map(str, strange))
-            notes.append(f"{file.name}: tag {listed} is not in the layout and was left out.")
+            notes.append(f"{name}: tag {listed} is not in the layout and was left out.")
         shown = [
-            TagPicture(file.name, camera, camera != HAND, tags.ids, tags.corners_px),
-            *_board_pictures(grey, file.name, camera, layout.boards),
+            TagPicture(name, camera, camera != HAND, tags.ids, tags.corners_px),
+            *_board_pictures(grey, name, camera, layout.boards),
         ]
         if not any(len(picture.tag_ids) for picture in shown):
-            notes.append(f"{file.name} shows no tag.")
+            notes.append(f"{name} shows no tag.")
         found += [picture for picture in shown if len(picture.tag_ids)]
     if progress is not None:
         progress("pictures", len(files), len(files))

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoloc.errors import CalibrationError
 from twin.calibrate.boards import ByteArray
+from twin.errors import DriveError
+
+if TYPE_CHECKING:
+    from twin.frames.video import VideoIndex
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 VIDEO_SUFFIXES = frozenset(
     {".mp4", ".avi", ".mkv", ".mov", ".h264", ".h265", ".hevc", ".264", ".265", ".webm"}
 )
 _FRAMES_LOOKED_AT = 240
-"""Of a film whose length is known; of others every tenth frame."""
-_EVERY = 10
+"""Of a film, evenly spread."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +63,21 @@ def files_of(sources: Sequence[Path]) -> list[Path]:
     return files
 
 
-def count(files: Sequence[Path], every: int | None) -> int | None:
-    """How many pictures `pictures` will give; None where a film does not say how long it is."""
+def count(files: Sequence[Path], every: int | None) -> int:
+    """How many pictures `pictures` will look at.
+
+    Raises
+    ------
+    CalibrationError
+        If a film cannot be read.
+    """
     total = 0
     for file in files:
         if file.suffix.lower() in IMAGE_SUFFIXES:
             total += 1
-            continue
-        frames = _n_frames(file)
-        if frames is None:
-            return None
-        total += -(-frames // _step(frames, every))
+        else:
+            frames = _index(file).n_frames
+            total += -(-frames // _step(frames, every))
     return total
 
 
@@ -109,36 +118,29 @@ def _picture(file: Path, name: str) -> Picture:
 
 
 def _film(file: Path, name: str, every: int | None) -> Iterator[Picture]:
+    """Frames of a film, by PyAV: OpenCV decodes damaged ones without a word."""
     import cv2
 
-    step = _step(_n_frames(file), every)
-    film = cv2.VideoCapture(str(file))
+    from twin.frames.video import decoded
+
+    index = _index(file)
+    wanted = np.zeros(index.n_frames, dtype=np.bool_)
+    wanted[:: _step(index.n_frames, every)] = True
+    with file.open("rb") as stream:
+        for number, image in decoded(stream, index, wanted, Counter()):
+            grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+            yield Picture(f"{name}#{number}", np.asarray(grey, dtype=np.uint8))
+
+
+def _index(file: Path) -> VideoIndex:
+    from twin.frames.video import index_video
+
     try:
-        number = 0
-        while film.grab():
-            if number % step == 0:
-                read, image = film.retrieve()
-                if read:
-                    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-                    yield Picture(f"{name}#{number}", np.asarray(grey, dtype=np.uint8))
-            number += 1
-    finally:
-        film.release()
-    if number == 0:
-        raise CalibrationError(f"{file} has no frame that can be read: convert it to MP4.")
+        with file.open("rb") as stream:
+            return index_video(stream, file.name)
+    except DriveError as error:
+        raise CalibrationError(str(error)) from error
 
 
-def _n_frames(file: Path) -> int | None:
-    """Frames of a film; None for raw streams, which do not say."""
-    import cv2
-
-    film = cv2.VideoCapture(str(file))
-    frames = int(film.get(cv2.CAP_PROP_FRAME_COUNT)) if film.isOpened() else 0
-    film.release()
-    return frames if frames > 0 else None
-
-
-def _step(frames: int | None, every: int | None) -> int:
-    if every is not None:
-        return every
-    return _EVERY if frames is None else max(1, frames // _FRAMES_LOOKED_AT)
+def _step(frames: int, every: int | None) -> int:
+    return max(1, frames // _FRAMES_LOOKED_AT) if every is None else every

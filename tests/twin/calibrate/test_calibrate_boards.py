@@ -146,7 +146,7 @@ def test_pictures_that_cannot_be_used_are_named(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match=r"b.png cannot be read as a picture"):
         list(pictures(files_of([tmp_path])))
     (tmp_path / "film.avi").write_bytes(b"no film")
-    with pytest.raises(CalibrationError, match=r"film.avi has no frame that can be read"):
+    with pytest.raises(CalibrationError, match=r"film\.avi"):
         list(pictures([tmp_path / "film.avi"]))
 
 
