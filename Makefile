@@ -51,5 +51,13 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 soak: $(VENV)/.installed          ## a hundred syncs killed at random instants
 	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/test_mirror_kill.py
 
+FUZZ := tests/fuzz/test_fuzz_tracks.py $(filter-out %_tracks.py,$(wildcard tests/fuzz/test_fuzz_*.py))
+.PHONY: $(FUZZ)
+fuzz: $(VENV)/.installed          ## 100,000 damaged files for every parser, two test files at a time
+	$(MAKE) --jobs 2 --keep-going --output-sync $(FUZZ)
+
+$(FUZZ):
+	TWIN_FUZZ_EXAMPLES=$${TWIN_FUZZ_EXAMPLES:-100000} OMP_NUM_THREADS=1 $(BIN)/python -m pytest $@ -q -rP --show-capture=stdout
+
 clean:
 	rm -rf $(VENV) demo-out build dist .coverage

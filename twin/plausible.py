@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.geodesy import inverse
 from geoloc.trajectory import GnssFixes, PoseTrack
+from twin.drives.clock import utc_text
 from twin.drives.drive import Drive
 from twin.errors import DriveError
 
@@ -17,6 +20,8 @@ _NORWAY_LAT_DEG, _NORWAY_LON_DEG = (57.0, 81.5), (3.0, 35.0)
 _MOVING_MPS = 2.0
 _HEADING_WARN_DEG, _HEADING_REFUSE_DEG = 10.0, 30.0
 _NS_PER_S = 1e9
+_ANOTHER_DRIVE_S = 3600.0
+"""A receiver that died is not back an hour later on the same drive."""
 
 
 def check_track(drive: Drive) -> tuple[str, ...]:
@@ -30,13 +35,15 @@ def check_track(drive: Drive) -> tuple[str, ...]:
     Raises
     ------
     DriveError
-        The track is not in Norway, or the headings of a pose file do not follow it.
+        The track is not in Norway, the antennas' recordings are of different drives, or the headings of a
+        pose file do not follow the track.
     """
     tracks: list[tuple[str, GnssFixes | PoseTrack]] = [(fixes.antenna, fixes) for fixes in drive.gnss]
     if drive.poses is not None:
         tracks.append(("the pose file", drive.poses))
     for name, track in tracks:
         _check_place(drive.name, name, track)
+    _check_days(drive)
     return _check_headings(drive) if drive.poses is not None else ()
 
 
@@ -54,6 +61,19 @@ def _in_norway(lat: float, lon: float) -> bool:
     return bool(
         _NORWAY_LAT_DEG[0] <= lat <= _NORWAY_LAT_DEG[1] and _NORWAY_LON_DEG[0] <= lon <= _NORWAY_LON_DEG[1]
     )
+
+
+def _check_days(drive: Drive) -> None:
+    """Refuse antennas that were recorded hours apart: one recording is that of another drive."""
+    recorded = sorted(drive.gnss, key=lambda fixes: int(fixes.epoch_ns[0]))
+    for before, after in itertools.pairwise(recorded):
+        apart_s = int(after.epoch_ns[0] - before.epoch_ns[-1]) / _NS_PER_S
+        if apart_s > _ANOTHER_DRIVE_S:
+            raise DriveError(
+                f"The recording of {after.antenna} in {drive.name} begins {apart_s / 3600:.1f} h after that"
+                f" of {before.antenna} ends ({utc_text(int(after.epoch_ns[0]))} and"
+                f" {utc_text(int(before.epoch_ns[-1]))}): bring the recordings of one drive together."
+            )
 
 
 def _check_headings(drive: Drive) -> tuple[str, ...]:
@@ -97,7 +117,14 @@ def annotation_warnings(drive: Drive, n_located: int) -> tuple[str, ...]:
     notes = drive.annotations
     warnings = []
     objects, counts = np.unique(notes.object, return_counts=True)
-    n_without_code = len(np.unique(notes.object[notes.skiltnummer == ""]))
+    is_sign = drive.is_sign()
+    n_without_code = len(np.unique(notes.object[is_sign & (notes.skiltnummer == "")]))
+    if not is_sign.all():
+        types = sorted({drive.other_objects[label] for label in notes.label[~is_sign].tolist()})
+        warnings.append(
+            f"{len(np.unique(notes.object[~is_sign]))} of {len(objects)} annotated objects are no signs (NVDB"
+            f" types {', '.join(map(str, types))}): they are located and exported, not compared with NVDB."
+        )
     if n_without_code:
         warnings.append(
             f"{n_without_code} of {len(objects)} annotated objects have no sign code, so their type cannot "

@@ -6,17 +6,20 @@ A fuzz test of a parser is run over and over, each time with arguments that are 
     def test_reader_raises_nothing_but_drive_errors(content: bytes) -> None: ...
 
 ``TWIN_FUZZ_EXAMPLES=100000 pytest tests/fuzz`` looks longer (``make fuzz``). An input is drawn from
-``TWIN_FUZZ_SEED``, the test's name and its number: the same three give the same input, and ``TWIN_FUZZ_FIRST``
-with ``TWIN_FUZZ_EXAMPLES=1`` gives one of them alone. A plain loop, since drawing by Hypothesis takes ten times
-as long as most parsers.
+``TWIN_FUZZ_SEED``, the test's name and its number: the same three give the same input, and
+``TWIN_FUZZ_FIRST`` with ``TWIN_FUZZ_EXAMPLES=1`` gives one of them alone. It is a plain loop: Hypothesis
+takes longer to draw an input than most parsers to refuse it.
 """
 
 from __future__ import annotations
 
+import copy
 import functools
 import inspect
+import json
 import os
 import re
+import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -42,6 +45,11 @@ _TOKENS = (
     *(b"<", b">", b"&a;", b"<!DOCTYPE a>", b"../../x", b"/", b"\\", b"C:\\x", b"%s%n", b"=", b"$"),
     *(b"2026-13-45T99:99:99Z", b"18446744073709551616", b"9223372036854775807", b"-9223372036854775809"),
 )
+_VALUES = (
+    *(None, True, False, 0, 1, -1, 2**31, 2**63, -(2**64), 10**30, 0.5, -0.0, 1e308, 1e-320),
+    *(float("nan"), float("inf"), -float("inf"), "", "0", "1.5", "nan", "a", "\0", "\ud800", "é" * 300),
+    *("../../x", "/etc/passwd", [], {}, [[]], [0, 1], [1.5, 2.5, 3.5, 4.5], {"a": 1}, [None], ["a"] * 40),
+)
 _KINDS = ("flip", "cut", "head", "drop", "repeat", "insert", "replace", "swap", "number", "number", "splice")
 _MOST_EDITS = 6
 _LONGEST_NOISE = 60
@@ -49,8 +57,8 @@ _LONGEST_NOISE = 60
 Draw = Callable[[Random], Any]
 
 
-def fuzzed(*draws: Draw) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Run a test `EXAMPLES` times; its last parameters are what `draws` give.
+def fuzzed(*draws: Draw, parsers: int = 1) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Run a test `EXAMPLES` times for each of its parsers; its last parameters are what `draws` give.
 
     A failure names the input, and how to run it alone. What the test prints at its end, shown by ``pytest
     -rP``, is how many inputs it tried, how many a second of processor time, and which took longest.
@@ -60,12 +68,14 @@ def fuzzed(*draws: Draw) -> Callable[[Callable[..., None]], Callable[..., None]]
         @functools.wraps(test)
         def run(**given: Any) -> None:
             slowest, begun = (0.0, 0), time.process_time()
-            for number in range(_FIRST, _FIRST + EXAMPLES):
+            count = EXAMPLES if _FIRST else EXAMPLES * parsers
+            for number in range(_FIRST, _FIRST + count):
                 before = time.process_time()
                 _once(test, draws, number, given)
                 slowest = max(slowest, (time.process_time() - before, number))
-            rate = EXAMPLES / max(time.process_time() - begun, 1e-9)
-            print(f"{EXAMPLES} inputs, {rate:.0f} a second, longest {slowest[0]:.2f} s (input {slowest[1]})")
+            rate = count / max(time.process_time() - begun, 1e-9)
+            longest = f"longest {slowest[0]:.2f} s (input {slowest[1]})"
+            sys.stdout.write(f"{count} inputs, {rate:.0f} a second, {longest}\n")
 
         parameters = list(inspect.signature(test).parameters.values())
         run.__signature__ = inspect.Signature(parameters[: -len(draws)])  # type: ignore[attr-defined]
@@ -117,6 +127,44 @@ def mutated(seeds: Sequence[bytes]) -> Draw:
         return content
 
     return draw
+
+
+def mutated_json(documents: Sequence[Any]) -> Draw:
+    """Draw JSON that is sound, but says up to four things that it should not.
+
+    Values become others of any type, and keys and list entries are left out or given twice.
+    """
+    texts = [json.dumps(document) for document in documents]
+
+    def draw(random: Random) -> bytes:
+        document = [json.loads(random.choice(texts))]
+        for _ in range(random.randrange(5)):
+            _bend(document, random)
+        return json.dumps(document[0]).encode()
+
+    return draw
+
+
+def _bend(node: Any, random: Random) -> None:
+    """Change one thing somewhere below a list or an object that is not empty."""
+    while True:
+        keys = list(node) if isinstance(node, dict) else list(range(len(node)))
+        key = random.choice(keys)
+        child = node[key]
+        if not (isinstance(child, (dict, list)) and child) or random.random() < 0.1:
+            break
+        node = child
+    if random.random() < 0.2 and len(keys) > 1:
+        del node[key]
+    elif random.random() < 0.2 and isinstance(node, list):
+        node += [child] * random.randint(1, 9)
+    else:
+        node[key] = copy.deepcopy(random.choice(_VALUES))
+
+
+def either(*draws: Draw) -> Draw:
+    """Draw from one of these, each as often as the others."""
+    return lambda random: random.choice(draws)(random)
 
 
 def listed(draw: Draw, most: int) -> Draw:

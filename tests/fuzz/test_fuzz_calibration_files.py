@@ -7,9 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from mutate import EXAMPLES, mutated, real_files
+from mutate import either, fuzzed, mutated, mutated_json, real_files
 
 from geoloc.calibration_files.kalibr import kalibr_text, read_kalibr
 from geoloc.calibration_files.ocamcalib import ocamcalib_text, read_ocam_yaml, read_ocamcalib
@@ -49,6 +47,7 @@ SOUND = [
     LAFIDA,
     json.dumps(rig_document(RIG)).encode(),
 ]
+DOCUMENTS = [json.loads(sound) for sound in SOUND if sound.startswith(b"{")]
 REAL = [*real_files("camera_models"), *real_files("naplab", ".json")]
 Reader = Callable[[bytes, str], Mapping[str, CalibratedCamera]]
 READERS: tuple[Reader, ...] = (
@@ -80,8 +79,11 @@ def test_sound_calibration_files_are_read(sound: bytes) -> None:
         check(camera)
 
 
-@settings(max_examples=EXAMPLES, deadline=None)
-@given(mutated([*SOUND, *REAL]), st.sampled_from(READERS))
+@fuzzed(
+    either(mutated([*SOUND, *REAL]), *(mutated([sound]) for sound in SOUND), mutated_json(DOCUMENTS)),
+    lambda random: random.choice(READERS),
+    parsers=len(READERS) + 1,
+)
 def test_calibration_readers_raise_nothing_but_calibration_errors(content: bytes, read: Reader) -> None:
     """Whatever the bytes, and whichever reader: a CalibrationError that names the file, or cameras."""
     cameras: Mapping[str, CalibratedCamera] = {}

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from mutate import fuzzed, mutated, real_files
+from mutate import either, fuzzed, mutated, mutated_json, real_files
 from PIL import Image
 
 from geoloc.calibration_files.kalibr import kalibr_text
@@ -52,7 +52,12 @@ def read(said: DriveSettings, **files: bytes) -> Rig | None:
     return rig
 
 
-@fuzzed(mutated([json.dumps(rig_document(RIG)).encode(), *real_files("naplab", ".json")]))
+@fuzzed(
+    either(
+        mutated([json.dumps(rig_document(RIG)).encode(), *real_files("naplab", ".json")]),
+        mutated_json([rig_document(RIG)]),
+    )
+)
 def test_rig_file_reader_raises_nothing_but_drive_errors(content: bytes) -> None:
     """A DriveError, or a rig that the kept text makes again."""
     read(DriveSettings(rig="rig.json"), **{"rig.json": content})

@@ -9,12 +9,11 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from functools import reduce
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from mutate import EXAMPLES, mutated, real_files
+from mutate import Draw, either, fuzzed, listed, mutated, real_files
 from track_writers import Ros, S, gps_tags, gpx_document, gpx_point, jpeg, sbp_clock, sbp_position
 
 from twin.drives.exif_positions import has_exif_position, read_exif_positions
@@ -29,8 +28,6 @@ from twin.errors import DriveError
 
 START_NS = int(datetime(2026, 6, 10, 8, 0, tzinfo=UTC).timestamp()) * S
 PLACE = (63.42, 10.4, 80.0)
-
-fuzz = settings(max_examples=EXAMPLES, deadline=None)
 
 
 def checked(read: Callable[[], Any]) -> None:
@@ -99,30 +96,32 @@ def bags() -> list[tuple[str, bytes]]:
 BAGS = bags() + [(kind, content) for kind in (".bag", ".mcap") for content in real_files("recordings", kind)]
 
 
-@fuzz
-@given(mutated([NMEA, *real_files("gnss", ".log")]))
+@fuzzed(mutated([NMEA, *real_files("gnss", ".log")]))
 def test_fuzz_nmea_gives_fixes_or_a_drive_error(content: bytes) -> None:
     """Damaged sentences, real logs among them."""
     looks_like_nmea(content)
     checked(lambda: read_nmea(content, "a", "a.nmea"))
 
 
-field = st.text("0123456789.,-NSEWMAVnaife", max_size=12)
-kinds = st.sampled_from(["GPGGA", "GNRMC", "GPZDA", "GNGST", "GPHDT", "PASHR"])
-sentences = st.builds(
-    lambda kind, fields: nmea_sentence(",".join([kind, *fields])), kinds, st.lists(field, max_size=15)
-)
+def sentence(random: Random) -> bytes:
+    """Any fields behind a known type, and a sound checksum."""
+    kind = random.choice(["GPGGA", "GNRMC", "GPZDA", "GNGST", "GPHDT", "PASHR"])
+    fields = ("".join(random.choices("0123456789.,-NSEWMAVnaife", k=random.randrange(13))) for _ in range(15))
+    return nmea_sentence(",".join([kind, *fields][: random.randrange(1, 17)]))
 
 
-@fuzz
-@given(st.lists(sentences | mutated([NMEA]).map(lambda content: content[:300]), max_size=6))
+def head_of(random: Random) -> bytes:
+    """The beginning of a damaged recording."""
+    return bytes(mutated([NMEA])(random)[:300])
+
+
+@fuzzed(listed(either(sentence, head_of), 6))
 def test_fuzz_nmea_with_sound_checksums_gives_fixes_or_a_drive_error(lines: list[bytes]) -> None:
     """What a checksum does not catch."""
     checked(lambda: read_nmea(b"\n".join(lines), "a", "a.nmea"))
 
 
-@fuzz
-@given(mutated([SBP, SBP_JSON, *real_files("gnss", ".sbp", ".json")]))
+@fuzzed(mutated([SBP, SBP_JSON, *real_files("gnss", ".sbp", ".json")]), parsers=2)
 def test_fuzz_sbp_gives_fixes_or_a_drive_error(content: bytes) -> None:
     """Damaged frames and lines of JSON, real recordings among them."""
     looks_like_sbp(content)
@@ -136,11 +135,13 @@ def framed(kind: int, sender: int, payload: bytes) -> bytes:
     return b"\x55" + body + struct.pack("<H", binascii.crc_hqx(body, 0))
 
 
-frames = st.builds(framed, st.sampled_from(sorted(LAYOUTS)), st.integers(0, 2), st.binary(max_size=60))
+def frame(random: Random) -> bytes:
+    """Any payload in a frame of a type that is read."""
+    payload = random.randbytes(random.randrange(61))
+    return framed(random.choice(sorted(LAYOUTS)), random.randrange(3), payload)
 
 
-@fuzz
-@given(st.lists(frames | st.just(SBP), max_size=8))
+@fuzzed(listed(either(frame, lambda _random: SBP), 8))
 def test_fuzz_sbp_with_sound_checksums_gives_fixes_or_a_drive_error(parts: list[bytes]) -> None:
     """Any payload, also one that is too short."""
     content = b"".join(parts)
@@ -148,24 +149,21 @@ def test_fuzz_sbp_with_sound_checksums_gives_fixes_or_a_drive_error(parts: list[
     checked(lambda: read_sbp_poses(content, "a.sbp"))
 
 
-@fuzz
-@given(mutated([GPX, *real_files("gnss", ".gpx")]))
+@fuzzed(mutated([GPX, *real_files("gnss", ".gpx")]))
 def test_fuzz_gpx_gives_fixes_or_a_drive_error(content: bytes) -> None:
     """Damaged tracks."""
     looks_like_gpx(content)
     checked(lambda: read_gpx(content, "a", "a.gpx"))
 
 
-@fuzz
-@given(mutated([POSES]))
+@fuzzed(mutated([POSES]))
 def test_fuzz_poses_give_a_track_or_a_drive_error(content: bytes) -> None:
     """Damaged pose files."""
     looks_like_poses(content)
     checked(lambda: read_poses(content, "poses.csv"))
 
 
-@fuzz
-@given(st.lists(mutated([JPEG]), max_size=3))
+@fuzzed(listed(mutated([JPEG]), 3))
 def test_fuzz_exif_gives_fixes_or_a_drive_error(pictures: list[bytes]) -> None:
     """Damaged pictures beside a sound one."""
     for picture in pictures:
@@ -173,8 +171,14 @@ def test_fuzz_exif_gives_fixes_or_a_drive_error(pictures: list[bytes]) -> None:
     checked(lambda: read_exif_positions([JPEG, *pictures], "a", "pictures"))
 
 
-@fuzz
-@given(st.sampled_from(BAGS).flatmap(lambda bag: st.tuples(st.just(bag[0]), mutated([bag[1]]))))
+def damaged(bag: tuple[str, bytes]) -> Draw:
+    """Suffix and damaged content of a recording."""
+    suffix, content = bag
+    draw = mutated([content])
+    return lambda random: (suffix, draw(random))
+
+
+@fuzzed(either(*map(damaged, BAGS)), parsers=3)
 def test_fuzz_rosbag_gives_fixes_or_a_drive_error(bag: tuple[str, bytes]) -> None:
     """Damaged recordings of every container."""
     suffix, content = bag

@@ -78,6 +78,30 @@ def _print_extrinsics(report: ExtrinsicsReport) -> None:
     )
 
 
+@app.command("example-yard", epilog="Example: twin calibrate example-yard yard")
+def example_yard(
+    out: Annotated[Path, typer.Argument(help="A new or an empty folder.", metavar="OUT")],
+    seed: Annotated[int, typer.Option(min=0, help="Draws the yard, its survey, light and noise.")] = 0,
+    floor_lean: Annotated[
+        float, typer.Option(min=-5.0, max=5.0, help="Slope of the floor, degrees, to see it found.")
+    ] = 0.0,
+    json_output: JsonOption = False,
+) -> None:
+    """Render a yard with AprilTags to try `extrinsics` on, with a drawn rig and the true one."""
+    from twin.calibrate.example_yard import DRAWN_RIG, LAYOUT, PICTURES, write_yard
+
+    with bar(quiet=json_output) as progress:
+        files = write_yard(out, seed=seed, floor_lean_deg=floor_lean, progress=progress)
+    if json_output:
+        print_json({"files": [str(f) for f in files]})
+        return
+    print_paths("Written:", files)
+    note(
+        f"Next: twin calibrate extrinsics {out / PICTURES} --tags {out / LAYOUT} --rig {out / DRAWN_RIG}"
+        " --out calibrated"
+    )
+
+
 @app.command(
     "verify", epilog="Example: twin calibrate verify trip --known known.csv --apply rig_corrected.json"
 )

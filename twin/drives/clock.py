@@ -16,6 +16,25 @@ def credible(epoch_ns: int) -> bool:
     return EARLIEST_NS <= epoch_ns < LATEST_NS
 
 
+def clock_hint(frames_ns: tuple[int, int], track_ns: tuple[int, int]) -> str:
+    """Say which usual mistake of clocks would explain frames outside the track; "" if none would.
+
+    Parameters
+    ----------
+    frames_ns, track_ns : (int, int)
+        First and last epoch of each.
+    """
+    usual = [(sign * 18, "18 s, as GPS time is from UTC") for sign in (-1, 1)]
+    hours = [sign * hour for hour in range(1, 15) for sign in (-1, 1)]
+    usual += [(3600 * hour, f"{abs(hour)} h, as local time can be from UTC") for hour in hours]
+    for shift_s, said in usual:
+        first, last = (epoch + shift_s * 1_000_000_000 for epoch in frames_ns)
+        if track_ns[0] <= first and last <= track_ns[1]:
+            cure = f"then give camera_offset_ms = {1000 * shift_s}"
+            return f"They would fit if one clock is off by {said}: {cure}."
+    return ""
+
+
 def utc_text(epoch_ns: int) -> str:
     """``2023-05-22 07:18:40.900 UTC`` for an epoch in nanoseconds since 1970."""
     moment = datetime.fromtimestamp(epoch_ns // 1_000_000_000, tz=UTC)

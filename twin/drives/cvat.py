@@ -98,12 +98,10 @@ def root_tag(head: bytes) -> str:
     try:
         for _, element in iterparse(io.BytesIO(head), events=("start",)):
             return str(element.tag)
-    except DefusedXmlException:
-        # Taken for what it says it is, so that the reader refuses it by name.
-        found = re.search(rb"<(annotations?)\b", head)
+    except (DefusedXmlException, ParseError, ValueError, LookupError):
+        # Taken for what it says it is, so that the reader refuses it by name; also in UTF-16.
+        found = re.search(rb"<(annotations?)\b", head.replace(b"\0", b""))
         return found.group(1).decode() if found else ""
-    except (ParseError, ValueError, LookupError):
-        return ""
     return ""
 
 

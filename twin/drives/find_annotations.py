@@ -12,7 +12,7 @@ from pathlib import PurePosixPath
 
 from twin.drives.annotations_csv import looks_like_annotations_csv, read_annotations_csv
 from twin.drives.coco import looks_like_coco, read_coco
-from twin.drives.cvat import is_cvat, read_cvat
+from twin.drives.cvat import is_cvat, read_cvat, root_tag
 from twin.drives.datumaro import looks_like_datumaro, read_datumaro
 from twin.drives.drive import Skipped
 from twin.drives.folder import DriveFolder
@@ -141,6 +141,8 @@ def _read_files(
             continue
         if file is not None:
             found.append(file)
+        elif not inside and name.lower().endswith(".xml") and not root_tag(folder.head(name)):
+            notes.warnings.append(f"{name} is empty or no XML, so it is not read: export it again.")
     if damaged:
         notes.skipped.append(Skipped("annotation files", inside, len(damaged), "damaged"))
         notes.warnings.append(

@@ -236,9 +236,12 @@ class DriveFolder:
     def _path(self, name: str) -> Path:
         """The file's path, refused where it leads out of the folder (``..``, absolute, a link outwards)."""
         if not _is_name(name):
-            raise DriveError(f"{name[:80]!r} is no file name: name a file inside the drive folder.")
+            raise DriveError(
+                f"{name[:80]!r} is no file name that twin can keep (not UTF-8, too long, or none): rename the"
+                " file, or name a file inside the drive folder."
+            )
         outside = Path(name).is_absolute() or PureWindowsPath(name).is_absolute()
-        path = self.root / name
+        path = self.root / self._as_on_disk(name)
         try:
             outside = outside or not path.resolve().is_relative_to(self.root.resolve())
         except (OSError, RuntimeError) as error:  # a link that leads to itself
@@ -249,6 +252,13 @@ class DriveFolder:
                 " folder and name it relative to the folder."
             )
         return path
+
+    def _as_on_disk(self, name: str) -> str:
+        """The same name with accents as the folder has them: composed or not, people cannot see which."""
+        if name in self._names or name.isascii():
+            return name
+        same = unicodedata.normalize("NFC", name)
+        return next((one for one in self._names if unicodedata.normalize("NFC", one) == same), name)
 
     def _unreadable(self, name: str, error: OSError) -> DriveError:
         return DriveError(f"{name} cannot be read ({error.strerror}): check its permissions.")

@@ -12,6 +12,7 @@ import numpy as np
 
 from geoloc.trajectory import PoseTrack
 from twin.drives.clock import credible
+from twin.drives.frozen import FROZEN, frozen
 from twin.drives.ordering import longest_increasing
 from twin.drives.track_read import LeftOutError, PosesRead, check_position, counted, listed
 from twin.errors import DriveError
@@ -77,6 +78,10 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
             f"{where} is not in order of time: {np.count_nonzero(~keep)} of {len(times)} poses are not later"
             " than the one before; sort it by time_ns."
         )
+    held = frozen(epoch_ns[keep], *np.array(rows, dtype=np.float64)[keep, :3].T)
+    keep[keep] = ~held
+    faults[FROZEN] += int(np.count_nonzero(held))
+    skipped = counted("poses", where, faults)
     values = dict(zip((*REQUIRED, *DEFAULT_SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
     if pitch_nose_up:
         values["pitch_deg"] = -values["pitch_deg"]

@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.drives.annotated import epochs_of, stamped
-from twin.drives.clock import utc_text
+from twin.drives.clock import clock_hint, utc_text
 from twin.drives.drive import Annotations, Drive, IntArray
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import Progress, ReadingNotes
@@ -158,13 +158,14 @@ def _check_span(
         f"from {utc_text(int(epoch_ns.min()))} to {utc_text(int(epoch_ns.max()))}, the {what} from"
         f" {utc_text(first)} to {utc_text(last)}"
     )
+    hint = clock_hint((int(epoch_ns.min()), int(epoch_ns.max())), (first, last)) if outside else ""
     if outside == len(epoch_ns):
         raise DriveError(
             f"Every annotated frame lies outside the {what}: the frames are {spans}. Bring files of one drive"
-            f" together, or correct the clocks with camera_offset_ms in {SETTINGS_FILE}."
+            f" together, or correct the clocks with camera_offset_ms in {SETTINGS_FILE}. {hint}".rstrip()
         )
     if outside:
         notes.warnings.append(
             f"{outside} of {len(epoch_ns)} annotations lie outside the {what} and cannot be located: the"
-            f" annotated frames are {spans}."
+            f" annotated frames are {spans}. {hint}".rstrip()
         )

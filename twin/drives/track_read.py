@@ -13,6 +13,7 @@ import numpy as np
 from geoloc.trajectory import GnssFixes, PoseTrack
 from twin.drives.clock import credible
 from twin.drives.drive import Skipped
+from twin.drives.frozen import FROZEN, frozen, never_moves
 from twin.drives.ordering import longest_increasing
 from twin.errors import DriveError
 
@@ -97,9 +98,11 @@ def fixes_read(
         If there is no usable fix.
     """
     keep = longest_increasing(np.array([row.epoch_ns for row in rows], dtype=np.int64))
-    backwards = Counter({"epoch not after the fix before": int(np.count_nonzero(~keep))})
-    skipped = counted(what, where, faults + backwards)
     kept = [row for row, good in zip(rows, keep, strict=True) if good]
+    held = _held(kept)
+    late = Counter({"epoch not after the fix before": int(np.count_nonzero(~keep)), FROZEN: sum(held)})
+    skipped = counted(what, where, faults + late)
+    kept = [row for row, repeats in zip(kept, held, strict=True) if not repeats]
     if not kept:
         raise DriveError(f"{where} holds no usable GNSS fix ({listed(skipped)}): {cure}.")
     columns = list(zip(*kept, strict=True))
@@ -107,7 +110,25 @@ def fixes_read(
     latitude, longitude, height = (np.array(columns[i], dtype=np.float64) for i in (2, 3, 4))
     sigmas = (np.array(columns[i], dtype=np.float64) for i in (6, 7))
     fixes = GnssFixes(antenna, epoch_ns, host_ns, latitude, longitude, height, quality, *sigmas)
-    return FixesRead(fixes, skipped, (*_clock_warnings(fixes, where), *warnings))
+    return FixesRead(fixes, skipped, (*_clock_warnings(fixes, where), *warnings, *_stands(fixes, where)))
+
+
+def _held(rows: Sequence[Fix]) -> list[bool]:
+    """Which fixes a receiver repeated while the car drove."""
+    epoch_ns = np.array([row.epoch_ns for row in rows], dtype=np.int64)
+    position = np.array([row[2:5] for row in rows], dtype=np.float64).reshape(-1, 3)
+    held: list[bool] = frozen(epoch_ns, *position.T).tolist()
+    return held
+
+
+def _stands(fixes: GnssFixes, where: str) -> list[str]:
+    if not never_moves(fixes.latitude_deg, fixes.longitude_deg, fixes.height_m):
+        return []
+    warning = (
+        f"All {len(fixes.epoch_ns):,} fixes of {where} are the same place to the last digit: the car stood"
+        " all the time, or the receiver was frozen; do not use the drive if the car moved."
+    )
+    return [warning]
 
 
 def _clock_warnings(fixes: GnssFixes, where: str) -> list[str]:

@@ -268,6 +268,7 @@ def _numbered(
     output counts, and after a loss the rest cannot be numbered.
     """
     position = {t: i for i, t in enumerate(index.pts.tolist())} if index.pts is not None else None
+    given = np.zeros(index.n_frames, dtype=np.bool_)
     shown = 0
     for frames, lost in _decoded_packets(container, stream, raw=position is None):
         if lost:
@@ -283,8 +284,13 @@ def _numbered(
             else:
                 number = frame.pts
             shown += 1
-            if number is not None:
-                yield number, frame
+            if number is None or not 0 <= number < given.size:
+                continue
+            if given[number]:
+                faults["frame that the decoder gave before"] += 1
+                continue
+            given[number] = True
+            yield number, frame
 
 
 def _decoded_packets(

@@ -16,8 +16,9 @@ import numpy as np
 
 from geoloc.errors import GeolocError
 from geoloc.rig import Rig
+from geoloc.trajectory import trajectory_from_gnss
 from twin.drives.annotated import AnnotationsRead, epochs_of
-from twin.drives.drive import IntArray, Skipped
+from twin.drives.drive import Drive, IntArray, Skipped
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import Progress, ReadingNotes
 from twin.drives.read import read_drive
@@ -156,7 +157,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         )
         stamps = _stamps(folder, settings, known, found, pictures, notes, parts)
     if not parts.refusals:
-        parts.tried(lambda: notes.warnings.extend(check_track(read_drive(path))))
+        parts.tried(lambda: _tell_of_track(read_drive(path), notes))
     notes.say("looking at every file")
     return Inspection(
         path=str(path),
@@ -171,6 +172,18 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         skipped=tuple(dict.fromkeys(notes.skipped)),
         settings=_settled(folder, settings),
     )
+
+
+def _tell_of_track(drive: Drive, notes: ReadingNotes) -> None:
+    """Tell what reading the whole drive tells, and check its track up to the trajectory made of it."""
+    notes.skipped.extend(drive.skipped)
+    notes.warnings.extend((*drive.warnings, *check_track(drive)))
+    if drive.poses is not None:
+        return
+    notes.say("building the trajectory, as ingest-drive would")
+    arms = {name: antenna.rig_t_antenna_m for name, antenna in drive.rig.antennas.items()}
+    dropped = trajectory_from_gnss(drive.gnss, arms).dropped
+    notes.skipped.extend(Skipped("GNSS fixes", drive.name, count, reason) for count, reason in dropped)
 
 
 def _settings(folder: DriveFolder) -> DriveSettings:

@@ -239,6 +239,18 @@ def test_sign_codes_come_from_the_attribute_then_the_label(maker: Any) -> None:
     ]
 
 
+def test_texts_come_from_the_attribute_on_one_line(maker: Any) -> None:
+    """``text`` or ``tekst``, without line breaks and what no file takes; "" where there is none."""
+    shapes = [
+        point(1, skiltnummer="362.50;808.1", text=";200 m"),
+        point(2, tekst=" Gjelder\n  buss\u200b "),
+        point(3, text=""),
+        point(4, text="a" * 10_000),
+    ]
+    found = read(maker, {f"{WIDE}.xml": maker.cvat(image("1.png", *shapes))}).annotations
+    assert found.text.tolist() == [";200 m", "Gjelder buss", "", "a" * 200]
+
+
 def test_annotations_do_not_depend_on_the_order_of_files_and_shapes(maker: Any) -> None:
     """Rows are sorted by camera, frame and object."""
     tracks = [maker.track(i, {f: (f + i, 5) for f in (4, 2)}, object=str(i)) for i in (1, 2)]

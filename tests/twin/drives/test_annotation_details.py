@@ -204,6 +204,31 @@ def test_labelme_shape_that_cannot_be_used_is_counted() -> None:
     }
 
 
+def test_text_of_a_sign_stands_where_each_tool_has_room_for_it() -> None:
+    """COCO's and Datumaro's attributes, a column of a CSV, a text area, labelme's description."""
+    document = {
+        "categories": {"label": {"labels": [{"name": "808"}]}},
+        "items": [
+            {
+                "id": "12",
+                "annotations": [
+                    {"type": "bbox", "bbox": [1, 1, 5, 5], "label_id": 0, "attributes": {"text": "200 m"}}
+                ],
+            }
+        ],
+    }
+    point = {"label": "808", "shape_type": "point", "points": [[1, 1]], "description": "200 m", "flags": {}}
+    area = {"id": "r", "type": "textarea", "from_name": "text", "value": {"text": ["200 m"]}}
+    files = [
+        coco({"bbox": [1, 1, 5, 5], "attributes": {"text": "200 m"}}),
+        read_datumaro(document, "a.json"),
+        read_annotations_csv(b"frame,label,text,x_px,y_px\n1,808,200 m,5,5\n", "a.csv"),
+        label_studio(result("rectangle", x=1, y=1, width=5, height=5), area),
+        read_labelme({"imagePath": "12.png", "shapes": [point]}, "12.json"),
+    ]
+    assert [file.shapes[0].attributes["text"] for file in files] == ["200 m"] * len(files)
+
+
 def test_labelme_image_without_a_name_has_the_files() -> None:
     """The frame is then that of the file."""
     shapes = [{"label": "a", "shape_type": "point", "points": [[1, 2]]}]
