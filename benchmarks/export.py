@@ -119,6 +119,7 @@ def _pole(
             "distance_m": float(np.hypot(*(seen - place))) if known and not missed else None,
             "distance_sigma_m": 0.1 if known and not missed else None,
             "drive_ids": drive_id,
+            "cameras": "C2_tricam60,C3_tricam120",
             "n_sightings": 0 if missed else 24,
             "terms": {"log_odds": {"place": 3.2, "code": 4.1}, "nvdb_sigma_m": 0.3, "pole": str(number)},
             **(dict(zip(at, place.tolist(), strict=True)) if missed else at),
@@ -181,9 +182,9 @@ def fill(path: Path, n_changes: int, n_accepted: int) -> None:
                 rows = [pole[name] for pole in poles if name in pole]
                 connection.execute(sa.insert(schema.metadata.tables[name]), rows)
         keys = {pole["estimate"]["estimate_id"]: str(i) for i, pole in enumerate(poles) if "estimate" in pole}
-        store.save_changes(
-            [p["change"] for p in poles], keys, {"method": METHOD, "at": "2026-06-10T08:00:00Z"}
-        )
+        run = {"method": METHOD, "at": "2026-06-10T08:00:00Z", "config_sha256": "9f" * 32}
+        settings = {"software": "nvdb-twin 0.1.0"}
+        store.save_changes([p["change"] for p in poles], keys, {**run, "settings": settings})
         accepted = [p["change"]["change_id"] for p in poles if p["change"]["verdict"] == "wrong_type"]
         if n_accepted:
             decide(store, accepted[:n_accepted], "accept", by="benchmark")

@@ -235,13 +235,16 @@ def _budget(positions: Positions, g: int) -> dict[str, list[float]]:
 
 
 def _summary(drive: Drive, sighted: SightedObjects, member: IntArray) -> dict[str, Any]:
-    """Label, code, type and counts of the sightings that one object's position comes from."""
+    """Label, code, text, type and counts of the sightings that one object's position comes from."""
     annotations, rows = drive.annotations, sighted.index[member]
     label, codes = _commonest(annotations.label[rows]), _commonest(annotations.skiltnummer[rows])
+    texts = annotations.text[rows]
     cameras = sorted({str(camera) for camera in annotations.camera[rows]})
     return {
         "label": label,
         "skiltnummer": codes,
+        # One picture in which it could be read is enough.
+        "text": _commonest(texts[texts != ""]) if (texts != "").any() else None,
         "nvdb_type": None if codes else drive.other_objects.get(label),
         "n_sightings": len(member),
         # Cameras that run side by side show the same instant in frames of their own.

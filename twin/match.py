@@ -119,7 +119,11 @@ def match(
     )
     keys = {member: pole.key for pole in poles for member in pole.members}
     measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
-    rows = [{**asdict(change), **_covariance(change, measured)} for change in changes]
+    watched = _Cameras.of(current, drives)
+    rows = [
+        {**asdict(change), **_covariance(change, measured), "cameras": watched.for_finding(change)}
+        for change in changes
+    ]
     settings = _settings(method, config, drives, estimates) | {"road_network": has_network}
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
@@ -199,7 +203,17 @@ def _settings(
     }
 
 
-_HASHED = ("object", "east_m", "north_m", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "skiltnummer", "cameras")
+_HASHED = (
+    "object",
+    "east_m",
+    "north_m",
+    "cov_ee_m2",
+    "cov_en_m2",
+    "cov_nn_m2",
+    "skiltnummer",
+    "text",
+    "cameras",
+)
 
 
 def _places(drives: Sequence[_Drive], poles: Sequence[ObservedPole]) -> FloatArray:
@@ -298,6 +312,27 @@ def _sites(
 
     sites = sites_from_mirror(points, plates, config, facing(store))
     return along_the_road(sites, load_vegnett(store))
+
+
+@dataclass(frozen=True, slots=True)
+class _Cameras:
+    """Cameras that saw each pole, by its key, and those of each drive that were annotated."""
+
+    of_pole: Mapping[str, frozenset[str]]
+    of_drive: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, poles: Sequence[ObservedPole], drives: Sequence[_Drive]) -> _Cameras:
+        return cls({pole.key: pole.cameras for pole in poles}, {d.drive_id: d.cameras for d in drives})
+
+    def for_finding(self, change: Change) -> str:
+        """Names joined by ","; of a sign that was not seen, the cameras of the drives that looked for it."""
+        seen = self.of_pole.get(change.terms.get("pole", ""))
+        if seen is not None:
+            names = {camera.partition("/")[2] for camera in seen}
+        else:
+            names = {name for drive in change.drive_ids.split(",") for name in self.of_drive.get(drive, ())}
+        return ",".join(sorted(names))
 
 
 def _covariance(

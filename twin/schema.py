@@ -8,10 +8,16 @@ from typing import Any
 
 import sqlalchemy as sa
 
-VERSION = 5
+VERSION = 6
 """Raised with every change of the tables: a store of another version is upgraded or refused."""
 
-UPGRADES: Mapping[int, tuple[str, ...]] = {4: ("ALTER TABLE estimate ADD COLUMN nvdb_type INTEGER",)}
+UPGRADES: Mapping[int, tuple[str, ...]] = {
+    4: ("ALTER TABLE estimate ADD COLUMN nvdb_type INTEGER",),
+    5: (
+        "ALTER TABLE estimate ADD COLUMN text VARCHAR",
+        "ALTER TABLE change ADD COLUMN cameras VARCHAR",
+    ),
+}
 """What makes a store of one version one of the next; without an entry it is refused."""
 
 metadata = sa.MetaData()
@@ -224,6 +230,7 @@ estimate = sa.Table(
     sa.Column("flags", sa.String, nullable=False),
     sa.Column("budget", sa.JSON, nullable=False),  # source → covariance, true east and north
     sa.Column("nvdb_type", sa.Integer),  # of an object that is no sign; null for signs
+    sa.Column("text", sa.String),  # on its plates, joined as their codes are; null where none was annotated
 )
 
 change = sa.Table(
@@ -248,6 +255,7 @@ change = sa.Table(
     sa.Column("east_m", sa.Float, nullable=False),
     sa.Column("north_m", sa.Float, nullable=False),
     sa.Column("terms", sa.JSON, nullable=False, default=dict),  # what the verdict rests on
+    sa.Column("cameras", sa.String),  # that saw it, or looked for it, joined by ","
 )
 
 decision_log = sa.Table(

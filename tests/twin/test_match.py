@@ -95,6 +95,34 @@ def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) 
     assert verdicts == AS_MADE
 
 
+def test_match_compares_the_texts_of_plates(synced: Path, trip: Path) -> None:
+    """From the attribute and from NVDB's property to the finding: another text is said, and is no verdict."""
+    for path in trip.glob("*.xml"):
+        code = '<attribute name="skiltnummer">404.1;906V</attribute>'
+        path.write_text(
+            path.read_text().replace(code, f'{code}<attribute name="tekst">;E6 0,3 KM</attribute>')
+        )
+    said, ids = {}, set()
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        estimates = store.rows(sa.select(schema.estimate.c.skiltnummer, schema.estimate.c.text))
+        texts = {row["skiltnummer"]: row["text"] for row in estimates if row["text"] is not None}
+        for text in (None, "E6 0.3 km", "E6 500 m"):
+            plates = schema.skiltplate
+            with store.transaction() as connection:
+                connection.execute(sa.update(plates).where(plates.c.skiltnummer == "906V").values(text=text))
+            assert match(store).verdicts == AS_MADE
+            rows = store.rows(sa.select(schema.change))
+            ids.add(frozenset(row["change_id"] for row in rows))
+            (said[text],) = (row for row in rows if row["skiltnummer_seen"] == "404.1;906V")
+    assert texts == {"404.1;906V": ";E6 0,3 KM"}
+    assert len(ids) == 1
+    assert [round(row["terms"]["log_odds"]["text"], 1) for row in said.values()] == [0.0, 2.8, -2.9]
+    assert [row["reason"].count('though 906V reads "E6 0,3 KM"') for row in said.values()] == [0, 0, 1]
+    assert "texts" not in said[None]["terms"]
+    assert said[None]["cameras"] == "C2_tricam60,C3_tricam120"
+
+
 def boxed(trip: Path) -> None:
     """Turn every point of the annotations into a box whose middle is near it."""
     for path in trip.glob("*.xml"):

@@ -14,10 +14,13 @@ from twin.store import Store
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 wrote it, with one decision."""
+    """Make a store as version 4 or 5 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
-        raw.execute("ALTER TABLE estimate DROP COLUMN nvdb_type")
+        raw.execute("ALTER TABLE estimate DROP COLUMN text")
+        raw.execute("ALTER TABLE change DROP COLUMN cameras")
+        if version < 5:
+            raw.execute("ALTER TABLE estimate DROP COLUMN nvdb_type")
         raw.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (str(version),))
         values = (1, "c1", "decided", "accept", "seen", "someone", "2026-06-10T08:00:00Z", "{}")
         columns = 'batch, change_id, kind, decision, reason, "by", at, evidence'
@@ -26,24 +29,28 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
-def test_store_of_version_4_is_upgraded_with_its_decisions(tmp_path: Path) -> None:
-    """The new column is there, empty, and nothing that a user decided is lost."""
-    path = older(tmp_path / "twin.db")
+@pytest.mark.parametrize("version", [4, 5])
+def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
+    """The new columns are there, empty, and nothing that a user decided is lost."""
+    path = older(tmp_path / "twin.db", version)
     with Store.open(path) as store:
-        assert store.rows(sa.select(schema.estimate.c.nvdb_type)) == []
+        assert store.rows(sa.select(schema.estimate.c.nvdb_type, schema.estimate.c.text)) == []
+        assert store.rows(sa.select(schema.change.c.cameras)) == []
         assert [row["decision"] for row in store.rows(sa.select(schema.decision))] == ["accept"]
     with Store.open(path, create=False) as again:
         versions = again.rows(sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version"))
     assert versions == [{"value": str(schema.VERSION)}]
 
 
-def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("table", ["estimate", "change"])
+def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
     tables = []
     for path in (older(tmp_path / "old.db"), tmp_path / "new.db"):
         Store.open(path).close()
         with sqlite3.connect(path) as raw:
-            tables.append(raw.execute("SELECT name, type FROM pragma_table_info('estimate')").fetchall())
+            columns = raw.execute("SELECT name, type FROM pragma_table_info(?)", (table,))
+            tables.append(columns.fetchall())
         raw.close()
     assert tables[0] == tables[1]
 

@@ -55,3 +55,8 @@ def test_wheel_carries_types_and_no_tests(installed: Path) -> None:
         assert (installed / package / "py.typed").exists()
     assert not (installed / "tests").exists()
     assert not (installed / "data").exists()
+
+
+def test_wheel_carries_the_default_labels(installed: Path) -> None:
+    """What Mapillary's labels mean in Norway travels with the package."""
+    assert (installed / "twin" / "drives" / "labels_default.toml").exists()

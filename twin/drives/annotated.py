@@ -20,7 +20,8 @@ Which frame
 
 What it is
     The attribute ``skiltnummer``; else what the drive's ``labels.toml`` says of the label; else a label that
-    begins with a sign code; else the labels that ship with twin (:mod:`twin.drives.label_map`).
+    begins with a sign code; else the labels that ship with twin (:mod:`twin.drives.label_map`). What is
+    written on it says the attribute ``text`` or ``tekst``.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
 
 OBJECT_ATTRIBUTES = ("object", "object_id")
+TEXT_ATTRIBUTES = ("text", "tekst")
 _HIGHEST_FRAME = 2**62
 _LONGEST_TEXT = 200
 """Texts are kept in arrays of one width: a single long one would take its length in every row."""
@@ -65,6 +67,7 @@ class _Row(NamedTuple):
     file: str
     label: str
     skiltnummer: str
+    text: str
     kind: str
     pixel_px: tuple[float, float]
     box_px: tuple[float, float, float, float]
@@ -250,10 +253,18 @@ def _rows(file: AnnotationFile, chooser: CameraChooser, context: _Context) -> It
             file=file.where,
             label=label,
             skiltnummer=meaning.codes,
+            text=_text(attributes),
             kind=shape.kind,
             pixel_px=shape.pixel_px,
             box_px=shape.box_px,
         )
+
+
+def _text(attributes: Mapping[str, str]) -> str:
+    """What is written on the plates, on one line; nothing that a file or database might not take."""
+    said = next((attributes[a] for a in TEXT_ATTRIBUTES if a in attributes), "")
+    line = " ".join(said[:_LONGEST_TEXT].split())
+    return "".join(filter(str.isprintable, line))
 
 
 def _too_long(*names: str) -> str:
@@ -362,6 +373,7 @@ def _arrays(rows: list[_Row]) -> Annotations:
         has_id=np.array([row.has_id for row in rows], dtype=np.bool_),
         label=text(row.label for row in rows),
         skiltnummer=text(row.skiltnummer for row in rows),
+        text=text(row.text for row in rows),
         kind=text(row.kind for row in rows),
         pixel_px=np.array([row.pixel_px for row in rows], dtype=np.float64).reshape(-1, 2),
         box_px=np.array([row.box_px for row in rows], dtype=np.float64).reshape(-1, 4),

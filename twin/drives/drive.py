@@ -52,6 +52,9 @@ class Annotations:
     skiltnummer : str (n,)
         Norwegian sign codes on this pole, top down, joined by ``;`` ("362.50;808.1"); "" if unknown. From the
         attribute ``skiltnummer``, else from a label that starts with a sign code.
+    text : str (n,)
+        What is written on these plates, in the same order and joined alike (";200 m"); "" if not annotated.
+        From the attribute ``text`` or ``tekst``, at most 200 characters.
     kind : str (n,)
         ``foot`` (a point where the pole meets the ground) or ``box`` (the sign's face).
     pixel_px : float64 (n, 2)
@@ -66,6 +69,7 @@ class Annotations:
     has_id: NDArray[np.bool_]
     label: NDArray[np.str_]
     skiltnummer: NDArray[np.str_]
+    text: NDArray[np.str_]
     kind: NDArray[np.str_]
     pixel_px: FloatArray
     box_px: FloatArray

@@ -2,8 +2,8 @@
 
 The format: https://github.com/wkentaro/labelme. A ``point`` is a foot; a ``rectangle``, ``polygon``,
 ``circle`` or ``mask`` (by its corners) is a face; lines are neither. ``group_id`` ties shapes together, in
-one image and, where the annotator kept the numbers, across images: it is the track. The picture that may be
-embedded is not looked at.
+one image and, where the annotator kept the numbers, across images: it is the track. ``description`` is what
+is written on the sign: labelme has no other place for it. The picture that may be embedded is not looked at.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ def read_labelme(document: object, where: str) -> AnnotationFile:
         except LeftOutError as reason:
             gathering.leave_out(str(reason))
             continue
-        track = key(shape.get("group_id"))
-        gathering.add(place._replace(track=track), text(shape.get("label")), drawn, texts(shape.get("flags")))
+        place_of_shape = place._replace(track=key(shape.get("group_id")))
+        about = {"text": text(shape.get("description")), **texts(shape.get("flags"))}
+        gathering.add(place_of_shape, text(shape.get("label")), drawn, about)
     return gathering.file(is_one_image=True)
 
 

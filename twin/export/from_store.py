@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -44,10 +45,11 @@ def layers_from_store(store: Store, method: str) -> ExportLayers:
         In EPSG:25833.
     """
     with store.snapshot() as view:
+        signs = _signs(view)
         return ExportLayers(
-            changes=_changes(view),
+            changes=_changes(view, signs),
             estimates=_estimates(view, method),
-            nvdb_signs=_signs(view),
+            nvdb_signs=signs,
             drives=_drives(view, method),
         )
 
@@ -65,11 +67,27 @@ def _frame(name: str, columns: Columns, geometry: Any = None) -> gpd.GeoDataFram
     return gpd.GeoDataFrame(data, geometry=geometry, crs=EPSG_UTM33)
 
 
-def _changes(view: Snapshot) -> gpd.GeoDataFrame:
+def _changes(view: Snapshot, signs: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     wanted = [column for column in schema.change.columns if column.name in _names("changes", *_PLACE)]
     found = view.columns(findings_statement(*wanted))
     found["reason"] = list(map(told_reason, found["reason"], found["kind"], found["note"]))
-    return _frame("changes", found)
+    fetched = dict(zip(signs["nvdb_id"].tolist(), signs["synced_at"].tolist(), strict=True))
+    newest = max(fetched.values(), default="")
+    last = _last_match(view)
+    n = len(found["change_id"])
+    provenance = {
+        "cameras": [cameras or "" for cameras in found["cameras"]],
+        "synced_at": [fetched.get(nvdb_id, newest) for nvdb_id in found["nvdb_id"]],
+        "software": [last.get("settings", {}).get("software", "")] * n,
+        "config_sha256": [last.get("config_sha256", "")] * n,
+    }
+    return _frame("changes", {**found, **provenance})
+
+
+def _last_match(view: Snapshot) -> Mapping[str, Any]:
+    """Facts of the match that found the changes; read here, so that they are of the same moment."""
+    rows = view.rows(sa.select(schema.meta.c.value).where(schema.meta.c.key == "last_match"))
+    return json.loads(rows[0]["value"]) if rows else {}
 
 
 def _estimates(view: Snapshot, method: str) -> gpd.GeoDataFrame:

@@ -64,6 +64,10 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         Column("drive_ids", "str", "Drives"),
         Column("n_sightings", "int64", "Sightings"),
         Column("decision", "str", "Decision"),
+        Column("cameras", "str", "Cameras"),
+        Column("synced_at", "str", "Fetched from NVDB"),
+        Column("software", "str", "Software"),
+        Column("config_sha256", "str", "Settings (SHA-256)"),
     ),
     "moves": (
         Column("change_id", "str", "Change"),
@@ -174,7 +178,9 @@ class ExportLayers:
     ----------
     changes : GeoDataFrame of Point
         A finding a row. A ``missing`` change sits at NVDB's position, every other one where the sign was
-        seen. ``drive_ids`` is joined by ",".
+        seen. ``drive_ids`` and ``cameras`` are joined by ",". ``synced_at`` is when NVDB's word on it was
+        fetched: its object, or the newest one where NVDB has none. ``software`` and ``config_sha256`` are
+        those of the match.
     estimates : GeoDataFrame of Point
         An annotated object a row. ``sigma_azimuth_deg`` is the direction of the ellipse's major axis,
         clockwise from true north; ``height_m`` is ellipsoidal, ``height_nn2000_m`` null where no geoid

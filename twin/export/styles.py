@@ -29,7 +29,7 @@ REQUIRED_M = 1.0
 
 _TYPES = {"95": "Skiltpunkt", "96": "Skiltplate"}
 _RANKS = " ".join(f"WHEN '{verdict.name}' THEN {number}" for number, verdict in enumerate(VERDICTS))
-# What a person decides, then why; the change's id at the end.
+# What a person decides, then why; at the end the change's id, and where it comes from.
 _FORM = (
     "decision",
     "verdict",
@@ -45,6 +45,10 @@ _FORM = (
     "n_sightings",
     "drive_ids",
     "change_id",
+    "cameras",
+    "synced_at",
+    "software",
+    "config_sha256",
 )
 # What matters most is drawn last.
 _ORDER = f'CASE "verdict" {_RANKS} ELSE {len(VERDICTS)} END'

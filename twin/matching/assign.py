@@ -39,7 +39,7 @@ class Assignment:
         Posterior probability of that hypothesis among its competitors.
     rival_of_pole : int (n_poles,)
         The site that competes most, -1 if "no match" or nothing does.
-    terms_of_pole : float (n_poles, 5)
+    terms_of_pole : float (n_poles, 6)
         Log odds of the pair by term (:data:`twin.matching.likelihood.TERMS`); NaN for a pole alone.
     alternatives_of_pole, alternatives_of_site : dict
         What else it may be, where that has a probability worth naming.

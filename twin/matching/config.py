@@ -61,6 +61,14 @@ class MatchConfig:
     (362.50 for 362.60): families have few members, and members look alike."""
     p_of_another_family: float = 0.005
     """The same for a given code of another family."""
+    p_text_other: float = 0.05
+    """Chance that a plate carries quite another text than NVDB says: exchanged, or registered wrongly."""
+    p_text_misspelt: float = 0.1
+    """Chance that its text is spelt otherwise: annotators misspell, NVDB abbreviates."""
+    p_text_by_chance: float = 0.05
+    """Chance that another plate of the same code carries the same text; as likely is one merely alike."""
+    text_alike: float = 0.75
+    """Texts that are at least so alike, from 0 to 1, are one text spelt in two ways."""
     p_plate_extra: float = 0.02
     """Chance that a pole carries one plate more than NVDB knows."""
     p_plate_unread: float = 0.1
@@ -89,4 +97,4 @@ class MatchConfig:
                 )
 
 
-_SHARES = frozenset({"own_share", "review_below"})
+_SHARES = frozenset({"own_share", "review_below", "text_alike"})

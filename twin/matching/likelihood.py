@@ -14,11 +14,12 @@ from twin.matching.config import MatchConfig
 from twin.matching.observed import ObservedPole
 from twin.matching.readings import family
 from twin.matching.sites import Site
+from twin.matching.texts import text_odds, text_pairs
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-TERMS = ("position", "code", "facing", "side", "presence")
+TERMS = ("position", "code", "text", "facing", "side", "presence")
 """What a pair is scored by, in the order of `Pairs.terms`."""
 
 
@@ -29,7 +30,7 @@ class Pairs:
     Attributes
     ----------
     pole, site : int64 (k,)
-    terms : float64 (k, 5)
+    terms : float64 (k, 6)
         Natural log of the odds that each of `TERMS` adds for the pair, against the pole being new and the
         site standing alone. They add up: above 0 the pair is likelier.
     """
@@ -102,13 +103,13 @@ def score(
     j: IntArray,
     config: MatchConfig,
 ) -> FloatArray:
-    """Score pairs ``poles[i], sites[j]``; see :class:`Pairs` for the result, (k, 5)."""
+    """Score pairs ``poles[i], sites[j]``; see :class:`Pairs` for the result, (k, 6)."""
     position, side = _position(poles, sites, i, j, config)
     pairs = [(poles[a], sites[b]) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
     codes: dict[tuple[tuple[str, ...], tuple[str, ...]], float] = {}
     common = common_codes(sites)
     code = np.empty(i.size)
-    facing = np.zeros(i.size)
+    text, facing = np.zeros(i.size), np.zeros(i.size)
     behind = float(np.log(max(config.p_behind, 1e-12)))
     for k, (pole, site) in enumerate(pairs):
         known = site.codes
@@ -116,11 +117,19 @@ def score(
         if (seen, known) not in codes:
             codes[seen, known] = _code_odds(seen, known, common, config)
         code[k] = codes[seen, known]
+        if pole.texts:  # of a fleet's poles few have one
+            text[k] = _text_odds(pole, seen, site, config)
         if pole.seen_from_deg and not _faces_a_camera(pole, site):
             facing[k] = behind
     noticed = (1 - config.p_gone) * np.maximum(1 - p_unannotated[j], 0.5)
     alone = config.p_gone + (1 - config.p_gone) * p_unannotated[j]
-    return np.stack([position, code, facing, side, np.log(noticed / alone)], axis=1)
+    return np.stack([position, code, text, facing, side, np.log(noticed / alone)], axis=1)
+
+
+def _text_odds(pole: ObservedPole, seen: Sequence[str], site: Site, config: MatchConfig) -> float:
+    """Log odds of the texts of all plates that have one on both sides; 0 where there is none."""
+    pairs = text_pairs(seen, pole.texts, site.plates, config)
+    return math.fsum(text_odds(alike, config) for _, _, alike in pairs)
 
 
 def _position(

@@ -54,7 +54,7 @@ def mirror_near(view: Snapshot, places: FloatArray, config: MatchConfig) -> tupl
 
 
 _NOT_NEEDED = frozenset(
-    {"raw", "kommuner", "problems", "last_modified", "road_reference", "height_m", "text"}
+    {"raw", "kommuner", "problems", "last_modified", "road_reference", "height_m"}
     | {"skiltnummer_text", "skiltnummer_enum_id"}
 )
 

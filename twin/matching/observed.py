@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from twin.matching.clusters import cheapest_pairs
 from twin.matching.config import MatchConfig
-from twin.matching.readings import PlateRead, Reader, Reading, code_now, is_disputed, together
+from twin.matching.readings import PlateRead, Reader, Reading, code_now, is_disputed, text_now, together
+from twin.matching.texts import split_texts
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
@@ -60,6 +61,8 @@ class ObservedPole:
         What each drive read on each plate, where that was not the same; see :meth:`readings`.
     disputed : bool
         Whether the drives disagree on the code of a plate.
+    texts : tuple of str
+        What is written on each plate as it was read last, "" where unknown; empty if no plate has a text.
     """
 
     members: tuple[str, ...]
@@ -79,12 +82,16 @@ class ObservedPole:
     readers: tuple[Reader, ...] = ()
     plates: tuple[PlateRead, ...] = ()
     disputed: bool = False
+    texts: tuple[str, ...] = ()
 
     def readings(self) -> tuple[PlateRead, ...]:
         """What each drive read on each plate, in the order of `codes`."""
         # Made when asked for: a fleet's poles are a hundred thousand, and nearly all are read alike.
         readers = self.who_read()
-        return self.plates or tuple([tuple([Reading(code, *r) for r in readers]) for code in self.codes])
+        if self.plates or not self.texts:
+            return self.plates or tuple([tuple([Reading(code, *r) for r in readers]) for code in self.codes])
+        said = zip(self.codes, self.texts, strict=True)
+        return tuple(tuple(Reading(code, *r, text) for r in readers) for code, text in said)
 
     def who_read(self) -> tuple[Reader, ...]:
         """The drives, where each of them read the same plates."""
@@ -171,19 +178,21 @@ def _pole_of_estimate(row: Mapping[str, Any], seen_from_deg: Mapping[str, frozen
         [[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]], dtype=np.float64
     )
     member = f"{row['drive_id']}:{row['object']}"
+    codes = split_codes(row["skiltnummer"])
     return ObservedPole(
         members=(member,),
         key=member,
         east_m=row["east_m"],
         north_m=row["north_m"],
         covariance_m2=covariance,
-        codes=split_codes(row["skiltnummer"]),
+        codes=codes,
         drive_ids=(row["drive_id"],),
         cameras=frozenset(f"{row['drive_id']}/{camera}" for camera in row["cameras"]),
         n_sightings=row["n_sightings"],
         first_ns=row.get("first_ns", 0),
         last_ns=row.get("last_ns", 0),
         seen_from_deg=seen_from_deg.get(member, frozenset()),
+        texts=split_texts(row.get("text"), codes),
     )
 
 
@@ -209,11 +218,13 @@ def _same_foot(group: Sequence[ObservedPole]) -> ObservedPole:
     if len(group) == 1:
         return group[0]
     best = min(group, key=lambda pole: (float(np.trace(pole.covariance_m2)), pole.key))
+    texts = tuple(text for pole in group for text in pole.texts or ("",) * len(pole.codes))
     return replace(
         best,
         members=tuple(sorted(member for pole in group for member in pole.members)),
         key=min(pole.key for pole in group),
         codes=tuple(code for pole in group for code in pole.codes),
+        texts=texts if any(texts) else (),
         n_sightings=sum(pole.n_sightings for pole in group),
         first_ns=min(pole.first_ns for pole in group),
         last_ns=max(pole.last_ns for pole in group),
@@ -297,16 +308,18 @@ def _pair_cost(a: ObservedPole, b: ObservedPole) -> float:
 
 def _read_together(a: ObservedPole, b: ObservedPole, config: MatchConfig) -> dict[str, Any]:
     """Fields of the plates of a pole that two observers saw, `b` the later one."""
-    if a.codes == b.codes and not (a.plates or b.plates):  # nearly always
+    if a.codes == b.codes and not (a.plates or b.plates or a.texts or b.texts):  # nearly always
         known = a.who_read()
         drives = {reader.drive_id for reader in known}
         return {"readers": (*known, *(r for r in b.who_read() if r.drive_id not in drives))}
     plates = together(a.readings(), b.readings())
+    texts = tuple(map(text_now, plates))
     return {
         "codes": tuple(code_now(plate, config) for plate in plates),
         "readers": (),
         "plates": plates,
         "disputed": any(map(is_disputed, plates)),
+        "texts": texts if any(texts) else (),
     }
 
 

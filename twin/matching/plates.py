@@ -13,6 +13,7 @@ from twin.matching.config import MatchConfig
 from twin.matching.observed import ObservedPole
 from twin.matching.readings import PlateRead, code_chances, family, is_disputed
 from twin.matching.sites import SKILTPLATE, Plate, Site
+from twin.matching.texts import text_pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ def plate_findings(match: MatchedPole, config: MatchConfig) -> PlatesFound:
     if not pole.codes or not site.plates or (pole.codes == site.codes and not pole.disputed):
         return PlatesFound([], pole.codes, 1.0)
     read = pole.readings()
-    partner = _pairs(pole, read, site.plates)
+    partner = _pairs(pole, read, site.plates, config)
     findings: list[Change] = []
     codes = list(pole.codes)
     p_as_known = 1.0
@@ -100,13 +101,21 @@ def _day(number: int) -> str:
     return dt.date.fromordinal(_EPOCH + number).isoformat()
 
 
-def _pairs(pole: ObservedPole, read: Sequence[PlateRead], plates: Sequence[Plate]) -> dict[int, Plate]:
+def _pairs(
+    pole: ObservedPole, read: Sequence[PlateRead], plates: Sequence[Plate], config: MatchConfig
+) -> dict[int, Plate]:
     """Plate seen → plate of NVDB: equal codes first, then a code that was read, a family, any.
 
-    A plate that faces away from every camera is nobody's but that of its own code.
+    Plates of equal codes are told apart by their texts. A plate that faces away from every camera is nobody's
+    but that of its own code.
     """
     partner: dict[int, Plate] = {}
-    left = list(plates)
+    if pole.texts:
+        for k, j, _ in text_pairs(pole.codes, pole.texts, plates, config):
+            if pole.codes[k] == plates[j].code and not is_disputed(read[k]):
+                partner[k] = plates[j]
+    taken = {plate.nvdb_id for plate in partner.values()}
+    left = [plate for plate in plates if plate.nvdb_id not in taken]
     shown = {p.nvdb_id for p in plates if not pole.seen_from_deg or any(map(p.shows_to, pole.seen_from_deg))}
     tests = (
         lambda code, _readings, plate: plate.code == code,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from nvdb.datakatalog import sign_family
 from twin.matching.config import MatchConfig
+from twin.matching.wording import normalised
 
 _NS_PER_YEAR = 365.25 * 86_400e9
 
@@ -21,12 +22,16 @@ class Reader(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """One drive's word on one plate; `seen_from_deg` as in :class:`twin.matching.observed.ObservedPole`."""
+    """One drive's word on one plate; `seen_from_deg` as in :class:`twin.matching.observed.ObservedPole`.
+
+    `text` is what is written on it, "" where that was not annotated.
+    """
 
     code: str
     drive_id: str
     epoch_ns: int
     seen_from_deg: frozenset[float] = frozenset()
+    text: str = ""
 
 
 PlateRead = tuple[Reading, ...]
@@ -36,11 +41,13 @@ PlateRead = tuple[Reading, ...]
 def together(a: Sequence[PlateRead], b: Sequence[PlateRead]) -> tuple[PlateRead, ...]:
     """Join what earlier and later observers read on one pole, plate by plate.
 
-    Plates that were read alike are the same; then plates of one family; then any two, in their order: a plate
-    that was exchanged or misread. Plates that were seen from opposite sides are the same only if they read
-    alike. What is left was read by one side alone. The side with more plates gives the order.
+    Plates that were read alike are the same, and of those rather the ones with the same text; then plates of
+    one family; then any two, in their order: a plate that was exchanged or misread. Plates that were seen
+    from opposite sides are the same only if they read alike. What is left was read by one side alone. The
+    side with more plates gives the order.
     """
-    if [x[-1].code for x in a] == [y[-1].code for y in b]:  # nearly always
+    same = [x[-1].code for x in a] == [y[-1].code for y in b]
+    if same and not any(map(_other_text, a, b)):  # nearly always
         return tuple([_votes(x, y) for x, y in zip(a, b, strict=True)])
     partner = dict(_pairs(a, b))
     of_b = {j: i for i, j in partner.items()}
@@ -53,13 +60,24 @@ def together(a: Sequence[PlateRead], b: Sequence[PlateRead]) -> tuple[PlateRead,
 
 def _pairs(a: Sequence[PlateRead], b: Sequence[PlateRead]) -> Iterator[tuple[int, int]]:
     left, right = list(range(len(a))), list(range(len(b)))
-    for alike in (_read_alike, _of_one_family, _from_one_side):
+    for alike in (_same_text, _read_alike, _of_one_family, _from_one_side):
         for i in list(left):
             j = next((j for j in right if alike(a[i], b[j])), None)
             if j is not None:
                 left.remove(i)
                 right.remove(j)
                 yield i, j
+
+
+def _same_text(x: PlateRead, y: PlateRead) -> bool:
+    text = normalised(text_now(x))
+    return bool(text) and text == normalised(text_now(y)) and _read_alike(x, y)
+
+
+def _other_text(x: PlateRead, y: PlateRead) -> bool:
+    """Whether both have a text, and not the same."""
+    one, other = normalised(text_now(x)), normalised(text_now(y))
+    return bool(one) and bool(other) and one != other
 
 
 def _read_alike(x: PlateRead, y: PlateRead) -> bool:
@@ -86,7 +104,15 @@ def _votes(x: PlateRead, y: PlateRead) -> PlateRead:
     if x[-1].drive_id != y[0].drive_id:
         return x + y
     known = {(r.drive_id, r.code) for r in x}
+    said = {(r.drive_id, r.code): r.text for r in y if r.text}
+    if said:  # the one vote has the text that either camera showed
+        x = tuple(r if r.text else r._replace(text=said.get((r.drive_id, r.code), "")) for r in x)
     return (*x, *(r for r in y if (r.drive_id, r.code) not in known))
+
+
+def text_now(plate: PlateRead) -> str:
+    """Text that was read last; "" where none was."""
+    return next((reading.text for reading in reversed(plate) if reading.text), "")
 
 
 def is_disputed(plate: PlateRead) -> bool:

@@ -33,6 +33,8 @@ class Plate:
     """Azimuths from true north that its face, and a second face, look towards; NaN where not known."""
     start_date: str = ""
     """ISO date from which NVDB's version of it holds; "" if unknown."""
+    text: str = ""
+    """What is written on it, as in NVDB; "" if unknown."""
 
     def shows_to(self, azimuth_deg: float) -> bool:
         """Whether somebody in this direction from the plate sees a face; True where it is not known."""
@@ -176,6 +178,7 @@ def _site(
                 p["ansiktsside"],
                 faces.get(p["nvdb_id"], _NOT_KNOWN),
                 p["start_date"] or "",
+                p["text"] or "",
             )
             for p in ordered
         ),

@@ -28,6 +28,7 @@ from twin.matching.observed import ObservedPole
 from twin.matching.plates import MatchedPole, plate_findings
 from twin.matching.readings import family
 from twin.matching.sites import SKILTPUNKT, Site
+from twin.matching.texts import texts_compared
 
 __all__ = ["VERDICTS", "Change", "judge"]
 
@@ -186,6 +187,11 @@ def _why(match: MatchedPole) -> str:
         words.append("its sign code was not annotated")
     elif site.codes:
         words.append(_codes_in_words(pole.codes, site.codes))
+    words += [
+        f'though {told["code"]} reads "{told["seen"]}" and in NVDB "{told["nvdb"]}"'
+        for told in match.terms.get("texts", ())
+        if told["differs"]
+    ]
     if terms["facing"] < 0:
         words.append("though NVDB says that it faces away")
     if terms["side"]:
@@ -207,6 +213,7 @@ def _codes_in_words(seen: Sequence[str], known: Sequence[str]) -> str:
 def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[str, Any]:
     assignment, pole = scene.assignment, scene.poles[index]
     odds = assignment.terms_of_pole[index].tolist()
+    texts = texts_compared(pole.codes, pole.texts, site.plates, scene.config)
     return {
         "match": round(float(assignment.confidence_of_pole[index]), 4),
         "log_odds": {name: round(value, 2) for name, value in zip(TERMS, odds, strict=True)},
@@ -217,6 +224,7 @@ def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[s
         "seen": when_seen(pole),
         "taken_down": round(pole.p_taken_down, 4),
         "alternatives": other_sites(assignment.alternatives_of_pole.get(index, ()), scene.sites),
+        **({"texts": texts} if texts else {}),
     }
 
 

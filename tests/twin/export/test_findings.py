@@ -125,6 +125,24 @@ def test_export_findings_writes_the_layers_of_the_last_match(store: Store, out: 
     assert _decisions(out) == {"c-1": "open", "c-2": "open"}
 
 
+def test_layers_from_store_say_where_changes_come_from(store: Store) -> None:
+    """Cameras, when NVDB's word was fetched, and the match; the newest word where NVDB has no such object."""
+    for nvdb_id, day in ((2, "01"), (3, "09")):
+        fetched = f"2026-06-{day}T08:00:00Z"
+        plate = _row(schema.skiltplate, nvdb_id=nvdb_id, east_m=EAST, north_m=NORTH, synced_at=fetched)
+        _insert(store, schema.skiltplate, plate)
+    known = {**_change("c-3"), "nvdb_id": 2, "cameras": "C1,C3"}
+    run = {"settings": {"software": "nvdb-twin 1.2.3"}, "config_sha256": "ab" * 32}
+    with store.transaction() as connection:
+        connection.execute(sa.insert(schema.change), [known])
+        store.put_fact(connection, "last_match", run)
+    changes = layers_from_store(store, METHOD).changes.set_index("change_id")
+    assert changes["cameras"].to_dict() == {"c-1": "", "c-2": "", "c-3": "C1,C3"}
+    assert changes["synced_at"].str[8:10].to_dict() == {"c-1": "09", "c-2": "09", "c-3": "01"}
+    assert set(changes["software"]) == {"nvdb-twin 1.2.3"}
+    assert set(changes["config_sha256"]) == {"ab" * 32}
+
+
 def test_layers_from_store_carry_both_heights(store: Store) -> None:
     """NN2000 is what the geoid model makes of the ellipsoidal height: null where it is not installed."""
     estimates = layers_from_store(store, METHOD).estimates

@@ -85,6 +85,14 @@ def test_style_draws_the_verdicts_that_occur(layer: str, fallback: list[str]) ->
     assert {c.get("value") for c in none.iter("category")} == {*ALL, *fallback}
 
 
+def test_form_of_changes_has_every_field_where_it_comes_from_last() -> None:
+    """A person decides at the top; the provenance stands below everything that a decision rests on."""
+    fields = [f.get("name") for f in fromstring(style("changes", verdicts=ALL)).iter("attributeEditorField")]
+    assert sorted(fields) == sorted(column.name for column in COLUMNS["changes"])
+    assert fields[0] == "decision"
+    assert fields[-4:] == ["cameras", "synced_at", "software", "config_sha256"]
+
+
 def test_style_of_changes_lets_only_the_decision_be_edited() -> None:
     """Findings are read-only; the decision is chosen from its four values."""
     root = fromstring(style("changes", verdicts=ALL))

@@ -40,7 +40,13 @@ def point(nvdb_id: int, *plate_ids: int, **changed: Any) -> dict[str, Any]:
 
 def plate(nvdb_id: int, code: str, **changed: Any) -> dict[str, Any]:
     """Make a Skiltplate."""
-    values: dict[str, Any] = {"point_id": None, "ansiktsside": None, "plasseringskode": None, **changed}
+    values: dict[str, Any] = {
+        "point_id": None,
+        "ansiktsside": None,
+        "plasseringskode": None,
+        "text": None,
+        **changed,
+    }
     return row(nvdb_id, skiltnummer=code, **values)
 
 

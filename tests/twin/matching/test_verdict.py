@@ -12,6 +12,7 @@ import pytest
 from twin.matching.assign import assign
 from twin.matching.change import offset_of
 from twin.matching.config import MatchConfig
+from twin.matching.likelihood import TERMS
 from twin.matching.observed import ObservedPole
 from twin.matching.readings import Reading, code_now
 from twin.matching.sites import Plate, Site
@@ -246,7 +247,7 @@ def test_judge_says_what_a_verdict_rests_on() -> None:
     """Terms hold the odds of each kind of evidence, and when the sign was seen, as plain JSON."""
     seen = replace(pole(0.1, 0, "202"), first_ns=1_780_000_000_000_000_000, last_ns=1_780_086_400_000_000_000)
     (change,) = found([seen], [site(1, "202")])
-    assert change.terms["log_odds"].keys() == {"position", "code", "facing", "side", "presence"}
+    assert change.terms["log_odds"].keys() == set(TERMS)
     assert change.terms["log_odds"]["code"] > 0
     assert change.terms["seen"] == {
         "first": "2026-05-28T20:26:40Z",
