@@ -15,7 +15,7 @@ demo: $(VENV)/.installed          ## the whole job on the sample, into demo-out/
 	$(BIN)/twin demo --out demo-out
 
 test: $(VENV)/.installed          ## the whole suite, with coverage
-	$(BIN)/python -m pytest --cov --cov-report=term
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --cov --cov-report=term
 
 lint: $(VENV)/.installed          ## style, types and the walls between the packages
 	$(BIN)/ruff check .

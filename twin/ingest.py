@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjust import OUTLIER
+from geoloc.adjust import OUTLIER, Adjusted
 from geoloc.fixes import quality_counts
 from geoloc.geodesy import utm33_from_geographic
 from geoloc.ground import stands_far_away
@@ -139,8 +139,8 @@ def ingest_drive(
     estimates = estimate_rows(drive, sighted, positions, method)
     n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
-    doubts: tuple[str, ...] = ()
-    if detector is None:
+    doubts = _turned_cameras(sighted.adjusted)
+    if detector is None and not doubts:
         say("checking the annotators' ids")
         doubts = id_warnings(drive, trajectory)
     line, length_m = _line(trajectory)
@@ -242,6 +242,25 @@ def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
     seen = sighted.index[~far]
     near |= set(drive.annotations.object[seen[is_sign[seen]]].tolist())
     return len(near - placed)
+
+
+def _turned_cameras(adjusted: Adjusted | None) -> tuple[str, ...]:
+    """Tell of cameras that sit otherwise than their calibration says, far beyond what a mount gives way.
+
+    Such a camera makes rays miss one another, which looks as if ids marked two signs: these are not doubted.
+    """
+    found = []
+    for camera, turns in (adjusted.boresight_deg if adjusted else {}).items():
+        worst = max(turns, key=lambda turn: abs(turn.value))
+        if abs(worst.value) > max(_MOST_TURN_DEG, 5.0 * worst.sigma):
+            found.append(
+                f"{camera} is turned by {abs(worst.value):.1f}° ± {worst.sigma:.1f}° against its stated"
+                " angles: check their signs, units and order (roll_pitch_yaw), or calibrate it anew."
+            )
+    return tuple(found)
+
+
+_MOST_TURN_DEG = 1.0
 
 
 def _unplaced_warning(drive: Drive, n_unplaced: int) -> tuple[str, ...]:

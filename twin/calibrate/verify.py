@@ -33,6 +33,7 @@ from twin.sighted import in_euref89, locate_annotations, trajectory_of
 FloatArray = NDArray[np.float64]
 
 SURE_SIGMAS = 2.0
+_FEW_OBJECTS = 5
 LEAST_DEG = 0.02
 """A smaller turn is 4 mm at 12 m to the side: not worth another rig file."""
 
@@ -143,7 +144,7 @@ def verify_drive(
         turns=turns,
         advised=advised,
         not_seen=tuple(sorted({t.object for t in truths} - set(names[rows].tolist()))),
-        warnings=drive.warnings,
+        warnings=(*drive.warnings, *_shared(turns, located.poses, rows)),
         rig=rig,
         errors_at=errors_at,
     )
@@ -193,8 +194,35 @@ def _errors_m(
 
 
 def _is_sure(turn: CameraTurn) -> bool:
-    pairs = ((turn.pitch_deg, turn.sigma_pitch_deg), (turn.yaw_deg, turn.sigma_yaw_deg))
+    pairs = (
+        (turn.pitch_deg, turn.sigma_pitch_deg),
+        (turn.yaw_deg, turn.sigma_yaw_deg),
+        (turn.roll_deg, turn.sigma_roll_deg),
+    )
     return any(abs(value) > max(SURE_SIGMAS * sigma, LEAST_DEG) for value, sigma in pairs)
+
+
+def _shared(turns: Mapping[str, CameraTurn], poses: Poses, rows: NDArray[np.int64]) -> tuple[str, ...]:
+    """Tell of a turn that all cameras ask for: it may be the drive's own heading, pitch or roll."""
+    found = []
+    for axis, pose in (("yaw", "heading"), ("pitch", "pitch"), ("roll", "roll")):
+        turn = np.array([getattr(t, f"{axis}_deg") for t in turns.values()])
+        sigma = np.array([getattr(t, f"sigma_{axis}_deg") for t in turns.values()])
+        if len(turn) < 1:
+            continue
+        common = float(turn.mean())
+        drive = float(np.median(getattr(poses, f"sigma_{pose}_deg")[rows]))
+        alike = len(turn) == 1 or bool((np.sign(turn) == np.sign(common)).all())
+        if alike and abs(common) > max(SURE_SIGMAS * float(sigma.min()), LEAST_DEG) and drive > LEAST_DEG:
+            found.append(
+                f"The cameras ask for {common:+.2f}° of {axis} together, and the drive's own {pose} is known"
+                f" to {drive:.2f}° only: verify in other directions, or driving, before this is applied."
+            )
+    if turns and min(turn.n_objects for turn in turns.values()) < _FEW_OBJECTS:
+        found.append(
+            f"Fewer than {_FEW_OBJECTS} objects: the sigmas are rough, since they count how objects differ."
+        )
+    return tuple(found)
 
 
 def _table(camera: str, at: FloatArray) -> list[ErrorRow]:

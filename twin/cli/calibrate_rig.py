@@ -98,7 +98,7 @@ def example_yard(
     print_paths("Written:", files)
     note(
         f"Next: twin calibrate extrinsics {out / PICTURES} --tags {out / LAYOUT} --rig {out / DRAWN_RIG}"
-        " --out calibrated"
+        " --out mounted"
     )
 
 
@@ -164,10 +164,11 @@ def _print_verification(found: Verification) -> None:
         note(f"Not annotated in this drive: {', '.join(found.not_seen)}.")
     if not found.advised:
         note("No camera needs a correction: none is off by more than two sigmas and 0.02°.")
-    elif found.rig is not None:
-        note(f"wrote {found.rig}, with {', '.join(found.advised)} corrected")
-    else:
-        note(f"Off for certain: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+    elif found.rig is None:
+        note(f"Off in this drive: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+    if found.rig is not None:
+        note(f"wrote {found.rig}, with {', '.join(found.advised) or 'nothing'} corrected")
+    note("Positive pitch looks up, positive yaw right; in rig files and drive.toml it is down and left.")
 
 
 @app.command("from-drives", epilog="Example: twin calibrate from-drives --plot cameras.png")
@@ -211,12 +212,12 @@ def _print_histories(found: Histories) -> None:
         right_from=3,
     )
     means: dict[str, Any] = {
-        f"{h.camera}, {len(h.drives) - h.since} drives": "pitch {}°, yaw {}°, roll {}°".format(
+        f"{h.camera}, {_drives(len(h.drives) - h.since)}": "pitch {}°, yaw {}°, roll {}°".format(
             *_angles(h.turn_deg, h.sigma_deg)
         )
         for h in found.cameras
     }
-    print_pairs("Mean since it last moved", means)
+    print_pairs("Mean since it last moved (positive pitch looks up, positive yaw right)", means)
     for warning in found.warnings:
         warn(warning)
     if found.rig is not None:
@@ -224,6 +225,10 @@ def _print_histories(found: Histories) -> None:
         note(f"wrote {found.rig}, with {corrected} corrected")
     elif found.advised:
         note(f"Off for certain: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+
+
+def _drives(count: int) -> str:
+    return "1 drive" if count == 1 else f"{count} drives"
 
 
 def _day(epoch_ns: int) -> str:

@@ -141,8 +141,10 @@ def _read_files(
             continue
         if file is not None:
             found.append(file)
-        elif not inside and name.lower().endswith(".xml") and not root_tag(folder.head(name)):
-            notes.warnings.append(f"{name} is empty or no XML, so it is not read: export it again.")
+        elif not inside and name.lower().endswith(".xml"):
+            root = root_tag(folder.head(name))
+            what = f"no export of annotations (it begins with <{root:.40}>)" if root else "empty or no XML"
+            notes.warnings.append(f"{name} is {what}, so it is not read: export it again.")
     if damaged:
         notes.skipped.append(Skipped("annotation files", inside, len(damaged), "damaged"))
         notes.warnings.append(

@@ -23,6 +23,10 @@ OUTLIER_SIGMAS = 6.0
 """A tag whose worst corner is further off, in a picture, is left out: a hand on the tag, a wrong id."""
 MISTAPED_SIGMAS = 5.0
 """A measured place that is further from where the pictures put the tag is a slip of the tape."""
+_ANY_SIZE = 0.2
+"""Sigma of the tags' scale that lets the pictures say it."""
+MOST_PX = 3.0
+"""Corners of a camera that are further off than this fit no layout."""
 _LEAST_SPARE = 0.02
 """Part of a measurement's variance that the rest must be able to check."""
 
@@ -146,7 +150,14 @@ def calibrate_extrinsics(
         {tag: pose for group in groups for tag, pose in group.tags.items()},
     )
     sightings = [s for s in sightings if s.tag in state.tags]
-    return _result(_cleaned(sightings, tags, sigmas or Sigmas(), state), sightings, pictures)
+    found = _cleaned(sightings, tags, sigmas or Sigmas(), state)
+    worst = max(found.network.corner_px.values())
+    if worst > MOST_PX:
+        raise CalibrationError(
+            f"The layout does not fit the pictures: corners are off by {worst:.0f} px. Check that places"
+            " are x forward, y left, z up in metres, the tags' ids and sizes, and the rig's intrinsics."
+        )
+    return _result(found, sightings, pictures)
 
 
 def _sightings(
@@ -214,6 +225,11 @@ def _cleaned(
     """
     used = np.ones(len(sightings), dtype=np.bool_)
     suspected: set[int] = set()
+    network, state = adjusted(sightings, tags, replace(sigmas, size=_ANY_SIZE), state, robust=True)
+    scale_sigma = float(np.sqrt(covariance_of(network, state)[-1, -1]))
+    if abs(state.scale) > max(MISTAPED_SIGMAS * scale_sigma, 3.0 * sigmas.size):
+        # Printed in another size than the layout says: the size is what the pictures tell.
+        sigmas = replace(sigmas, size=_ANY_SIZE)
     network, state = adjusted(sightings, tags, sigmas, state, robust=True)
     floor = lean_of_floor(network, state)
     if floor is not None and floor.leans:

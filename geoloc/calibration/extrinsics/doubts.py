@@ -12,6 +12,7 @@ FloatArray = NDArray[np.float64]
 OPEN_M, OPEN_DEG = 1.0, 2.0
 """Sigmas from which a part of a pose counts as not determined."""
 _SURE = 3.0
+_LEAST_SCALE = 0.003
 _MISFIT = 3.0
 """Residuals of one tag, or of one camera, this many times the usual ones."""
 _SOFT_DEG, _SOFT_M = 0.05, 0.02
@@ -114,7 +115,7 @@ def _mistaped(result: Extrinsics) -> list[str]:
 
 
 def _scale(result: Extrinsics) -> list[str]:
-    if abs(result.scale) <= _SURE * result.network.sigmas.size:
+    if abs(result.scale) <= max(_SURE * result.scale_sigma, _LEAST_SCALE):
         return []
     sense = "larger" if result.scale > 0.0 else "smaller"
     sentence = (
