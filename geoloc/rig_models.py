@@ -1,8 +1,8 @@
 """Intrinsics in a DriveWorks rig file: ``properties`` of a camera → CameraModel, and back.
 
 ``ftheta`` and ``pinhole`` are as real rig files have them. The documentation names ``ocam`` too but no real
-file was found: its keys are the nearest guess. ``fisheye`` and ``omni`` are this project's own, so that a rig
-of any car can be written down.
+file was found: its keys are the nearest guess. ``fisheye``, ``fisheye624``, ``fov`` and ``omni`` are this
+project's own, so that a rig of any car can be written down.
 """
 
 from __future__ import annotations
@@ -10,7 +10,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera, OcamCamera, OmniCamera, PinholeCamera
+from geoloc.cameras import (
+    CameraModel,
+    Fisheye624Camera,
+    FisheyeCamera,
+    FovCamera,
+    FThetaCamera,
+    OcamCamera,
+    OmniCamera,
+    PinholeCamera,
+)
+from geoloc.cameras.planar import PlanarCamera
+from geoloc.cameras.radial import RadialCamera
 from geoloc.errors import CalibrationError
 from geoloc.rig_properties import SensorEntry
 
@@ -72,7 +83,10 @@ def model_properties(name: str, model: CameraModel) -> dict[str, str]:
     if isinstance(model, OcamCamera):
         terms = {"c": (model.c,), "d": (model.d,), "e": (model.e,)}
         return {**properties, **_centre(model), **_texts({"polynomial": model.polynomial, **terms})}
-    if isinstance(model, PinholeCamera | FisheyeCamera | OmniCamera):
+    if isinstance(model, FovCamera):
+        lens = _texts({"fx": (model.fx_px,), "fy": (model.fy_px,), "omega": (model.omega_rad,)})
+        return {**properties, **_centre(model), **lens}
+    if isinstance(model, PinholeCamera | FisheyeCamera | Fisheye624Camera | OmniCamera):
         shape = ("xi", "alpha", "beta") if isinstance(model, OmniCamera) else ()
         focal = {"fx": (model.fx_px,), "fy": (model.fy_px,), "distortion": model.distortion}
         return {
@@ -131,7 +145,7 @@ def _ocam(entry: SensorEntry) -> _Build:
 
 
 def _pinhole(entry: SensorEntry) -> _Build:
-    distortion = entry.numbers("distortion", entry.property("distortion") or "", 0, 3, 4, 5, 8)
+    distortion = entry.numbers("distortion", entry.property("distortion") or "", 0, 3, 4, 5, 8, 12)
     if len(distortion) == 3:
         # DriveWorks' own three: radial alone, without OpenCV's tangential pair in the middle.
         distortion = (distortion[0], distortion[1], 0.0, 0.0, distortion[2])
@@ -145,8 +159,19 @@ def _fisheye(entry: SensorEntry) -> _Build:
     return partial(FisheyeCamera, fx_px=fx_px, fy_px=fy_px, distortion=distortion)
 
 
+def _fisheye624(entry: SensorEntry) -> _Build:
+    distortion = entry.numbers("distortion", entry.property("distortion") or "", *range(13))
+    fx_px, fy_px = _focal(entry)
+    return partial(Fisheye624Camera, fx_px=fx_px, fy_px=fy_px, distortion=distortion)
+
+
+def _fov(entry: SensorEntry) -> _Build:
+    fx_px, fy_px = _focal(entry)
+    return partial(FovCamera, fx_px=fx_px, fy_px=fy_px, omega_rad=entry.number("omega"))
+
+
 def _omni(entry: SensorEntry) -> _Build:
-    distortion = entry.numbers("distortion", entry.property("distortion") or "", 0, 4, 5, 8)
+    distortion = entry.numbers("distortion", entry.property("distortion") or "", 0, 4, 5, 8, 12)
     fx_px, fy_px = _focal(entry)
     return partial(
         OmniCamera,
@@ -168,11 +193,13 @@ _READERS: dict[str, Callable[[SensorEntry], _Build]] = {
     "pinhole": _pinhole,
     "ocam": _ocam,
     "fisheye": _fisheye,
+    "fisheye624": _fisheye624,
+    "fov": _fov,
     "omni": _omni,
 }
 
 
-def _centre(model: FThetaCamera | OcamCamera | PinholeCamera | FisheyeCamera | OmniCamera) -> dict[str, str]:
+def _centre(model: RadialCamera | PlanarCamera | FisheyeCamera) -> dict[str, str]:
     return _texts({"cx": (model.cx_px,), "cy": (model.cy_px,)})
 
 

@@ -18,6 +18,7 @@ MAX_BYTES = 4_000_000
 """Longest calibration file: a rig with a car mask for each of its cameras stays below it."""
 MAX_YAML_BYTES = 1_000_000
 """Longest in YAML, which takes seconds a megabyte: one with the corners of a hundred views stays below it."""
+_HEAD_BYTES = 4096
 _MOST_NUMBERS = 64
 _DEEPEST = 3
 _LONGEST_SIDE_PX = 1_000_000
@@ -176,6 +177,13 @@ def text_lines(content: bytes, where: str) -> list[str]:
     """Lines of a text file that are neither blank nor comments (#)."""
     lines = (line.strip() for line in _text(content, where).splitlines())
     return [line for line in lines if line and not line.startswith("#")]
+
+
+def first_line(head: bytes) -> str:
+    """First line that is neither blank nor a comment (#) of a file's beginning; "" where there is none."""
+    text = head[:_HEAD_BYTES].decode("utf-8", errors="replace").lstrip("\ufeff")
+    lines = (line.strip() for line in text.splitlines())
+    return next((line for line in lines if line and not line.startswith("#")), "")
 
 
 def _mapping(document: object, where: str) -> Mapping[str, Any]:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.calibration_files.document import CalibratedCamera, Section, built, sections, yaml_document
-from geoloc.cameras import CameraModel, FisheyeCamera, OmniCamera, PinholeCamera
+from geoloc.cameras import CameraModel, FisheyeCamera, FovCamera, OmniCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 
 _MAKES: Mapping[tuple[str, str], type[CameraModel]] = {
     ("pinhole", "radtan"): PinholeCamera,
     ("pinhole", "none"): PinholeCamera,
     ("pinhole", "equidistant"): FisheyeCamera,
+    ("pinhole", "fov"): FovCamera,
     ("omni", "radtan"): OmniCamera,
     ("omni", "none"): OmniCamera,
     ("ds", "none"): OmniCamera,
@@ -39,8 +41,8 @@ def looks_like_kalibr(head: bytes) -> bool:
 def read_kalibr(content: bytes, where: str) -> dict[str, CalibratedCamera]:
     """Read a camera chain.
 
-    ``pinhole`` with ``radtan``, ``equidistant`` or no distortion, ``omni`` with ``radtan`` or none, and
-    ``ds`` and ``eucm`` without. Poses are taken from ``T_cam_imu`` (OpenVINS: its inverse ``T_imu_cam``),
+    ``pinhole`` with ``radtan``, ``equidistant``, ``fov`` or no distortion, ``omni`` with ``radtan`` or none,
+    and ``ds`` and ``eucm`` without. Poses are taken from ``T_cam_imu`` (OpenVINS: its inverse ``T_imu_cam``),
     else from the chain of ``T_cn_cnm1``, which is against the first camera.
 
     Returns
@@ -63,13 +65,22 @@ def read_kalibr(content: bytes, where: str) -> dict[str, CalibratedCamera]:
     return cameras
 
 
-def kalibr_text(models: Iterable[CameraModel]) -> str:
+def kalibr_text(
+    models: Iterable[CameraModel], camera_T_body: Sequence[NDArray[np.float64]] | None = None
+) -> str:
     """Write cameras as a camera chain: ``cam0``, ``cam1``, … in the order given.
+
+    Parameters
+    ----------
+    models : iterable of CameraModel
+    camera_T_body : sequence of float64 (4, 4), optional
+        Turns points of a common body into each camera's frame (RDF): written as ``T_cam_imu``, and against
+        the camera before as ``T_cn_cnm1``.
 
     Raises
     ------
     CalibrationError
-        If Kalibr has no such model: it knows pinhole (at most k1 k2 p1 p2), fisheye, omni, ds and eucm.
+        If Kalibr has no such model: it knows pinhole (at most k1 k2 p1 p2), fisheye, fov, omni, ds and eucm.
     """
     lines = []
     for number, model in enumerate(models):
@@ -82,6 +93,10 @@ def kalibr_text(models: Iterable[CameraModel]) -> str:
             f"  distortion_coeffs: [{_listed(coefficients)}]",
             f"  resolution: [{model.width_px}, {model.height_px}]",
         ]
+        if camera_T_body is not None:
+            lines += _matrix("T_cam_imu", camera_T_body[number])
+        if camera_T_body is not None and number > 0:
+            lines += _matrix("T_cn_cnm1", camera_T_body[number] @ _inverse(camera_T_body[number - 1]))
     return "\n".join(lines) + "\n"
 
 
@@ -92,16 +107,14 @@ def _model(section: Section) -> CameraModel:
         raise section.error(f"is of the model {kind!r} with {distortion!r}, and only {known} are supported.")
     width_px, height_px = section.size("resolution")
     names = (*_SHAPES[kind], "fx_px", "fy_px", "cx_px", "cy_px")
-    intrinsics = dict(zip(names, section.numbers("intrinsics", len(names)), strict=True))
-    return built(
-        section.where,
-        _MAKES[kind, distortion],
-        width_px=width_px,
-        height_px=height_px,
-        distortion=() if distortion == "none" else section.numbers("distortion_coeffs", 4),
-        **({"xi": 0.0} if kind == "eucm" else {}),
-        **intrinsics,
-    )
+    arguments: dict[str, Any] = dict(zip(names, section.numbers("intrinsics", len(names)), strict=True))
+    if distortion == "fov":
+        arguments["omega_rad"] = section.numbers("distortion_coeffs", 1)[0]
+    elif distortion != "none":
+        arguments["distortion"] = section.numbers("distortion_coeffs", 4)
+    if kind == "eucm":
+        arguments["xi"] = 0.0
+    return built(section.where, _MAKES[kind, distortion], width_px=width_px, height_px=height_px, **arguments)
 
 
 def _with_pose(
@@ -128,6 +141,8 @@ def _inverse(transform: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _written(model: CameraModel) -> tuple[str, str, tuple[float, ...], tuple[float, ...]]:
     """Model, distortion model and their numbers, as Kalibr has them."""
+    if isinstance(model, FovCamera):
+        return "pinhole", "fov", (model.fx_px, model.fy_px, model.cx_px, model.cy_px), (model.omega_rad,)
     if isinstance(model, PinholeCamera | FisheyeCamera | OmniCamera) and not any(model.distortion[4:]):
         intrinsics = (model.fx_px, model.fy_px, model.cx_px, model.cy_px)
         coefficients = (*model.distortion, *(0.0,) * 4)[:4]
@@ -143,8 +158,12 @@ def _written(model: CameraModel) -> tuple[str, str, tuple[float, ...], tuple[flo
             return "eucm", "none", (model.alpha, model.beta, *intrinsics), ()
     raise CalibrationError(
         f"Kalibr has no model for this {model.model} camera: write it as a rig file instead, or calibrate"
-        " another model (pinhole with k1 k2 p1 p2, fisheye, omni, ds or eucm)."
+        " another model (pinhole with k1 k2 p1 p2, fisheye, fov, omni, ds or eucm)."
     )
+
+
+def _matrix(key: str, transform: NDArray[np.float64]) -> list[str]:
+    return [f"  {key}:", *(f"  - [{_listed(row)}]" for row in transform)]
 
 
 def _listed(numbers: Iterable[float]) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from geoloc.calibration_files.document import CalibratedCamera, Section, built, text_lines
+from geoloc.calibration_files.document import CalibratedCamera, Section, built, first_line, text_lines
 from geoloc.cameras import OcamCamera
 from geoloc.errors import CalibrationError
 
@@ -26,12 +26,10 @@ _INVERSE_DEGREES = range(5, 16)
 
 def looks_like_ocamcalib(head: bytes) -> bool:
     """Whether a file begins like ``calib_results.txt``: a count and as many numbers, after comments."""
-    text = head[:4096].decode("utf-8", errors="replace").lstrip("\ufeff")
-    for line in text.splitlines():
-        words = line.split()
-        if words and not words[0].startswith("#"):
-            return words[0].isascii() and words[0].isdigit() and words[0] == str(len(words) - 1) != "0"
-    return False
+    words = first_line(head).split()
+    if not words or not (words[0].isascii() and words[0].isdigit()):
+        return False
+    return words[0] == str(len(words) - 1) != "0"
 
 
 def looks_like_ocam_yaml(head: bytes) -> bool:

@@ -91,7 +91,7 @@ def opencv_text(model: CameraModel, name: str = "camera") -> str:
             " another model (pinhole or fisheye)."
         )
     fisheye = isinstance(model, FisheyeCamera)
-    # OpenCV takes no fewer: fisheye four, pinhole four, five or eight.
+    # OpenCV takes no fewer: fisheye four, pinhole four, five, eight or twelve.
     distortion = (*model.distortion, *(0.0,) * 4)[: max(4, len(model.distortion))]
     matrix = (model.fx_px, 0.0, model.cx_px, 0.0, model.fy_px, model.cy_px, 0.0, 0.0, 1.0)
     lines = [
@@ -151,12 +151,12 @@ def _model(section: Section, numbers: tuple[float, ...]) -> tuple[type[CameraMod
         raise section.error(
             f"is of the model {unknown[0]!r}, and only pinhole and fisheye (equidistant) are supported."
         )
-    if len(numbers) > 8 and any(numbers[8:]):
+    if any(numbers[12:]):
         raise section.error(
-            f"has {len(numbers)} distortion coefficients: thin prisms and tilted sensors are not supported;"
-            " calibrate with at most 8 (rational)."
+            f"has {len(numbers)} distortion coefficients: tilted sensors are not supported; calibrate with at"
+            " most 12 (rational with a thin prism)."
         )
-    return PinholeCamera, numbers[:8]
+    return PinholeCamera, numbers[: 12 if any(numbers[8:]) else 8]
 
 
 def _ros_model(distortion: tuple[float, ...]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from geoloc.calibration_files.colmap import looks_like_colmap, read_colmap
 from geoloc.calibration_files.document import CalibratedCamera, json_document
 from geoloc.calibration_files.kalibr import looks_like_kalibr, read_kalibr
 from geoloc.calibration_files.ocamcalib import (
@@ -29,6 +30,7 @@ CALIBRATION_KINDS: Final[Mapping[str, str]] = {
     "kalibr": "Kalibr camchain",
     "ocam-yaml": "Lafida and MultiCol-SLAM YAML",
     "opencv": "OpenCV or ROS YAML or JSON",
+    "colmap": "COLMAP cameras.txt",
     "ocamcalib": "OCamCalib calib_results.txt",
 }
 """Formats that are read, and what people call them."""
@@ -42,6 +44,7 @@ def calibration_kind(head: bytes) -> str | None:
         "kalibr": looks_like_kalibr,
         "ocam-yaml": looks_like_ocam_yaml,
         "opencv": looks_like_opencv,
+        "colmap": looks_like_colmap,
         "ocamcalib": looks_like_ocamcalib,
     }
     return next((kind for kind, test in tests.items() if test(head)), None)
@@ -78,6 +81,7 @@ def read_cameras(content: bytes, where: str) -> Mapping[str, CalibratedCamera]:
         "kalibr": read_kalibr,
         "ocam-yaml": read_ocam_yaml,
         "opencv": read_opencv,
+        "colmap": read_colmap,
         "ocamcalib": read_ocamcalib,
     }
     return readers[kind](content, where)

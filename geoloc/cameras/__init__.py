@@ -2,9 +2,20 @@
 
 from geoloc.cameras.base import CameraModel
 from geoloc.cameras.fisheye import FisheyeCamera
+from geoloc.cameras.fisheye624 import Fisheye624Camera
+from geoloc.cameras.fov import FovCamera
 from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.cameras.ocam import OcamCamera
 from geoloc.cameras.omni import OmniCamera
 from geoloc.cameras.pinhole import PinholeCamera
 
-__all__ = ["CameraModel", "FThetaCamera", "FisheyeCamera", "OcamCamera", "OmniCamera", "PinholeCamera"]
+__all__ = [
+    "CameraModel",
+    "FThetaCamera",
+    "Fisheye624Camera",
+    "FisheyeCamera",
+    "FovCamera",
+    "OcamCamera",
+    "OmniCamera",
+    "PinholeCamera",
+]

@@ -1,4 +1,4 @@
-"""Brown's lens distortion, radial (plain or rational) and tangential, as OpenCV writes it."""
+"""Brown's lens distortion, radial (plain or rational) and tangential, with a thin prism."""
 
 from __future__ import annotations
 
@@ -21,64 +21,79 @@ from geoloc.errors import CalibrationError
 _NEWTON_ITERATIONS = 20
 # In units of the focal length: 1e-12 of a 2000 px focal length is 2e-9 px.
 _NEWTON_TOLERANCE = 1e-12
+_OPENCV_ORDER = "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"
 
 
 @dataclass(frozen=True, slots=True)
 class BrownDistortion:
     """Distortion of a plane in units of the focal length, one-to-one up to `r_max`.
 
+    With ``r² = x² + y²`` and the radial factor ``R = over(r²) / under(r²)``::
+
+        x' = x R + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴
+        y' = y R + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴
+
     Attributes
     ----------
-    coefficients : tuple of float
-        OpenCV's order: ``()``, ``(k1, k2, p1, p2)``, ``(…, k3)`` or ``(…, k3, k4, k5, k6)``.
     widest : float
         Radius before distortion beyond which there is nothing to see.
+    over, under : tuple of float
+        Ascending coefficients of r², both beginning with 1: ``(1, k1, k2, …)``.
+    tangential : (p1, p2)
+    prism : (s1, s2, s3, s4)
+        Of a thin prism.
     r_max : float
         Radius before distortion up to which the radial part rises, at most `widest`. Derived.
 
-    Raises
-    ------
-    CalibrationError
-        If the coefficients are of another number.
-
     Notes
     -----
-    OpenCV, "Camera Calibration and 3D Reconstruction", detailed description; Brown (1966). The inverse is our
-    own Newton iteration to machine precision: ``cv2.undistortPoints`` stops after 5 fixed-point steps unless
-    told otherwise, 0.14 px off at k1 = -0.3.
+    OpenCV, "Camera Calibration and 3D Reconstruction", detailed description; Brown (1966); Weng, Cohen and
+    Herniou (1992), doi:10.1109/34.159901, of the thin prism. The inverse is our own Newton iteration to
+    machine precision: ``cv2.undistortPoints`` stops after 5 fixed-point steps unless told otherwise, 0.14 px
+    off at k1 = -0.3.
     """
 
-    coefficients: tuple[float, ...]
     widest: float
+    over: tuple[float, ...] = (1.0,)
+    under: tuple[float, ...] = (1.0,)
+    tangential: tuple[float, ...] = (0.0, 0.0)
+    prism: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     r_max: float = field(init=False, repr=False, compare=False)
-    _radial: tuple[tuple[float, ...], tuple[float, ...]] = field(init=False, repr=False, compare=False)
     _radial_slope: tuple[float, ...] = field(init=False, repr=False, compare=False)
-    _tangential: tuple[float, float] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Sort the coefficients and find the domain."""
-        if len(self.coefficients) not in {0, 4, 5, 8}:
+        """Find the domain."""
+        slope = _slope_numerator(self.over, self.under)
+        object.__setattr__(self, "_radial_slope", slope)
+        object.__setattr__(self, "r_max", _radial_limit(slope, self.under, self.widest))
+
+    @classmethod
+    def of_opencv(cls, coefficients: tuple[float, ...], widest: float) -> BrownDistortion:
+        """Distortion by OpenCV's coefficients: none, or the first 4, 5, 8 or 12 of `_OPENCV_ORDER`.
+
+        Raises
+        ------
+        CalibrationError
+            If they are of another number.
+        """
+        if len(coefficients) not in {0, 4, 5, 8, 12}:
             raise CalibrationError(
-                f"{len(self.coefficients)} distortion coefficients given: expected 0, 4, 5 or 8 "
-                "(k1 k2 p1 p2 k3 k4 k5 k6)"
+                f"{len(coefficients)} distortion coefficients given: expected 0, 4, 5, 8 or 12"
+                f" ({_OPENCV_ORDER})"
             )
-        k1, k2, p1, p2, k3, k4, k5, k6 = (*self.coefficients, *(0.0,) * (8 - len(self.coefficients)))
-        object.__setattr__(self, "_radial", ((1.0, k1, k2, k3), (1.0, k4, k5, k6)))
-        object.__setattr__(self, "_tangential", (p1, p2))
-        object.__setattr__(self, "_radial_slope", _slope_numerator(*self._radial))
-        object.__setattr__(self, "r_max", _radial_limit(self._radial_slope, self._radial[1], self.widest))
+        k1, k2, p1, p2, k3, k4, k5, k6, *prism = (*coefficients, *(0.0,) * (12 - len(coefficients)))
+        return cls(widest, (1.0, k1, k2, k3), (1.0, k4, k5, k6), (p1, p2), tuple(prism))
 
     def distort(self, plane: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distorted plane coordinates ``(..., 2)`` and their Jacobian ``(..., 2, 2)``."""
-        numerator, denominator = self._radial
-        p1, p2 = self._tangential
+        p1, p2 = self.tangential
         x, y = plane[..., 0], plane[..., 1]
         s = x * x + y * y
-        over, under = polynomial(numerator, s), polynomial(denominator, s)
+        over, under = polynomial(self.over, s), polynomial(self.under, s)
         factor = over / under
         # Derivative of the factor by s.
         factor_s = (
-            polynomial(derivative(numerator), s) * under - over * polynomial(derivative(denominator), s)
+            polynomial(derivative(self.over), s) * under - over * polynomial(derivative(self.under), s)
         ) / under**2
         distorted = np.stack(
             [
@@ -95,6 +110,11 @@ class BrownDistortion:
             ],
             axis=-2,
         )
+        if any(self.prism):
+            s1, s2, s3, s4 = self.prism
+            distorted += np.stack([(s1 + s2 * s) * s, (s3 + s4 * s) * s], axis=-1)
+            slope = 2.0 * np.stack([s1 + 2.0 * s2 * s, s3 + 2.0 * s4 * s], axis=-1)
+            jacobian += slope[..., np.newaxis] * plane[..., np.newaxis, :]
         return distorted, jacobian
 
     def plane_by_distorted(self, plane: FloatArray) -> tuple[FloatArray, ...]:
@@ -118,19 +138,18 @@ class BrownDistortion:
         inside = finite & ~np.isnan(undistorted)
         start = np.where(np.isnan(undistorted), self.r_max, undistorted)
         plane = target * (start / np.where(radius > 0.0, radius, 1.0))[..., np.newaxis]
-        if not any(self._tangential):
+        if not any((*self.tangential, *self.prism)):
             return plane, inside
         return self._polish(plane, target, finite)
 
     def _radius(self, r: FloatArray) -> FloatArray:
-        """Distorted radius of an undistorted one, tangential part left out."""
-        numerator, denominator = self._radial
+        """Distorted radius of an undistorted one, by the radial part alone."""
         s = r * r
-        return r * polynomial(numerator, s) / polynomial(denominator, s)
+        return r * polynomial(self.over, s) / polynomial(self.under, s)
 
     def _radius_slope(self, r: FloatArray) -> FloatArray:
         s = r * r
-        return polynomial(self._radial_slope, s) / polynomial(self._radial[1], s) ** 2
+        return polynomial(self._radial_slope, s) / polynomial(self.under, s) ** 2
 
     def _polish(
         self, plane: FloatArray, target: FloatArray, wanted: BoolArray

@@ -85,26 +85,17 @@ class FisheyeCamera:
 
     @property
     def horizontal_fov_rad(self) -> float:
-        """Angle between the rays of the left and right image edge in the row of the principal point.
-
-        More than π for a lens that sees behind itself. NaN if an edge is outside the domain.
-        """
+        """See `CameraModel`; more than π for a lens that sees behind itself."""
         return self._ftheta.horizontal_fov_rad
 
     def pixel_from_camera_point(self, point_camera: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Project points ``(..., 3)`` (RDF, any length) to pixels ``(..., 2)`` with a mask ``(...)``.
-
-        NaN outside the domain; the mask is true inside it where the pixel is on the image.
-        """
+        """See `CameraModel`."""
         return self._ftheta.pixel_from_camera_point(point_camera)
 
     def camera_ray_from_pixel(self, pixel_px: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Unit rays ``(..., 3)`` (RDF) of pixels ``(..., 2)`` with a mask ``(...)``.
-
-        NaN outside the domain; the mask is true inside it where the pixel is on the image.
-        """
+        """See `CameraModel`."""
         return self._ftheta.camera_ray_from_pixel(pixel_px)
 
     def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
-        """Give the rays of `camera_ray_from_pixel` by component, with their derivatives by pixel if asked."""
+        """See `CameraModel`."""
         return self._ftheta.rays(u_px, v_px, slopes=slopes)

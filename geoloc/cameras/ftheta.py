@@ -7,19 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.angles import sin_cos
-from geoloc.cameras.base import (
-    BoolArray,
-    Columns,
-    FloatArray,
-    Rays,
-    check_parameters,
-    inside_image,
-    nan_where_not,
-    on_image,
-)
+from geoloc.cameras.base import FloatArray, check_parameters
 from geoloc.cameras.linear import LinearTerms
 from geoloc.cameras.monotonic import derivative, invert_rising_polynomial, polynomial, reach, rising_limit
+from geoloc.cameras.radial import RadialCamera
 from geoloc.errors import CalibrationError
 
 # A constant term below this (about a thousandth of a pixel) is rounding in a file, above it another model.
@@ -27,26 +18,18 @@ _CONSTANT_TOLERANCE = {"theta_from_r": 1e-6, "r_from_theta": 1e-3}
 _MAX_DISAGREEMENT_PX = 2.0
 # No calibration means anything farther out than this many diagonals of its image.
 _MAX_DIAGONALS = 10.0
-_TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True)
-class FThetaCamera:
-    """F-theta intrinsics, in either direction of the polynomial.
-
-    With ``r`` the radius in pixels before the linear terms and ``θ`` the angle between the ray and the
-    optical axis::
-
-        ray (RDF)        = (sin θ · x/r, sin θ · y/r, cos θ)
-        [u - cx, v - cy] = [[c, d], [e, 1]] @ [x, y]
+class FThetaCamera(RadialCamera):
+    """F-theta intrinsics: a `RadialCamera` with a polynomial, in either of its directions.
 
     One polynomial is the *reference*, and the other direction is always its numerical inverse, so that pixel
     → ray → pixel closes to rounding. Where both are given, `theta_from_r` is the reference and
     `r_from_theta`, usually a fitted approximation of the inverse, is only checked against it.
 
     The domain is where the reference rises (`r_max_px`, `theta_max_rad`), at most θ = π and ten diagonals of
-    the image. Outside it pixels and rays are NaN. A point inside the domain but off the image has its true
-    pixel, and a false mask.
+    the image.
 
     Attributes
     ----------
@@ -103,76 +86,6 @@ class FThetaCamera:
     def model(self) -> str:
         """``ftheta``."""
         return "ftheta"
-
-    @property
-    def horizontal_fov_rad(self) -> float:
-        """Angle between the rays of the left and right image edge in the row of the principal point.
-
-        More than π for a fisheye that sees behind itself. NaN if an edge is outside the domain.
-        """
-        edges_px = np.array([-0.5 - self.cx_px, self.width_px - 0.5 - self.cx_px])
-        radius = np.hypot(*self._linear.plane_from_offset(edges_px, np.zeros(2)))
-        if (radius > self.r_max_px).any():
-            return math.nan
-        left, right = np.sign(edges_px) * self._theta_from_radius(radius)
-        return float(right - left)
-
-    def pixel_from_camera_point(self, point_camera: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Project points ``(..., 3)`` (RDF, any length) to pixels ``(..., 2)`` with a mask ``(...)``.
-
-        NaN outside the domain; the mask is true inside it where the pixel is on the image.
-        """
-        point = np.asarray(point_camera, dtype=np.float64)
-        across = np.hypot(point[..., 0], point[..., 1])
-        theta = np.arctan2(across, point[..., 2])
-        # The camera's centre has no direction, and straight behind the camera every azimuth is the same ray.
-        defined = (across > 0.0) | (point[..., 2] > 0.0)
-        inside = defined & (theta <= self.theta_max_rad) & np.isfinite(point).all(-1)
-        radius = self._radius_from_theta(np.where(inside, theta, 0.0))
-        # On the axis the direction in the image is undefined, and the radius is 0.
-        stretch = radius / np.where(inside & (across > 0.0), across, 1.0)
-        x, y = (stretch * np.where(inside, point[..., axis], 0.0) for axis in (0, 1))
-        du_px, dv_px = self._linear.offset_from_plane(x, y)
-        pixel = nan_where_not(inside, np.stack([self.cx_px + du_px, self.cy_px + dv_px], axis=-1))
-        return pixel, on_image(pixel, self.width_px, self.height_px)
-
-    def camera_ray_from_pixel(self, pixel_px: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Unit rays ``(..., 3)`` (RDF) of pixels ``(..., 2)`` with a mask ``(...)``.
-
-        NaN outside the domain; the mask is true inside it where the pixel is on the image.
-        """
-        pixel = np.asarray(pixel_px, dtype=np.float64)
-        pixel = np.where(np.isfinite(pixel), pixel, np.nan)
-        x, y = self._linear.plane_from_offset(pixel[..., 0] - self.cx_px, pixel[..., 1] - self.cy_px)
-        radius = np.hypot(x, y)
-        inside = radius <= self.r_max_px
-        theta = self._theta_from_radius(np.where(inside, radius, 0.0))
-        stretch = np.sin(theta) / np.where(radius > 0.0, radius, 1.0)
-        ray = nan_where_not(inside, np.stack([stretch * x, stretch * y, np.cos(theta)], axis=-1))
-        return ray, inside & on_image(pixel, self.width_px, self.height_px)
-
-    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
-        """Give the rays of `camera_ray_from_pixel` by component, with their derivatives by pixel if asked.
-
-        With ``k = sin θ / r`` and a dash for the derivative by r, the ray ``(k x, k y, cos θ)`` changes by x
-        as ``(k + m x², m x y, -k θ' x)``, where ``m = k' / r = (θ' cos θ - k) / r²``; by y in the same way.
-        """
-        x, y = self._linear.plane_from_offset(u_px - self.cx_px, v_px - self.cy_px)
-        # The smallest number keeps the axis, where x = y = 0, from being divided by 0; elsewhere it is lost.
-        square = x * x + y * y + _TINY
-        radius = np.sqrt(square)
-        inside = (radius <= self.r_max_px) & inside_image(u_px, v_px, self.width_px, self.height_px)
-        theta = self._theta_from_radius(radius)
-        sin, cos = sin_cos(theta)
-        k = sin / radius
-        ray = Columns(k * x, k * y, cos)
-        if not slopes:
-            return Rays(ray, None, None, inside)
-        slope = self._theta_slope(radius, theta)
-        m, down = (slope * cos - k) / square, -k * slope
-        by_x = Columns(k + m * x * x, cross := m * x * y, down * x)
-        by_y = Columns(cross, k + m * y * y, down * y)
-        return Rays(ray, *self._linear.by_pixel(by_x, by_y), inside)
 
     @property
     def _linear(self) -> LinearTerms:

@@ -7,19 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.cameras.base import (
-    BoolArray,
-    Columns,
-    FloatArray,
-    Rays,
-    check_focal_lengths,
-    check_parameters,
-    inside_image,
-    nan_where_not,
-    on_image,
-)
-from geoloc.cameras.brown import BrownDistortion, one_to_one
+from geoloc.cameras.base import BoolArray, Columns, FloatArray, check_focal_lengths, check_parameters
+from geoloc.cameras.brown import BrownDistortion
 from geoloc.cameras.monotonic import MIN_SLOPE_RATIO
+from geoloc.cameras.planar import PlanarCamera
 from geoloc.errors import CalibrationError
 
 # Where the plane is a tangent, 89° for ξ = 0; the bound keeps every radius finite.
@@ -32,12 +23,11 @@ _LEAST_SQUARE = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class OmniCamera:
+class OmniCamera(PlanarCamera):
     """Intrinsics of Mei (Kalibr's ``omni``), of the double sphere (``ds``) and extended unified (``eucm``).
 
     With ``w = Z + ξ`` and ``d = sqrt(β (X² + Y²) + w²)``, the point (X, Y, Z) at distance 1 is seen in the
-    plane at ``(X, Y) / (α d + (1 - α) w)``, which is then distorted as by Brown, scaled by the focal lengths
-    and moved to the principal point.
+    plane of this `PlanarCamera` at ``(X, Y) / (α d + (1 - α) w)``.
 
     ======================  =============  ======  ======
     model                   ξ              α       β
@@ -103,30 +93,14 @@ class OmniCamera:
             )
         theta_max_rad, r_max = self._limits()
         object.__setattr__(self, "theta_max_rad", theta_max_rad)
-        object.__setattr__(self, "_brown", BrownDistortion(self.distortion, r_max))
+        object.__setattr__(self, "_brown", BrownDistortion.of_opencv(self.distortion, r_max))
 
     @property
     def model(self) -> str:
         """``omni``."""
         return "omni"
 
-    @property
-    def horizontal_fov_rad(self) -> float:
-        """Angle between the rays of the left and right image edge in the row of the principal point.
-
-        More than π for a lens that sees behind itself. NaN if an edge is outside the domain.
-        """
-        edges_px = np.array([[-0.5, self.cy_px], [self.width_px - 0.5, self.cy_px]])
-        rays = self.camera_ray_from_pixel(edges_px)[0]
-        left, right = np.copysign(np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2]), rays[:, 0])
-        return float(right - left)
-
-    def pixel_from_camera_point(self, point_camera: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Project points ``(..., 3)`` (RDF, any length) to pixels ``(..., 2)`` with a mask ``(...)``.
-
-        NaN outside the domain; the mask is true inside it where the pixel is on the image.
-        """
-        point = np.asarray(point_camera, dtype=np.float64)
+    def _plane_from_point(self, point: FloatArray) -> tuple[FloatArray, BoolArray]:
         length = np.linalg.norm(point, axis=-1)
         inside = np.isfinite(length) & (length > 0.0)
         x, y, z = (
@@ -137,46 +111,8 @@ class OmniCamera:
         inside &= np.arctan2(across, z) <= self.theta_max_rad
         depth = np.where(inside, self._depth(across, z), 1.0)
         inside &= across <= self._brown.r_max * depth
-        plane = np.where(inside[..., np.newaxis], np.stack([x / depth, y / depth], axis=-1), 0.0)
-        distorted, jacobian = self._brown.distort(plane)
-        inside &= one_to_one(jacobian)
-        focal, centre = np.array([self.fx_px, self.fy_px]), np.array([self.cx_px, self.cy_px])
-        pixel = nan_where_not(inside, centre + focal * distorted)
-        return pixel, on_image(pixel, self.width_px, self.height_px)
-
-    def camera_ray_from_pixel(self, pixel_px: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Unit rays ``(..., 3)`` (RDF) of pixels ``(..., 2)`` with a mask ``(...)``.
-
-        NaN outside the domain; the mask is true inside it where the pixel is on the image.
-        """
-        pixel = np.asarray(pixel_px, dtype=np.float64)
-        focal, centre = np.array([self.fx_px, self.fy_px]), np.array([self.cx_px, self.cy_px])
-        plane, inside = self._brown.undistort((pixel - centre) / focal)
-        ray = nan_where_not(inside, np.stack(self._lifted(plane)[0], axis=-1))
-        return ray, inside & on_image(pixel, self.width_px, self.height_px)
-
-    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
-        """Give the rays of `camera_ray_from_pixel` by component, with their derivatives by pixel if asked.
-
-        The ray is ``s (x, y, m) - (0, 0, ξ)``, where s and m depend on r² = x² + y² alone; (dx, dy) a pixel
-        is the inverse Jacobian of the distortion.
-        """
-        distorted = np.stack([(u_px - self.cx_px) / self.fx_px, (v_px - self.cy_px) / self.fy_px], axis=-1)
-        plane, inside = self._brown.undistort(distorted)
-        inside &= inside_image(u_px, v_px, self.width_px, self.height_px)
-        ray, s, s_slope, z_slope = self._lifted(plane)
-        if not slopes:
-            return Rays(ray, None, None, inside)
-        x, y = plane[..., 0], plane[..., 1]
-
-        def moved(dx: FloatArray, dy: FloatArray) -> Columns:
-            square = 2.0 * (x * dx + y * dy)
-            ds = s_slope * square
-            return Columns(s * dx + x * ds, s * dy + y * ds, z_slope * square)
-
-        x_u, y_u, x_v, y_v = self._brown.plane_by_distorted(plane)
-        by_u = moved(x_u / self.fx_px, y_u / self.fx_px)
-        return Rays(ray, by_u, moved(x_v / self.fy_px, y_v / self.fy_px), inside)
+        plane = np.stack([x / depth, y / depth], axis=-1)
+        return np.where(inside[..., np.newaxis], plane, 0.0), inside
 
     def _depth(self, across: FloatArray, z: FloatArray) -> FloatArray:
         """What the plane divides by, at a unit ray's distance from the axis and along it."""
@@ -190,7 +126,7 @@ class OmniCamera:
         depth = self._depth(across, z)
         seen = across <= _WIDEST * depth
         radius = np.where(seen, across, 0.0) / np.where(seen, depth, 1.0)
-        ray = self._lifted(np.stack([radius, np.zeros_like(radius)], axis=-1))[0]
+        ray = self._lifted(np.stack([radius, np.zeros_like(radius)], axis=-1), slopes=False)[0]
         seen &= np.abs(np.arctan2(ray.x, ray.z) - theta) <= _SAME_ANGLE_RAD
         steepness = np.gradient(radius, theta[1])
         seen &= steepness >= MIN_SLOPE_RATIO * steepness[0]
@@ -199,8 +135,8 @@ class OmniCamera:
             raise CalibrationError("the omni camera sees nothing beside its axis: check xi, alpha and beta")
         return float(theta[last]), float(radius[last])
 
-    def _lifted(self, plane: FloatArray) -> tuple[Columns, FloatArray, FloatArray, FloatArray]:
-        """Unit rays of plane coordinates ``(..., 2)``, the factor s of `rays`, slopes of s and z by r²."""
+    def _lifted(self, plane: FloatArray, *, slopes: bool) -> tuple[Columns, tuple[Columns, Columns] | None]:
+        """Rays ``s (x, y, m) - (0, 0, ξ)``, where s and m depend on r² = x² + y² alone."""
         x, y = plane[..., 0], plane[..., 1]
         square = x * x + y * y
         a, b = self.alpha, self.beta
@@ -215,6 +151,12 @@ class OmniCamera:
         root = np.sqrt(np.maximum(m * m + bent * square, _LEAST_SQUARE))
         under = m * m + square
         s = (m * self.xi + root) / under
+        ray = Columns(s * x, s * y, s * m - self.xi)
+        if not slopes:
+            return ray, None
         root_slope = (m * m_slope + 0.5 * bent) / root
-        s_slope = (m_slope * self.xi + root_slope - s * (2.0 * m * m_slope + 1.0)) / under
-        return Columns(s * x, s * y, s * m - self.xi), s, s_slope, s_slope * m + s * m_slope
+        # Twice the slopes of s and z by r²: r² changes by 2 x dx + 2 y dy.
+        ds = 2.0 * (m_slope * self.xi + root_slope - s * (2.0 * m * m_slope + 1.0)) / under
+        dz = ds * m + 2.0 * s * m_slope
+        cross = x * y * ds
+        return ray, (Columns(s + x * x * ds, cross, x * dz), Columns(cross, s + y * y * ds, y * dz))

@@ -9,17 +9,36 @@ import numpy as np
 import pytest
 from mutate import either, fuzzed, mutated, mutated_json, real_files
 
+from geoloc.calibration_files.colmap import read_colmap
 from geoloc.calibration_files.kalibr import kalibr_text, read_kalibr
 from geoloc.calibration_files.ocamcalib import ocamcalib_text, read_ocam_yaml, read_ocamcalib
 from geoloc.calibration_files.opencv_file import opencv_text, read_opencv
 from geoloc.calibration_files.opensfm import opensfm_text, read_opensfm
 from geoloc.calibration_files.read import CalibratedCamera, calibration_kind, read_cameras
-from geoloc.cameras import FisheyeCamera, FThetaCamera, OcamCamera, OmniCamera, PinholeCamera
+from geoloc.cameras import (
+    Fisheye624Camera,
+    FisheyeCamera,
+    FovCamera,
+    FThetaCamera,
+    OcamCamera,
+    OmniCamera,
+    PinholeCamera,
+)
 from geoloc.errors import CalibrationError
 from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
 
 PINHOLE = PinholeCamera(1280, 720, 900.5, 905.25, 645.1, 352.7, (-0.2, 0.05, 8.0e-4, -1.2e-3))
 FISHEYE = FisheyeCamera(1280, 1024, 470.3, 472.1, 651.2, 498.7, (0.0034, 0.0007, -0.002, 2e-4))
+FISHEYE624 = Fisheye624Camera(
+    1280,
+    960,
+    460.0,
+    461.5,
+    636.2,
+    483.7,
+    (0.02, -0.01, 5e-3, -2e-3, 3e-4, -2e-5, 3e-4, -2e-4, 6e-4, 3e-4, -7e-4, 2e-4),
+)
+FOV = FovCamera(1280, 960, 685.7, 689.2, 631.3, 485.1, 0.898)
 OMNI = OmniCamera(1280, 960, 1.6, 1300.0, 1299.0, 640.2, 480.4, (-0.2, 0.1, 5e-4, 2e-4))
 SPHERES = OmniCamera(1280, 960, -0.18, 370.0, 371.0, 640.2, 480.4, alpha=0.58)
 EXTENDED = OmniCamera(1280, 960, 0.0, 420.0, 421.0, 640.2, 480.4, alpha=0.6, beta=1.1)
@@ -31,20 +50,37 @@ LAFIDA += (
     b"Camera.a2: 2e-3\nCamera.c: 1.0\nCamera.d: 0.0\nCamera.e: 0.0\nCamera.u0: 392.5\nCamera.v0: 243.25\n"
 )
 MASK = np.zeros((12, 16), dtype=bool)
-MODELS = {"a": PINHOLE, "b": FISHEYE, "c": OMNI, "d": OCAM, "e": FTHETA, "f": SPHERES}
+MODELS = {
+    "a": PINHOLE,
+    "b": FISHEYE,
+    "c": OMNI,
+    "d": OCAM,
+    "e": FTHETA,
+    "f": SPHERES,
+    "g": FISHEYE624,
+    "h": FOV,
+}
+COLMAP = b"""# Camera list
+1 FULL_OPENCV 1280 720 900 905 640.5 360.25 0.4 0.1 3e-4 -2e-4 0.01 0.75 0.25 0.03
+2 THIN_PRISM_FISHEYE 1280 720 500 505 640.5 360.25 0.01 -0.002 1e-3 -5e-4 0.001 -1e-4 2e-3 -1e-3
+3 FOV 1280 720 600 605 640.5 360.25 0.9
+4 EUCM 1280 720 500 505 640.5 360.25 0.6 1.1
+5 RADIAL_FISHEYE 1280 720 500 640.5 360.25 0.01 -0.002
+"""
 RIG = Rig(
     {name: RigCamera(name, model, FLU_R_RDF, np.ones(3), None, None, MASK) for name, model in MODELS.items()},
     {},
     "made up",
 )
 SOUND = [
-    (kalibr_text([PINHOLE, FISHEYE, SPHERES, EXTENDED, OMNI]) + POSE).encode(),
+    (kalibr_text([PINHOLE, FISHEYE, FOV, SPHERES, EXTENDED, OMNI]) + POSE).encode(),
     opencv_text(PINHOLE).encode(),
     opencv_text(FISHEYE).encode(),
     json.dumps({"K": np.eye(3).tolist(), "dist": [0.0] * 5, "image_size": [640, 480]}).encode(),
-    opensfm_text({"a": PINHOLE, "b": FISHEYE}).encode(),
+    opensfm_text({"a": PINHOLE, "b": FISHEYE, "c": FISHEYE624}).encode(),
     ocamcalib_text(OCAM).encode(),
     LAFIDA,
+    COLMAP,
     json.dumps(rig_document(RIG)).encode(),
 ]
 DOCUMENTS = [json.loads(sound) for sound in SOUND if sound.startswith(b"{")]
@@ -56,6 +92,7 @@ READERS: tuple[Reader, ...] = (
     read_kalibr,
     read_opencv,
     read_opensfm,
+    read_colmap,
     read_ocamcalib,
     read_ocam_yaml,
 )

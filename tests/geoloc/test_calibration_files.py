@@ -17,7 +17,16 @@ from geoloc.calibration_files.ocamcalib import ocamcalib_text
 from geoloc.calibration_files.opencv_file import opencv_text
 from geoloc.calibration_files.opensfm import opensfm_text
 from geoloc.calibration_files.read import CALIBRATION_KINDS, calibration_kind, read_cameras
-from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera, OcamCamera, OmniCamera, PinholeCamera
+from geoloc.cameras import (
+    CameraModel,
+    Fisheye624Camera,
+    FisheyeCamera,
+    FovCamera,
+    FThetaCamera,
+    OcamCamera,
+    OmniCamera,
+    PinholeCamera,
+)
 from geoloc.errors import CalibrationError
 from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
 
@@ -26,6 +35,14 @@ RATIONAL = PinholeCamera(
     1920, 1080, 820.0, 822.0, 955.0, 548.0, (0.4, 0.1, 3e-4, -2e-4, 0.01, 0.75, 0.25, 0.03)
 )
 FISHEYE = FisheyeCamera(1280, 1024, 470.3, 472.1, 651.2, 498.7, (0.0034, 0.0007, -0.002, 1 / 3e4))
+PRISM = PinholeCamera(1920, 1080, 820.0, 822.0, 955.0, 548.0, (*RATIONAL.distortion, 1e-3, 0.0, -4e-4, 1e-4))
+FISHEYE62 = Fisheye624Camera(
+    1280, 960, 460.0, 461.5, 636.2, 483.7, (0.02, -0.01, 5e-3, -2e-3, 3e-4, -2e-5, 3e-4, -2e-4)
+)
+FISHEYE624 = Fisheye624Camera(
+    1280, 960, 460.0, 461.5, 636.2, 483.7, (*FISHEYE62.distortion, 6e-4, 3e-4, -7e-4, 2e-4)
+)
+FOV = FovCamera(1280, 960, 685.7, 689.2, 631.3, 485.1, 0.898)
 OMNI = OmniCamera(1280, 960, 1.6, 1300.0, 1299.0, 640.2, 480.4, (-0.2, 0.1, 5e-4, 2e-4))
 SPHERES = OmniCamera(1280, 960, -0.18, 370.0, 371.0, 640.2, 480.4, alpha=0.58)
 EXTENDED = OmniCamera(1280, 960, 0.0, 420.0, 421.0, 640.2, 480.4, alpha=0.6, beta=1.1)
@@ -49,6 +66,13 @@ cam1:
   distortion_coeffs: [-0.2, 0.1, 0.0, 0.0]
   distortion_model: radtan
   intrinsics: [1.5, 800.0, 801.0, 370.0, 240.0]
+  resolution: [752, 480]
+"""
+KALIBR_FOV = """cam0:
+  camera_model: pinhole
+  distortion_coeffs: [0.9]
+  distortion_model: fov
+  intrinsics: [458.0, 457.0, 367.0, 248.0]
   resolution: [752, 480]
 """
 OPENCV = """%YAML:1.0
@@ -142,9 +166,16 @@ OPENSFM = json.dumps(
         },
     }
 )
+COLMAP = """# Camera list with one line of data per camera:
+#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
+# Number of cameras: 2
+1 SIMPLE_RADIAL 1920 1080 900.5 960 540 -0.1
+7 PINHOLE 640 480 500 501 320.5 240.5
+"""
 FILES = {
     "kalibr": KALIBR,
     "opencv": OPENCV,
+    "colmap": COLMAP,
     "ocamcalib": OCAMCALIB,
     "ocam-yaml": LAFIDA,
     "opensfm": OPENSFM,
@@ -215,6 +246,11 @@ def test_kalibr_chain_is_read_as_written() -> None:
     np.testing.assert_allclose(pose @ [1.0, 2.0, 3.0, 1.0], [-1.9, 1.2, 3.3, 1.0], atol=1e-15)
 
 
+def test_kalibr_fov_is_read_as_written() -> None:
+    """Kalibr's one coefficient w is the ω of Devernay and Faugeras."""
+    assert only(KALIBR_FOV) == FovCamera(752, 480, 458.0, 457.0, 367.0, 248.0, 0.9)
+
+
 def test_opencv_yaml_is_read_as_written() -> None:
     """OpenCV's own matrices; five coefficients are the pinhole model's."""
     assert only(OPENCV) == PinholeCamera(
@@ -247,7 +283,7 @@ def test_opencv_file_storage_is_read(tmp_path: Path, suffix: str, fisheye: bool)
     assert only(path.read_text()) == model
 
 
-@pytest.mark.parametrize("model", [PINHOLE, RATIONAL, FISHEYE])
+@pytest.mark.parametrize("model", [PINHOLE, RATIONAL, PRISM, FISHEYE])
 def test_opencv_text_is_read_by_opencv(tmp_path: Path, model: PinholeCamera | FisheyeCamera) -> None:
     """``cv2.FileStorage`` finds the same numbers in what is written, and so does our reader."""
     path = tmp_path / "front.yaml"
@@ -307,21 +343,27 @@ def test_opensfm_lengths_are_parts_of_the_longer_side() -> None:
     [
         (lambda m: kalibr_text([m]), PINHOLE, 0.0),
         (lambda m: kalibr_text([m]), FISHEYE, 0.0),
+        (lambda m: kalibr_text([m]), FOV, 0.0),
         (lambda m: kalibr_text([m]), OMNI, 0.0),
         (lambda m: kalibr_text([m]), SPHERES, 0.0),
         (lambda m: kalibr_text([m]), EXTENDED, 0.0),
         (lambda m: opensfm_text({"front": m}), PINHOLE, 1e-12),
         (lambda m: opensfm_text({"front": m}), FISHEYE, 1e-12),
+        (lambda m: opensfm_text({"front": m}), FISHEYE62, 1e-12),
+        (lambda m: opensfm_text({"front": m}), FISHEYE624, 1e-12),
         (ocamcalib_text, OCAM, 1e-12),
     ],
     ids=[
         "kalibr pinhole",
         "kalibr fisheye",
+        "kalibr fov",
         "kalibr omni",
         "kalibr ds",
         "kalibr eucm",
         "opensfm brown",
         "opensfm fisheye",
+        "opensfm fisheye62",
+        "opensfm fisheye624",
         "ocamcalib",
     ],
 )
@@ -363,9 +405,11 @@ def test_writers_refuse_a_model_that_the_format_lacks(write: Callable[[CameraMod
     ("text", "message"),
     [
         (
-            KALIBR.replace("radtan", "fov", 1),
-            r"cam0 in a\.file is of the model 'pinhole' with 'fov', and only",
+            KALIBR.replace("radtan", "odd", 1),
+            r"cam0 in a\.file is of the model 'pinhole' with 'odd', and only",
         ),
+        (KALIBR.replace("radtan", "fov", 1), "gives distortion_coeffs as 4 numbers: expected 1"),
+        (KALIBR_FOV.replace("0.9", "9.0"), "makes no camera: a fov camera with omega 9 is none"),
         (KALIBR.replace("pinhole", "ds"), "'ds' with 'radtan'"),
         (KALIBR.replace("458.0, ", ""), "gives intrinsics as 3 numbers: expected 4"),
         (KALIBR.replace("458.0", ".nan"), "gives intrinsics as a list of 4: expected finite numbers"),
@@ -402,15 +446,20 @@ def test_damaged_calibration_is_refused_with_its_fault(text: str, message: str) 
 
 
 def test_calibration_of_a_flagged_rational_model_keeps_eight_coefficients() -> None:
-    """Fourteen with zeros behind the eighth, as OpenCV may write them, are the rational model."""
+    """Fourteen with zeros behind the eighth, as OpenCV may write them, are the rational model.
+
+    With zeros behind the twelfth they are one with a thin prism; a tilted sensor is refused.
+    """
     document = {
         "camera_matrix": [820.0, 0, 955.0, 0, 822.0, 548.0, 0, 0, 1],
         "dist_coeffs": [*RATIONAL.distortion, *[0.0] * 6],
         "image_size": [1920, 1080],
     }
     assert only(json.dumps(document, indent=1)) == RATIONAL
-    document["dist_coeffs"] = [*RATIONAL.distortion, 0.1, *[0.0] * 5]
-    with pytest.raises(CalibrationError, match="thin prisms"):
+    document["dist_coeffs"] = [*PRISM.distortion, 0.0, 0.0]
+    assert only(json.dumps(document, indent=1)) == PRISM
+    document["dist_coeffs"] = [*PRISM.distortion, 0.1, 0.0]
+    with pytest.raises(CalibrationError, match="tilted sensors"):
         only(json.dumps(document, indent=1))
 
 

@@ -20,6 +20,7 @@ DISTORTIONS = [
     (-0.28, 0.09, 9e-4, -4e-4),
     (0.1, -0.05, -2e-3, 1e-3, 0.01),
     (0.4, 0.1, 3e-4, -2e-4, 0.01, 0.75, 0.25, 0.03),
+    (-0.28, 0.09, 9e-4, -4e-4, 0.0, 0.0, 0.0, 0.0, 1e-3, -5e-4, -2e-3, 4e-4),
 ]
 
 
@@ -158,7 +159,7 @@ def test_ftheta_refuses_parameters_that_make_no_camera(change: dict[str, object]
 
 @pytest.mark.parametrize("distortion", DISTORTIONS, ids=len)
 def test_pinhole_agrees_with_opencv(distortion: tuple[float, ...]) -> None:
-    """Projection and rays are OpenCV's to 1e-8 px and 1e-9 rad, for 4, 5 and 8 coefficients."""
+    """Projection and rays are OpenCV's to 1e-8 px and 1e-9 rad, for 4, 5, 8 and 12 coefficients."""
     camera = PinholeCamera(1280, 720, 900.0, 905.0, 645.1, 352.7, distortion)
     matrix = np.array([[900.0, 0.0, 645.1], [0.0, 905.0, 352.7], [0.0, 0.0, 1.0]])
     pixel = pixels_on(camera, (500,))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from geoloc.cameras import (
     CameraModel,
+    Fisheye624Camera,
     FisheyeCamera,
+    FovCamera,
     FThetaCamera,
     OcamCamera,
     OmniCamera,
@@ -16,7 +20,7 @@ from geoloc.cameras import (
 
 WIDE = (0.0, 1.0e-3, 2.0e-8, 4.0e-11, 1.2e-14)
 
-Camera = FThetaCamera | PinholeCamera | FisheyeCamera | OcamCamera | OmniCamera
+Camera = FThetaCamera | PinholeCamera | FisheyeCamera | Fisheye624Camera | FovCamera | OcamCamera | OmniCamera
 CAMERAS: dict[str, Camera] = {
     "ftheta-60": FThetaCamera(
         1920, 1208, 850.3, 664.8, theta_from_r=(0.0, 5.4e-4, 1.3e-8, -1.4e-11, 3.0e-15)
@@ -36,8 +40,37 @@ CAMERAS: dict[str, Camera] = {
     "pinhole-rational": PinholeCamera(
         1920, 1080, 820.0, 822.0, 955.0, 548.0, (0.4, 0.1, 3e-4, -2e-4, 0.01, 0.75, 0.25, 0.03)
     ),
+    "pinhole-thin-prism": PinholeCamera(
+        1280,
+        720,
+        900.0,
+        905.0,
+        645.1,
+        352.7,
+        (-0.2, 0.05, 8e-4, -1.2e-3, 0.0, 0.0, 0.0, 0.0, 1e-3, -4e-4, -8e-4, 3e-4),
+    ),
     "fisheye-150": FisheyeCamera(1280, 1024, 470.3, 472.1, 651.2, 498.7, (0.0034, 0.0007, -0.002, 0.0002)),
     "fisheye-ideal": FisheyeCamera(1280, 800, 600.0, 600.0, 639.5, 399.5),
+    "fisheye62": Fisheye624Camera(
+        1280,
+        960,
+        460.0,
+        461.5,
+        636.2,
+        483.7,
+        (0.4e-2, -0.6e-2, 0.5e-2, -2e-3, 3e-4, -2e-5, 3e-4, -2e-4),
+    ),
+    "fisheye624-square": Fisheye624Camera(
+        1408,
+        1408,
+        611.0,
+        611.0,
+        710.4,
+        699.8,
+        (0.38, -0.33, 0.1, 0.02, -0.01, 1e-3, 5e-4, -7e-4, -6e-4, 3e-4, 7e-4, -2e-4),
+    ),
+    "fov": FovCamera(1280, 960, 685.7, 689.2, 631.3, 485.1, 0.898),
+    "fov-wide": FovCamera(1280, 720, 680.0, 672.0, 645.1, 352.7, 1.4),
     "ocam-fisheye-190": OcamCamera(
         752, 480, 394.6, 241.8, (-206.5, 0.0, 2.2e-3, -4.9e-6, 1.9e-8), 1.0003, 2e-4, -3e-4
     ),
@@ -69,7 +102,7 @@ def angle_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def test_camera_satisfies_the_protocol(camera: Camera) -> None:
     """Every model has all that the protocol asks for."""
     assert isinstance(camera, CameraModel)
-    assert camera.model in {"ftheta", "pinhole", "fisheye", "ocam", "omni"}
+    assert camera.model in {"ftheta", "pinhole", "fisheye", "fisheye624", "fov", "ocam", "omni"}
 
 
 @EVERY_CAMERA
@@ -227,31 +260,34 @@ def plausible_camera(rng: np.random.Generator) -> Camera:
     """Draw a camera with distortion stronger than lenses have, of any model and polynomial direction."""
     focal = rng.uniform(300.0, 3000.0)
     cx, cy = rng.uniform(0.0, [1920.0, 1080.0]).tolist()
-    aspect = rng.uniform(0.9, 1.1)
+    fy = focal * rng.uniform(0.9, 1.1)
     scale = np.array([1.0, 1.0, 5e-3, 5e-3, 1.0, 1.0, 1.0, 1.0]) * rng.choice([0.05, 0.2, 0.5])
     brown = tuple((scale * rng.normal(size=8)).tolist())
+    prism = tuple((scale[2] * rng.normal(size=4)).tolist())
     c, d, e = rng.normal([1.0, 0.0, 0.0], 0.02).tolist()
-    higher = rng.normal(size=4) / focal / np.array([1e3, 1e6, 1e9, 1e12])
-    kind = rng.integers(6)
-    if kind == 0:
-        return PinholeCamera(1920, 1080, focal, focal * aspect, cx, cy, brown)
-    if kind == 1:
-        return FThetaCamera(1920, 1080, cx, cy, (0.0, 1.0 / focal, *higher.tolist()), c=c, d=d, e=e)
-    if kind == 2:
-        angles = (0.5 * focal * rng.normal(size=4)).tolist()
-        return FThetaCamera(1920, 1080, cx, cy, None, (0.0, focal, *angles), c=c, d=d, e=e)
-    if kind == 3:
-        return FisheyeCamera(1920, 1080, focal, focal * aspect, cx, cy, brown[4:])
-    if kind == 4:
-        return OcamCamera(1920, 1080, cx, cy, (-focal, 0.0, *higher.tolist()), c, d, e)
-    xi, alpha, beta = rng.choice(
-        [(rng.uniform(0, 2.5), 0, 1), (rng.uniform(-0.5, 0.5), 0.6, 1), (0, 0.7, 1.2)]
-    )
-    focal *= 1 + xi
-    return OmniCamera(1920, 1080, xi, focal, focal * aspect, cx, cy, brown[:4], alpha, beta)
+    higher = (rng.normal(size=4) / focal / np.array([1e3, 1e6, 1e9, 1e12])).tolist()
+    angles = (0.5 * focal * rng.normal(size=4)).tolist()
+    omega = rng.uniform(0.01, 2.5)
+    spheres = [(rng.uniform(0, 2.5), 0, 1), (rng.uniform(-0.5, 0.5), 0.6, 1), (0, 0.7, 1.2)]
+    xi, alpha, beta = rng.choice(spheres)
+    f = focal * (1 + xi)
+    makers: list[Callable[[], Camera]] = [
+        lambda: PinholeCamera(1920, 1080, focal, fy, cx, cy, brown),
+        lambda: PinholeCamera(1920, 1080, focal, fy, cx, cy, (*brown, *prism)),
+        lambda: FThetaCamera(1920, 1080, cx, cy, (0.0, 1.0 / focal, *higher), c=c, d=d, e=e),
+        lambda: FThetaCamera(1920, 1080, cx, cy, None, (0.0, focal, *angles), c=c, d=d, e=e),
+        lambda: FisheyeCamera(1920, 1080, focal, fy, cx, cy, brown[4:]),
+        lambda: Fisheye624Camera(
+            1920, 1080, focal, fy, cx, cy, (*brown[4:], *brown[:2], *brown[2:4], *prism)
+        ),
+        lambda: FovCamera(1920, 1080, focal, fy, cx, cy, omega),
+        lambda: OcamCamera(1920, 1080, cx, cy, (-focal, 0.0, *higher), c, d, e),
+        lambda: OmniCamera(1920, 1080, xi, f, fy * (1 + xi), cx, cy, brown[:4], alpha, beta),
+    ]
+    return makers[rng.integers(len(makers))]()
 
 
-@pytest.mark.parametrize("seed", range(120))
+@pytest.mark.parametrize("seed", range(200))
 def test_camera_of_any_plausible_parameters_closes(seed: int) -> None:
     """Both ways and to 1e-6 px and 1e-9 rad, wherever the camera says that it can see."""
     rng = np.random.default_rng(seed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,41 +17,50 @@ from geoloc.errors import CalibrationError
 from geoloc.rig import looks_like_rig, rig_from_document
 from geoloc.rig_models import model_properties
 
+RIG_NAME = "rig.json"
 _INTRINSIC_KEYS = frozenset(
     {"Model", "model", "width", "height", "cx", "cy", "fx", "fy", "focal-x", "focalX", "focal-y", "focalY"}
-    | {"xi", "c", "d", "e", "distortion", "poly", "polynomial", "polynomial-type", "bw-poly"}
-    | {"linear-c", "linear-d", "linear-e"}
+    | {"xi", "alpha", "beta", "omega", "c", "d", "e", "linear-c", "linear-d", "linear-e"}
+    | {"distortion", "poly", "polynomial", "polynomial-type", "bw-poly"}
 )
 _FORMATS = {"opencv.yaml": ("fisheye", "pinhole"), "kalibr.yaml": ("fisheye",), "ocamcalib.txt": ("ocam",)}
 """Files beside the rig, and the models that each can hold."""
 
 
-def new_rig_document(name: str, camera: CameraModel) -> dict[str, Any]:
-    """Write a DriveWorks rig of this one camera, whose place on a car is not known: all zeros."""
-    sensor = {
+def new_rig_document(cameras: Mapping[str, CameraModel]) -> dict[str, Any]:
+    """Write a DriveWorks rig of cameras whose place on a car is not known: all zeros."""
+    sensors = [_sensor(name, camera) for name, camera in cameras.items()]
+    return {"rig": {"sensors": sensors, "vehicle": {"valid": False}, "vehicleio": []}, "version": 7}
+
+
+def _sensor(name: str, camera: CameraModel) -> dict[str, Any]:
+    return {
         "name": name,
         "protocol": "camera.virtual",
         "parameter": f"video={name}.h264,timestamp={name}.h264.timestamps",
         "properties": model_properties(name, camera),
         "nominalSensor2Rig_FLU": {"roll-pitch-yaw": [0.0, 0.0, 0.0], "t": [0.0, 0.0, 0.0]},
     }
-    return {"rig": {"sensors": [sensor], "vehicle": {"valid": False}, "vehicleio": []}, "version": 7}
 
 
 def rig_with_camera(
-    document: Mapping[str, Any], source: str, name: str, camera: CameraModel
+    document: Mapping[str, Any], source: str, name: str, camera: CameraModel, *, add: bool = False
 ) -> dict[str, Any]:
     """Copy a rig document with other intrinsics for one camera; everything else stays as it is.
 
-    A camera that had its polynomial as ``bw-poly``, as older DriveWorks wrote it, has the new one so.
+    A camera that had its polynomial as ``bw-poly``, as older DriveWorks wrote it, has the new one so. With
+    `add` a camera that the rig does not have is added to it, its place on the car not known: all zeros.
 
     Raises
     ------
     CalibrationError
         If it is no rig, has no such camera, or one of another size.
     """
-    check_has_camera(document, source, name)
+    check_has_camera(document, source, name, add=add)
     changed = copy.deepcopy(dict(document))
+    if name not in cameras_of(document):
+        changed["rig"]["sensors"].append(_sensor(name, camera))
+        return changed
     sensor = next(s for s in changed["rig"]["sensors"] if str(s.get("name", "")).strip() == name)
     old = sensor.get("properties") or {}
     size = (str(camera.width_px), str(camera.height_px))
@@ -81,8 +91,8 @@ def _older(new: Mapping[str, str], old: Mapping[str, Any]) -> dict[str, str]:
     return older
 
 
-def check_has_camera(document: Mapping[str, Any], source: str, name: str) -> None:
-    """Refuse a document that is no rig, or has no such camera.
+def check_has_camera(document: Mapping[str, Any], source: str, name: str, *, add: bool = False) -> None:
+    """Refuse a document that is no rig, or has no such camera, unless it is to be added.
 
     Raises
     ------
@@ -90,16 +100,21 @@ def check_has_camera(document: Mapping[str, Any], source: str, name: str) -> Non
     """
     if not looks_like_rig(document):
         raise CalibrationError(f"{source} is no rig file: it has no list of sensors under rig.sensors.")
-    names = [
+    names = cameras_of(document)
+    if name not in names and not add:
+        raise CalibrationError(
+            f"There is no camera {name} in {source} (its cameras: {', '.join(names) or 'none'}): name one of "
+            "them with --camera, or put it in with --add."
+        )
+
+
+def cameras_of(document: Mapping[str, Any]) -> list[str]:
+    """Names of the cameras of a rig document, of whatever model."""
+    return [
         str(sensor.get("name", "")).strip()
         for sensor in document["rig"]["sensors"]
         if isinstance(sensor, Mapping) and str(sensor.get("protocol", "")).startswith("camera")
     ]
-    if name not in names:
-        raise CalibrationError(
-            f"There is no camera {name} in {source} (its cameras: {', '.join(names) or 'none'}): name one of "
-            "them with --camera."
-        )
 
 
 def _check_read_back(document: Mapping[str, Any], source: str, name: str) -> None:
@@ -107,6 +122,11 @@ def _check_read_back(document: Mapping[str, Any], source: str, name: str) -> Non
     reason = rig_from_document(document, source).unsupported.get(name)
     if reason is not None:
         raise CalibrationError(f"Camera {name} cannot be written into {source}: {reason}.")
+
+
+def file_name(camera: str) -> str:
+    """Spell a camera's name as file systems take it: some refuse the colons of ``camera:front:120``."""
+    return re.sub(r"[^\w.-]+", "_", camera).strip(".") or "camera"
 
 
 def rig_text(document: Mapping[str, Any]) -> str:
