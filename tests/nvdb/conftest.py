@@ -1,15 +1,19 @@
-"""Generated objects in V4's form, and a client that never really waits."""
+"""Generated objects in V4's form, a client that never really waits, and a mirror under test."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import pytest
+from mirror_bench import KINDS, PLATES, Bench, Clock
 
 from nvdb.client import NvdbClient
 from nvdb.replay import ReplayServer
+from nvdb.replay_world import ReplayWorld
+from twin import mirror_store
 
 Raw = dict[str, Any]
 
@@ -145,3 +149,27 @@ def api() -> Iterator[Api]:
     """Replay servers and clients for one test."""
     with ExitStack() as stack:
         yield Api(stack)
+
+
+@pytest.fixture
+def source(plate: Callable[..., Raw]) -> dict[int, list[Raw]]:
+    """Three plates, for a replay server."""
+    return {96: [plate(number) for number in (901, 902, 903)]}
+
+
+@pytest.fixture(params=sorted(KINDS))
+def bench(
+    request: pytest.FixtureRequest,
+    api: Any,
+    plate: Any,
+    point: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Iterator[Bench]:
+    """Both sources in turn; 4 points and 9 plates."""
+    clock = Clock()
+    monkeypatch.setattr(mirror_store, "utc_now", clock.text)
+    objects = {95: [point(number) for number in range(1, 5)], 96: [plate(number) for number in PLATES]}
+    with ExitStack() as stack:
+        api.keep = stack.enter_context
+        yield Bench(request.param, api, ReplayWorld(objects, clock=clock), clock, tmp_path)
