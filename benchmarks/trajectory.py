@@ -1,6 +1,8 @@
 """The smoothed trajectory on simulated drives whose truth is known: errors, and what was stated of them.
 
-Usage: python benchmarks/trajectory.py [--seeds 6]
+Usage: python benchmarks/trajectory.py [--seeds 6] [--receiver]
+
+With --receiver: one antenna with fixes good to a metre, and what its receiver adds: headings, velocities.
 
 Errors do not depend on the machine; nothing here is a timing.
 """
@@ -14,8 +16,9 @@ from numpy.typing import NDArray
 
 from geoloc.geodesy import enu_offset
 from geoloc.interpolation import wrap_deg
-from geoloc.simulate import scenario, simulate_drive
-from geoloc.trajectory import trajectory_from_gnss
+from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.simulation.receiver import ReceiverSpec, as_single_fixes, metre_fixes, with_receiver_motion
+from geoloc.trajectory import GnssFixes, trajectory_from_gnss
 
 FloatArray = NDArray[np.float64]
 
@@ -29,13 +32,40 @@ CASES: tuple[tuple[str, float | None, int], ...] = (
     ("urban", 25.0, 1),
     ("highway", 60.0, 1),
 )
+RECEIVER_CASES: tuple[tuple[str, float | None], ...] = (
+    ("still", None),
+    ("approach", 15.0),
+    ("urban", 25.0),
+    ("highway", 60.0),
+)
+RECEIVERS = {
+    "fixes alone": ReceiverSpec(heading_deg=0.0, velocity_mps=0.0),
+    "velocities": ReceiverSpec(heading_deg=0.0),
+    "headings": ReceiverSpec(velocity_mps=0.0),
+    "both": ReceiverSpec(),
+}
 COLUMNS = ("heading [°]", "pitch [°]", "roll [°]", "along [m]", "across [m]", "up [m]")
 
 
-def errors_of(name: str, speed_kmh: float | None, antennas: int, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Errors and stated sigmas ``(frames, 6)`` in the order of `COLUMNS`, of annotated frames."""
+def driven(name: str, speed_kmh: float | None, antennas: int, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Errors and stated sigmas of a drive with RTK."""
     drive = simulate_drive(scenario(name, speed_kmh, seed), seed)
-    fixes = drive.gnss[:antennas]
+    return errors_of(drive, drive.gnss[:antennas])
+
+
+def driven_with(
+    spec: ReceiverSpec, name: str, speed_kmh: float | None, seed: int
+) -> tuple[FloatArray, FloatArray]:
+    """Errors and stated sigmas of one antenna without corrections, whose receiver has more than positions."""
+    world = metre_fixes(scenario(name, speed_kmh, seed), 1.0)
+    drive = simulate_drive(world, seed)
+    one = drive.gnss[0]
+    arm = drive.rig.antennas[one.antenna].rig_t_antenna_m + drive.drawn.lever_arm_m[one.antenna]
+    return errors_of(drive, (with_receiver_motion(as_single_fixes(one, 1.0), world, seed, arm, spec),))
+
+
+def errors_of(drive: SimulatedDrive, fixes: tuple[GnssFixes, ...]) -> tuple[FloatArray, FloatArray]:
+    """Errors and stated sigmas ``(frames, 6)`` in the order of `COLUMNS`, of annotated frames."""
     levers = {one.antenna: drive.rig.antennas[one.antenna].rig_t_antenna_m for one in fixes}
     poses, truth = trajectory_from_gnss(fixes, levers).poses_at(drive.frame_epoch_ns), drive.poses
     east, north = enu_offset(truth.latitude_deg, truth.longitude_deg, poses.latitude_deg, poses.longitude_deg)
@@ -64,20 +94,32 @@ def main() -> None:
     """Print one row a case, in Markdown."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=6)
-    seeds = range(parser.parse_args().seeds)
-    print("| drive | antennas | " + " | ".join(COLUMNS) + " |")
+    parser.add_argument("--receiver", action="store_true")
+    options = parser.parse_args()
+    seeds = range(options.seeds)
+    print(f"| drive | {'used' if options.receiver else 'antennas'} | " + " | ".join(COLUMNS) + " |")
     print("|---" * (len(COLUMNS) + 2) + "|")
+    if options.receiver:
+        for name, speed_kmh in RECEIVER_CASES:
+            for used, spec in RECEIVERS.items():
+                print(
+                    row(name, speed_kmh, used, [driven_with(spec, name, speed_kmh, seed) for seed in seeds])
+                )
+        return
     for name, speed_kmh, antennas in CASES:
-        found = [errors_of(name, speed_kmh, antennas, seed) for seed in seeds]
-        error, sigma = (
-            np.sqrt(np.mean(np.concatenate(part) ** 2, axis=0)) for part in zip(*found, strict=True)
-        )
-        cells = [
-            f"{e:.2f} ({s:.2f})" if i < 3 else f"{e:.3f} ({s:.3f})"
-            for i, (e, s) in enumerate(zip(error, sigma, strict=True))
-        ]
-        label = name if speed_kmh is None else f"{name}, {speed_kmh:.0f} km/h"
-        print(f"| {label} | {antennas} | " + " | ".join(cells) + " |")
+        found = [driven(name, speed_kmh, antennas, seed) for seed in seeds]
+        print(row(name, speed_kmh, str(antennas), found))
+
+
+def row(name: str, speed_kmh: float | None, what: str, found: list[tuple[FloatArray, FloatArray]]) -> str:
+    """Give root mean squares of errors and stated sigmas over drives, in Markdown."""
+    error, sigma = (np.sqrt(np.mean(np.concatenate(part) ** 2, axis=0)) for part in zip(*found, strict=True))
+    cells = [
+        f"{e:.2f} ({s:.2f})" if i < 3 else f"{e:.3f} ({s:.3f})"
+        for i, (e, s) in enumerate(zip(error, sigma, strict=True))
+    ]
+    label = name if speed_kmh is None else f"{name}, {speed_kmh:.0f} km/h"
+    return f"| {label} | {what} | " + " | ".join(cells) + " |"
 
 
 if __name__ == "__main__":

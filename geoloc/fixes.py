@@ -30,7 +30,12 @@ _NAMES = {1: "single", 2: "DGNSS", 4: "RTK fixed", 5: "RTK float", 6: "dead reck
 _FIXED = 4
 _AS_GOOD_AS_FIXED_M = 0.05
 VERTICAL_FACTOR = 1.7
-"""Vertical sigma of a fix over its horizontal one."""
+"""Vertical sigma of a fix over its horizontal one, where the receiver does not say."""
+
+HEADING_SIGMA_DEG = 0.5
+"""Of a receiver's own heading, where it does not say: 0.3° over a metre between antennas."""
+VELOCITY_SIGMA_MPS = (0.05, 0.1)
+"""Of a velocity from Doppler shifts, where the receiver does not say: a horizontal axis, and the vertical."""
 
 
 class _Positions(Protocol):
@@ -58,6 +63,12 @@ def sigma_of_fixes(quality: IntArray, stated_m: FloatArray) -> FloatArray:
     """Horizontal one sigma, metres: as stated, at least 1 cm; that of the quality where it is NaN."""
     stated = np.isfinite(stated_m)
     return np.where(stated, np.maximum(stated_m, SIGMA_FLOOR_M), sigma_of_quality(quality))
+
+
+def up_over_plane(stated_up_m: FloatArray, horizontal_m: FloatArray) -> FloatArray:
+    """Vertical sigma of fixes over their horizontal one: as stated, at least 1.7 cm; 1.7 where it is NaN."""
+    stated = np.maximum(stated_up_m, VERTICAL_FACTOR * SIGMA_FLOOR_M) / horizontal_m
+    return np.where(np.isfinite(stated), stated, VERTICAL_FACTOR)
 
 
 def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

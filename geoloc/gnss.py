@@ -25,6 +25,7 @@ from geoloc.interpolation import bracket, hermite, linear, seconds, tangents, wr
 from geoloc.poses import GnssFixes, Poses
 from geoloc.smoother import AXLE_KNOWN_M, SLIP_RAD_PER_MPS2, PlaneTrack, antenna_modes, smoothed_plane
 from geoloc.smoother_fixes import KnotFixes, knot_fixes
+from geoloc.smoother_state import OWN
 from geoloc.smoother_tilt import TiltTrack, smoothed_tilt
 
 FloatArray = NDArray[np.float64]
@@ -102,6 +103,9 @@ def rig_poses(
     if pair is not None:
         who = f"{fixes[pair.first].antenna} and {fixes[pair.second].antenna}"
         line = _checked_baseline(knots, alone, pair, who)
+    for antenna in knots.heading_antennas:
+        told = 90.0 - np.degrees(knots.heading_rad[:, antenna])
+        line = np.where(np.isfinite(line), line, told)
     track = _start(knots, alone, arms, line)
     drift = np.min([one.velocity_sigma_mps for one in alone], axis=0)
     tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps)
@@ -243,17 +247,18 @@ def _start(
 ) -> PlaneTrack:
     """Where to start smoothing: antennas on their own, lever arms taken off with a first heading."""
     n, m = knots.seen.shape
+    told = len(knots.heading_antennas)
     best = _surest(alone)
     yaw = first_yaw(knots.t_s, best.position_m, best.velocity_mps, best.velocity_sigma_mps, line_deg)
     turn = rotation_enu_from_rig(90.0 - np.degrees(yaw), 0.0, 0.0)[:, :2]
     near = np.stack([one.position_m - turn @ arm for one, arm in zip(alone, arms_m, strict=True)], axis=1)
     trust = np.stack([one.position_sigma_m**-2.0 for one in alone], axis=1)[:, :, None]
-    state = np.zeros((n, 8 + 2 * m))
+    state = np.zeros((n, OWN + 2 * m + told))
     state[:, :2] = (trust * near).sum(axis=1) / trust.sum(axis=1)
     state[:, 2:6] = best.state[:, 2:]
     state[:, 6] = yaw
     state[:, 7] = np.clip(tangents(knots.t_s, yaw), -1.0, 1.0)
-    constants = np.append(np.zeros(2 * len(antenna_modes(m))), [SLIP_RAD_PER_MPS2[0], 0.0])
+    constants = np.append(np.zeros(2 * len(antenna_modes(m)) + told), [SLIP_RAD_PER_MPS2[0], 0.0])
     weight = np.concatenate([one.weight for one in alone], axis=1)
     return PlaneTrack(state, np.zeros(0), constants, np.zeros(0), weight)
 
@@ -269,6 +274,7 @@ def _poses(
     roll_sigma = np.hypot(tilt.roll_sigma_deg, _ROLL_FLOOR_DEG)
     # What all antennas of a car share, atmosphere and base station, no smoothing removes.
     fix_sigma = np.where(knots.seen, knots.sigma_m, np.inf).min(axis=1)
+    up_sigma = np.where(knots.seen, knots.up_over_plane * knots.sigma_m, np.inf).min(axis=1)
     lean = lean_m(float(arms_m[:, 2].mean()), roll_sigma, pitch_sigma)
     columns = {
         "latitude_deg": lat,
@@ -279,7 +285,7 @@ def _poses(
         "heading_deg": (90.0 - np.degrees(track.yaw_rad)) % 360.0,
         "speed_mps": speed,
         "sigma_horizontal_m": np.hypot(np.maximum(fix_sigma, track.position_sigma_m), lean),
-        "sigma_vertical_m": np.maximum(VERTICAL_FACTOR * fix_sigma, tilt.height_sigma_m),
+        "sigma_vertical_m": np.maximum(up_sigma, tilt.height_sigma_m),
         "sigma_roll_deg": roll_sigma,
         "sigma_pitch_deg": pitch_sigma,
         "sigma_heading_deg": heading_sigma,

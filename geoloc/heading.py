@@ -6,10 +6,15 @@ Headings are degrees clockwise from true north, yaws radians counter-clockwise f
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.interpolation import wrap_deg
+from geoloc.fixes import sigma_of_fixes
+from geoloc.geodesy import enu_offset
+from geoloc.interpolation import NANOSECONDS, wrap_deg
+from geoloc.poses import GnssFixes
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -26,6 +31,17 @@ _COURSE_NOISE = 0.35
 # A track that goes on in the opposite direction, from where it stopped, is that of a car that reverses.
 _REVERSAL_DEG = 120.0
 _REVERSAL_WITHIN_M = 3.0
+
+HEADING_OFF_DEG = 5.0
+"""A receiver's heading that differs more than this from the course of a whole drive is not the car's."""
+# The course at a fix is that of the chord from a second before it to a second after it, where the car drives.
+_CHORD_S = 1.0
+_LONGEST_CHORD_S = 4.0
+_FIX_LASTS_S = 10.0
+_FAST_MPS = 3.0
+# Enough driving to tell, and how alike the differences must be for their mean to be an angle of mounting.
+_TOLD_BY_M = 50.0
+_ALIKE = 0.7
 
 
 def course_over_ground(velocity_mps: FloatArray) -> FloatArray:
@@ -132,3 +148,69 @@ def _reversed(
         result[first:end] = backwards
         driven_m[int(backwards)] += np.hypot(*np.diff(place_m[first:end], axis=0).T).sum()
     return result if told or driven_m[1] <= driven_m[0] else ~result
+
+
+class CourseCheck(NamedTuple):
+    """A receiver's headings held against the course of its antenna."""
+
+    driven_m: float
+    """How much driving there was to tell by."""
+    off_deg: float
+    """Course minus heading, in the mean over the way: NaN where little was driven."""
+    sigma_deg: float
+    alike: float
+    """From 0, the differences are any angle, to 1, they are all one angle."""
+
+    @property
+    def told(self) -> bool:
+        """Whether the car drove enough for a comparison."""
+        return self.driven_m >= _TOLD_BY_M
+
+    @property
+    def constant(self) -> bool:
+        """Whether one angle of mounting explains the differences."""
+        return self.told and self.alike >= _ALIKE
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the headings are not those of the car."""
+        return self.told and (
+            not self.constant or abs(self.off_deg) > max(HEADING_OFF_DEG, 3.0 * self.sigma_deg)
+        )
+
+
+def heading_against_course(fixes: GnssFixes) -> CourseCheck:
+    """Hold a receiver's headings against its antenna's course.
+
+    Reversing counts against, so that most of a drive must go ahead.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        In order of time.
+    """
+    at = np.flatnonzero(np.isfinite(fixes.heading_deg))
+    chord_ns = int(_CHORD_S * NANOSECONDS)
+    before = np.searchsorted(fixes.epoch_ns, fixes.epoch_ns[at] - chord_ns)
+    after = np.searchsorted(fixes.epoch_ns, fixes.epoch_ns[at] + chord_ns, side="right") - 1
+    apart_s = (fixes.epoch_ns[after] - fixes.epoch_ns[before]) / NANOSECONDS
+    east, north = enu_offset(
+        *(column[rows] for rows in (before, after) for column in (fixes.latitude_deg, fixes.longitude_deg))
+    )
+    step = np.hypot(east, north)
+    sigma = sigma_of_fixes(fixes.quality, fixes.sigma_horizontal_m)
+    noise = np.hypot(sigma[before], sigma[after])
+    good = (apart_s > 0.0) & (apart_s <= _LONGEST_CHORD_S)
+    good &= step > np.maximum(_FAST_MPS * apart_s, 3.0 * noise)
+    # Chords overlap: each stands for the way driven since the last heading.
+    since_s = np.minimum(np.diff(fixes.epoch_ns[at], prepend=fixes.epoch_ns[at][:1]) / NANOSECONDS, _CHORD_S)
+    way = np.where(good, step / np.maximum(apart_s, 1e-9) * since_s, 0.0)
+    driven_m = float(way.sum())
+    if driven_m < _TOLD_BY_M:
+        return CourseCheck(driven_m, np.nan, np.nan, np.nan)
+    off = np.arctan2(east, north) - np.radians(fixes.heading_deg[at])
+    mean = complex((way * np.exp(1j * off)).sum() / driven_m)
+    # Errors of fixes last: as if there were one chord in ten seconds.
+    chords = max(1.0, float(since_s[good].sum()) / _FIX_LASTS_S)
+    sigma_deg = float(np.degrees(np.median(noise[good] / step[good])) / np.sqrt(chords))
+    return CourseCheck(driven_m, float(np.degrees(np.angle(mean))), sigma_deg, abs(mean))

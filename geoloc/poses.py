@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,16 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+_OPTIONAL: Mapping[str, tuple[int, ...]] = {
+    "sigma_horizontal_m": (),
+    "sigma_vertical_m": (),
+    "heading_deg": (),
+    "heading_sigma_deg": (),
+    "velocity_mps": (3,),
+    "velocity_sigma_mps": (2,),
+}
+"""Columns that `GnssFixes` may lack, and the shape of a row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +43,16 @@ class GnssFixes:
         GGA fix quality: 4 RTK fixed, 5 float, 2 DGNSS, 1 single, 6 dead reckoning.
     sigma_horizontal_m, sigma_vertical_m : float64 (n,)
         One sigma a horizontal axis and of the height, as the receiver states it; NaN where it does not.
-        Left out, all are NaN.
+    heading_deg, heading_sigma_deg : float64 (n,)
+        Of the car, as the receiver has it from antennas of its own: clockwise from true north. The sigma is
+        that of the receiver (NaN for `geoloc.fixes.HEADING_SIGMA_DEG`); how its antennas are mounted is
+        another matter (`geoloc.smoother_motion`). NaN for no heading.
+    velocity_mps : float64 (n, 3)
+        Of the antenna, east, north and up, as the receiver has it from Doppler shifts; NaN for none.
+    velocity_sigma_mps : float64 (n, 2)
+        One sigma of a horizontal axis, and of the vertical one; NaN for `geoloc.fixes.VELOCITY_SIGMA_MPS`.
+
+    Columns from the first sigma on may be left out: all NaN then.
     """
 
     antenna: str
@@ -44,11 +64,22 @@ class GnssFixes:
     quality: IntArray
     sigma_horizontal_m: FloatArray = field(default_factory=lambda: np.empty(0))
     sigma_vertical_m: FloatArray = field(default_factory=lambda: np.empty(0))
+    heading_deg: FloatArray = field(default_factory=lambda: np.empty(0))
+    heading_sigma_deg: FloatArray = field(default_factory=lambda: np.empty(0))
+    velocity_mps: FloatArray = field(default_factory=lambda: np.empty(0))
+    velocity_sigma_mps: FloatArray = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
-        for name in ("sigma_horizontal_m", "sigma_vertical_m"):
+        n = self.epoch_ns.size
+        for name, shape in _OPTIONAL.items():
             if getattr(self, name).size == 0:
-                object.__setattr__(self, name, np.full(self.epoch_ns.shape, np.nan))
+                object.__setattr__(self, name, np.full((n, *shape), np.nan))
+
+
+def without_headings(fixes: GnssFixes) -> GnssFixes:
+    """Return the fixes without the headings of their receiver."""
+    none = np.full(fixes.epoch_ns.shape, np.nan)
+    return replace(fixes, heading_deg=none, heading_sigma_deg=none)
 
 
 @dataclass(frozen=True, slots=True)

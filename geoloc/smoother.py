@@ -1,10 +1,12 @@
 """The rig's track in the plane, by one least-squares fit to all fixes of a drive.
 
 State at each knot: position, velocity, acceleration, yaw (counter-clockwise from east), yaw rate, and what
-multipath adds to each antenna. Shared by the drive: how far the antennas sit from where their lever arms say,
-relative to each other, and how much the rear axle slips in bends. Tied together by:
+multipath adds to each antenna (and to each heading of a receiver). Shared by the drive: how far the antennas
+sit from where their lever arms say, relative to each other, how a receiver's heading is turned against the
+car, and how much the rear axle slips in bends. Tied together by:
 
 - each fix, at its own epoch, with its lever arm;
+- headings and velocities that receivers have of themselves (`geoloc.smoother_motion`);
 - a jerk and a yaw acceleration that are noise of the size that driving has;
 - the rear axle, which does not move sideways but for that slip;
 - the path's curvature: a car that stands does not turn.
@@ -20,8 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.smoother_chain import Chain, Links
+from geoloc.smoother_chain import MEDIAN_2D, Chain, Links, robust_weight
 from geoloc.smoother_fixes import KnotFixes
+from geoloc.smoother_motion import MOUNTED_RAD, Headings, Velocities
+from geoloc.smoother_state import ACCELERATION, OWN, POSITION, VELOCITY, YAW, YAW_RATE, forward_axis, turned
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -54,9 +58,6 @@ _START_SIGMA = np.array([100.0, 100.0, 50.0, 50.0, 5.0, 5.0, 2.0, 1.0])
 _GATE = 3.0
 _TURN_LIMIT_RAD = 0.7
 
-_POSITION, _VELOCITY, _ACCELERATION = slice(0, 2), slice(2, 4), slice(4, 6)
-_YAW, _YAW_RATE, _OWN = 6, 7, 8
-
 _JERK_SHAPE = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
 _TURN_SHAPE = np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
 
@@ -69,10 +70,11 @@ class PlaneTrack:
     ----------
     state, covariance : float64 (n, d), (n, d, d)
         East, north (m), their rates (m/s, m/s²), yaw (rad, counter-clockwise from east), yaw rate (rad/s),
-        then east and north of each antenna's multipath in units of its sigma.
+        then what lasts of the receivers' errors (`geoloc.smoother_state`).
     constants, constants_covariance : float64 (c,), (c, c)
-        Differences of the antennas' places, x then y (`antenna_modes`), then the slip (rad per m/s²)
-        and how far the rig's origin is ahead of the rear axle (m).
+        Differences of the antennas' places, x then y (`antenna_modes`), how each heading of a receiver is
+        turned against the car (rad), the slip (rad per m/s²), and how far the rig's origin is ahead of the
+        rear axle (m).
     weight : float64 (n, m)
         1 for a fix that fits, towards 0 for one that does not, and 0 for none.
     """
@@ -86,22 +88,22 @@ class PlaneTrack:
     @property
     def position_m(self) -> FloatArray:
         """East and north ``(n, 2)``."""
-        return self.state[:, _POSITION]
+        return self.state[:, POSITION]
 
     @property
     def velocity_mps(self) -> FloatArray:
         """East and north ``(n, 2)``."""
-        return self.state[:, _VELOCITY]
+        return self.state[:, VELOCITY]
 
     @property
     def yaw_rad(self) -> FloatArray:
         """Counter-clockwise from east ``(n,)``, not wrapped."""
-        return self.state[:, _YAW]
+        return self.state[:, YAW]
 
     @property
     def yaw_sigma_rad(self) -> FloatArray:
         """One sigma ``(n,)``."""
-        return np.sqrt(self.covariance[:, _YAW, _YAW])
+        return np.sqrt(self.covariance[:, YAW, YAW])
 
     @property
     def position_sigma_m(self) -> FloatArray:
@@ -116,7 +118,7 @@ class PlaneTrack:
     @property
     def forward_mps(self) -> FloatArray:
         """Speed along the heading ``(n,)``: negative where the car reverses."""
-        return np.asarray(np.einsum("nk,nk->n", self.velocity_mps, _axis(self.yaw_rad)))
+        return np.asarray(np.einsum("nk,nk->n", self.velocity_mps, forward_axis(self.yaw_rad)))
 
 
 def antenna_modes(antennas: int) -> FloatArray:
@@ -156,29 +158,19 @@ def smoothed_plane(
     axle_m : (float, float)
         How far ahead of the rear axle the origin is, and one sigma of that, where lever arms are unknown.
     """
-    fit = _Fit(fixes, levers_m, lever_sigma_m, drift_mps, axle_m, start.state)
+    fit = _Fit(fixes, levers_m, lever_sigma_m, drift_mps, axle_m, start)
     state, constants, weight = start.state.copy(), start.constants.copy(), start.weight
     for i in range(iterations):
         chain = fit.equations(state, constants, weight)
         step, step_constants = chain.solve()
-        step[:, _YAW:_YAW_RATE] = np.clip(step[:, _YAW:_YAW_RATE], -_TURN_LIMIT_RAD, _TURN_LIMIT_RAD)
+        step[:, YAW:YAW_RATE] = np.clip(step[:, YAW:YAW_RATE], -_TURN_LIMIT_RAD, _TURN_LIMIT_RAD)
         state, constants = state + step, constants + step_constants
         previous, weight = weight, fit.weights(state, constants, power=1 if i < iterations // 2 else 2)
-        settled = np.abs(step[:, :_OWN]).max() < 1e-4 and np.abs(weight - previous).max() < 0.02
+        settled = np.abs(step[:, :OWN]).max() < 1e-4 and np.abs(weight - previous).max() < 0.02
         if settled and i >= iterations // 2:
             break
     covariance, shared = chain.covariances()
     return PlaneTrack(state, covariance, constants, shared, weight)
-
-
-def _axis(yaw_rad: FloatArray) -> FloatArray:
-    """Unit vector ahead, east and north ``(..., 2)``."""
-    return np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
-
-
-def _turned(vector: FloatArray) -> FloatArray:
-    """A quarter turn to the left of ``(..., 2)``."""
-    return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)
 
 
 class _Fit:
@@ -191,16 +183,22 @@ class _Fit:
         lever_sigma_m: float,
         drift_mps: FloatArray | None,
         axle_m: tuple[float, float],
-        start: FloatArray,
+        start: PlaneTrack,
     ) -> None:
         self.fixes, self.levers_m, self.drift_mps = fixes, levers_m, drift_mps
         self.modes = antenna_modes(levers_m.shape[1])
-        self.size = 6 if drift_mps is None else _OWN + 2 * levers_m.shape[1]
-        self.prior = np.append(np.zeros(2 * len(self.modes)), [SLIP_RAD_PER_MPS2[0], axle_m[0]])
-        sigma = np.full(2 * len(self.modes), max(lever_sigma_m, 1e-6))
+        self.velocities = Velocities(fixes)
+        self.headings = None if drift_mps is None else Headings(fixes, 2 * len(self.modes))
+        told = 0 if self.headings is None else len(self.headings.antennas)
+        self.size = 6 if drift_mps is None else OWN + 2 * levers_m.shape[1] + told
+        self.prior = np.append(np.zeros(2 * len(self.modes) + told), [SLIP_RAD_PER_MPS2[0], axle_m[0]])
+        sigma = [max(lever_sigma_m, 1e-6)] * (2 * len(self.modes)) + [MOUNTED_RAD] * told
         self.prior_sigma = np.append(sigma, [SLIP_RAD_PER_MPS2[1], axle_m[1]])
         self.scale = np.ones(levers_m.shape[1])
-        self.links = self._links(start)
+        self.links = self._links(start.state)
+        if self.headings is not None:  # a point's velocity is not known to begin with
+            self.headings.weigh(start.state, start.constants, power=1)
+            self.velocities.weigh(start.state, self._sits(start.constants), power=1)
 
     def equations(self, state: FloatArray, constants: FloatArray, weight: FloatArray) -> Chain:
         """Normal equations at a state."""
@@ -213,20 +211,26 @@ class _Fit:
             variance = (self.fixes.white_m[:, antenna] * self.scale[antenna]) ** 2
             information = weight[:, antenna] / np.where(self.fixes.seen[:, antenna], variance, 1.0)
             chain.observe(jacobian, residual, np.repeat(information[:, None], 2, axis=1), by_constants)
+        self.velocities.observe(chain, state, self._sits(constants))
+        if self.headings is not None:
+            self.headings.observe(chain, state, constants)
         if self.drift_mps is not None:
             self._axle(chain, state, constants, self.drift_mps)
         return chain
 
     def weights(self, state: FloatArray, constants: FloatArray, power: int) -> FloatArray:
-        """Weight of each fix by its residual; also widens the noise of an antenna that scatters more."""
+        """Weight of each fix by its residual; also widens the noise of an antenna that scatters more.
+
+        Headings and velocities are weighed along with them, and keep their own weights.
+        """
+        self.velocities.weigh(state, self._sits(constants), power)
+        if self.headings is not None:
+            self.headings.weigh(state, constants, power)
         weight = np.zeros(self.fixes.seen.shape)
         for antenna, seen in enumerate(self.fixes.seen.T):
             residual = self._fix(antenna, state, constants)[2][seen]
             off = np.hypot(residual[:, 0], residual[:, 1]) / self.fixes.white_m[seen, antenna]
-            # 1.177: median of the distance of two unit normals.
-            self.scale[antenna] = max(1.0, float(np.median(off)) / 1.177)
-            gate = _GATE * self.scale[antenna]
-            weight[seen, antenna] = np.minimum(1.0, gate / np.maximum(off, gate)) ** power
+            weight[seen, antenna], self.scale[antenna] = robust_weight(off, MEDIAN_2D, power)
         return weight
 
     def _fix(
@@ -234,7 +238,7 @@ class _Fit:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Jacobian, that of the constants, and residual (n, 2) of one antenna."""
         late = self.fixes.late_s[:, antenna, None]
-        expected = state[:, _POSITION] + late * state[:, _VELOCITY] + 0.5 * late**2 * state[:, _ACCELERATION]
+        expected = state[:, POSITION] + late * state[:, VELOCITY] + 0.5 * late**2 * state[:, ACCELERATION]
         jacobian = np.zeros((len(state), 2, self.size))
         for axis in range(2):
             jacobian[:, axis, axis] = 1.0
@@ -243,29 +247,34 @@ class _Fit:
         by_constants = np.zeros((len(state), 2, constants.size))
         if self.drift_mps is not None:
             mode, c = self.modes[:, antenna], len(self.modes)
-            sits = self.levers_m[:, antenna] + [mode @ constants[:c], mode @ constants[c : 2 * c]]
-            ahead = _axis(state[:, _YAW] + late[:, 0] * state[:, _YAW_RATE])
-            arm = sits[:, :1] * ahead + sits[:, 1:] * _turned(ahead)
-            jacobian[:, :, _YAW] = _turned(arm)
-            jacobian[:, :, _YAW_RATE] = late * _turned(arm)
-            own = _OWN + 2 * antenna
+            sits = self._sits(constants)[:, antenna]
+            ahead = forward_axis(state[:, YAW] + late[:, 0] * state[:, YAW_RATE])
+            arm = sits[:, :1] * ahead + sits[:, 1:] * turned(ahead)
+            jacobian[:, :, YAW] = turned(arm)
+            jacobian[:, :, YAW_RATE] = late * turned(arm)
+            own = OWN + 2 * antenna
             slow = self.fixes.slow_m[:, antenna] * self.scale[antenna]
             jacobian[:, 0, own] = jacobian[:, 1, own + 1] = slow
             expected = expected + arm + slow[:, None] * state[:, own : own + 2]
             by_constants[:, :, :c] = ahead[:, :, None] * mode
-            by_constants[:, :, c : 2 * c] = _turned(ahead)[:, :, None] * mode
+            by_constants[:, :, c : 2 * c] = turned(ahead)[:, :, None] * mode
         residual = np.where(self.fixes.seen[:, antenna, None], self.fixes.plane_m[:, antenna] - expected, 0.0)
         return jacobian, by_constants, residual
+
+    def _sits(self, constants: FloatArray) -> FloatArray:
+        """Where the antennas are found to sit ahead of and left of the origin ``(n, m, 2)``."""
+        c = len(self.modes)
+        return self.levers_m + (self.modes.T @ constants[: 2 * c].reshape(2, c).T)
 
     def _start(self, chain: Chain, state: FloatArray) -> None:
         """What is known at the first knot of each stretch: next to nothing; yaw and multipath go on."""
         sigma = np.append(_START_SIGMA, np.ones(self.size))[: self.size]
         residual = -state
-        residual[:, _POSITION] += self.fixes.path_m
-        residual[:, _YAW:_YAW_RATE] = 0.0
+        residual[:, POSITION] += self.fixes.path_m
+        residual[:, YAW:YAW_RATE] = 0.0
         weight = np.where(self.fixes.first[:, None], sigma**-2.0, 0.0)
-        weight[1:, _YAW:_YAW_RATE] *= 1e-2
-        weight[1:, _OWN:] = 0.0
+        weight[1:, YAW:YAW_RATE] *= 1e-2
+        weight[1:, OWN:] = 0.0
         unit = np.broadcast_to(np.eye(self.size), (len(state), self.size, self.size))
         chain.observe(unit, residual, weight, None)
 
@@ -283,16 +292,16 @@ class _Fit:
         driven = np.where(tied[:, None, None], np.linalg.inv(jerk), 0.0)
         information[:, 0:6:2, 0:6:2] = information[:, 1:6:2, 1:6:2] = driven
         if self.drift_mps is not None:
-            speed = np.hypot(*start[:, _VELOCITY].T)
+            speed = np.hypot(*start[:, VELOCITY].T)
             mean = 0.5 * (speed[1:] + speed[:-1])
             steering = _STEERING_MPS3 * mean / np.maximum(mean, _STEERING_BELOW_MPS) ** 2
             steering = np.maximum(steering, _STOPPING_RADPS2)
             turn = _process(h, steering**2, _TURN_SHAPE)
             turn[:, 0, 0] += _YAW_WANDER * h
-            forward[:, _YAW, _YAW_RATE] = np.where(tied, h, 0.0)
+            forward[:, YAW, YAW_RATE] = np.where(tied, h, 0.0)
             information[:, 6:8, 6:8] = np.where(tied[:, None, None], np.linalg.inv(turn), 0.0)
-            information[:, _YAW, _YAW] += np.where(tied, 0.0, self._held())
-            fading, own = np.exp(-h / MULTIPATH_S), np.arange(_OWN, size)
+            information[:, YAW, YAW] += np.where(tied, 0.0, self._held())
+            fading, own = np.exp(-h / MULTIPATH_S), np.arange(OWN, size)
             forward[:, own, own] = fading[:, None]
             information[:, own, own] = (1.0 / np.maximum(1.0 - fading**2, 1e-9))[:, None]
         return Links(forward, np.broadcast_to(np.eye(size), forward.shape), information)
@@ -305,16 +314,16 @@ class _Fit:
 
     def _axle(self, chain: Chain, state: FloatArray, constants: FloatArray, drift_mps: FloatArray) -> None:
         """The rear axle does not move sideways but slips in bends; a car that stands does not turn."""
-        ahead = _axis(state[:, _YAW])
-        velocity, rate = state[:, _VELOCITY], state[:, _YAW_RATE]
+        ahead = forward_axis(state[:, YAW])
+        velocity, rate = state[:, VELOCITY], state[:, YAW_RATE]
         slip, axle = constants[-2:]
-        forward, left = (np.einsum("nk,nk->n", velocity, axis) for axis in (ahead, _turned(ahead)))
+        forward, left = (np.einsum("nk,nk->n", velocity, axis) for axis in (ahead, turned(ahead)))
         square = forward * np.abs(forward)
         jacobian = np.zeros((len(state), 2, self.size))
-        jacobian[:, 0, _VELOCITY] = _turned(ahead) + (2.0 * slip * np.abs(forward) * rate)[:, None] * ahead
-        jacobian[:, 0, _YAW] = 2.0 * slip * np.abs(forward) * rate * left - forward
-        jacobian[:, 0, _YAW_RATE] = slip * square - axle
-        jacobian[:, 1, _YAW_RATE] = 1.0
+        jacobian[:, 0, VELOCITY] = turned(ahead) + (2.0 * slip * np.abs(forward) * rate)[:, None] * ahead
+        jacobian[:, 0, YAW] = 2.0 * slip * np.abs(forward) * rate * left - forward
+        jacobian[:, 0, YAW_RATE] = slip * square - axle
+        jacobian[:, 1, YAW_RATE] = 1.0
         by_constants = np.zeros((len(state), 2, constants.size))
         by_constants[:, 0, -2], by_constants[:, 0, -1] = square * rate, -rate
         residual = -np.stack([left + (slip * square - axle) * rate, rate], axis=1)

@@ -12,6 +12,34 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+MEDIAN_1D, MEDIAN_2D = 0.674, 1.177
+"""Median of the size of a unit normal, and of the distance of two."""
+_GATE = 3.0
+
+
+def robust_weight(off: FloatArray, median: float, power: int) -> tuple[FloatArray, float]:
+    """Weigh residuals by their size, and tell by what factor they scatter more than they should.
+
+    Parameters
+    ----------
+    off : float64 (n,)
+        Sizes of residuals in sigmas.
+    median : float
+        Of `off`, were the sigmas right: `MEDIAN_1D` or `MEDIAN_2D`.
+    power : int
+        1 for Huber's weights, 2 for their square.
+
+    Returns
+    -------
+    weight : float64 (n,)
+        1 up to three sigma of what they really scatter.
+    scale : float
+        1 or more.
+    """
+    scale = max(1.0, float(np.median(off)) / median)
+    gate = _GATE * scale
+    return np.minimum(1.0, gate / np.maximum(off, gate)) ** power, scale
+
 
 class Links:
     """What ties each state to the next: ``by_here @ here - by_next @ next`` is 0 but for noise.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.fixes import noise_of_fixes
+from geoloc.fixes import HEADING_SIGMA_DEG, VELOCITY_SIGMA_MPS, noise_of_fixes, up_over_plane
 from geoloc.geodesy import enu_offset, geographic_from_enu
 from geoloc.interpolation import NANOSECONDS, seconds
 from geoloc.poses import GnssFixes
@@ -19,6 +19,21 @@ BoolArray = NDArray[np.bool_]
 
 # Loggers write epochs nanoseconds apart: no car does anything in less.
 _SHORTEST_STEP_S = 1e-3
+
+_BY_ANTENNA = (
+    "plane_m",
+    "height_m",
+    "seen",
+    "late_s",
+    "sigma_m",
+    "white_m",
+    "slow_m",
+    "up_over_plane",
+    "heading_rad",
+    "heading_sigma_rad",
+    "velocity_mps",
+    "velocity_sigma_mps",
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +60,12 @@ class KnotFixes:
     sigma_m, white_m, slow_m : float64 (n, m)
         Horizontal sigma of the fix, and the parts of it that each antenna has of its own: new at every fix,
         and lasting for seconds.
+    up_over_plane : float64 (n, m)
+        Vertical sigma of the fix over its horizontal one.
+    heading_rad, heading_sigma_rad : float64 (n, m)
+        Heading that the receiver itself has, as a yaw, counter-clockwise from east; NaN for none.
+    velocity_mps, velocity_sigma_mps : float64 (n, m, 3), (n, m, 2)
+        East, north, up; horizontal (an axis) and vertical. NaN for none.
     """
 
     t_s: FloatArray
@@ -59,17 +80,21 @@ class KnotFixes:
     sigma_m: FloatArray
     white_m: FloatArray
     slow_m: FloatArray
+    up_over_plane: FloatArray
+    heading_rad: FloatArray
+    heading_sigma_rad: FloatArray
+    velocity_mps: FloatArray
+    velocity_sigma_mps: FloatArray
 
     def only(self, antenna: int) -> KnotFixes:
         """The same knots with the fixes of one antenna."""
         one = slice(antenna, antenna + 1)
-        return replace(
-            self,
-            **{
-                name: getattr(self, name)[:, one]
-                for name in ("plane_m", "height_m", "seen", "late_s", "sigma_m", "white_m", "slow_m")
-            },
-        )
+        return replace(self, **{name: getattr(self, name)[:, one] for name in _BY_ANTENNA})
+
+    @property
+    def heading_antennas(self) -> IntArray:
+        """Numbers of the antennas whose receiver has a heading at any knot."""
+        return np.flatnonzero(np.isfinite(self.heading_rad).any(axis=0))
 
     @property
     def step_s(self) -> FloatArray:
@@ -117,6 +142,14 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
     plane = path[:, None, :] + np.stack([np.stack(one, axis=1) for one in off], axis=1)
     noise = [noise_of_fixes(f.quality, f.sigma_horizontal_m) for f in fixes]
     sigma, white, slow = (gathered([one[i] for one in noise]) for i in range(3))
+    up = [up_over_plane(f.sigma_vertical_m, one[0]) for f, one in zip(fixes, noise, strict=True)]
+
+    def told(name: str, default: float | tuple[float, ...] = np.nan) -> FloatArray:
+        columns = [getattr(f, name)[r] for f, r in zip(fixes, rows.T, strict=True)]
+        column = np.stack(columns, axis=1)
+        column = np.where(np.isfinite(column), column, default)
+        return np.where(seen.reshape(seen.shape + (1,) * (column.ndim - 2)), column, np.nan)
+
     return KnotFixes(
         t_s=seconds(knot_ns),
         latitude_deg=lat0,
@@ -130,6 +163,11 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
         sigma_m=sigma,
         white_m=white,
         slow_m=slow,
+        up_over_plane=gathered(up),
+        heading_rad=np.radians(90.0 - told("heading_deg")),
+        heading_sigma_rad=np.radians(told("heading_sigma_deg", HEADING_SIGMA_DEG)),
+        velocity_mps=told("velocity_mps"),
+        velocity_sigma_mps=told("velocity_sigma_mps", VELOCITY_SIGMA_MPS),
     )
 
 

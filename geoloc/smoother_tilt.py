@@ -2,7 +2,8 @@
 
 State at each knot: height of the rig's origin, rise a metre ahead, rise a metre to the left beyond what roads
 have, and what multipath adds to each antenna's height. Climb and crossfall change with the way driven, so
-that a car that stands keeps them. With the track in the plane known, all of it is linear.
+that a car that stands keeps them. Vertical velocities of receivers tell the climb too. With the track in the
+plane known, all of it is linear.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.fixes import VERTICAL_FACTOR
 from geoloc.smoother import MULTIPATH_S, antenna_modes
-from geoloc.smoother_chain import Chain, Links
+from geoloc.smoother_chain import MEDIAN_1D, Chain, Links, robust_weight
 from geoloc.smoother_fixes import KnotFixes
+from geoloc.smoother_motion import VELOCITY_EVERY_S
 
 FloatArray = NDArray[np.float64]
 
@@ -30,7 +31,8 @@ _LEAN_LASTS_M = 300.0
 # Height over the road, m²/s: heave and roughness.
 _HEAVE = 0.003**2
 _RESTLESS = 1e-8
-_GATE = 3.0
+# What heave adds to a vertical velocity.
+_RISE_FLOOR_MPS = 0.05
 _ITERATIONS = 6
 _OWN = 3
 
@@ -92,6 +94,8 @@ class _Fit:
         self.fixes, self.levers_m, self.forward_mps = fixes, levers_m, forward_mps
         self.modes = antenna_modes(len(levers_m))
         self.size = _OWN + len(levers_m)
+        self.white_m, self.slow_m = fixes.up_over_plane * fixes.white_m, fixes.up_over_plane * fixes.slow_m
+        self.rising = np.isfinite(fixes.velocity_mps[:, :, 2])
         self.scale = np.ones(len(levers_m))
         self.links = self._links()
 
@@ -104,27 +108,41 @@ class _Fit:
         chain.tie(self.links, state)
         for antenna in range(len(self.levers_m)):
             jacobian, by_constants, residual = self._fix(antenna, state, constants)
-            variance = (VERTICAL_FACTOR * self.fixes.white_m[:, antenna] * self.scale[antenna]) ** 2
+            variance = (self.white_m[:, antenna] * self.scale[antenna]) ** 2
             information = weight[:, antenna] / np.where(self.fixes.seen[:, antenna], variance, 1.0)
             chain.observe(jacobian, residual, information[:, None], by_constants)
+            if self.rising[:, antenna].any():
+                self._rise(chain, state, antenna)
         return chain
+
+    def _rise(self, chain: Chain, state: FloatArray, antenna: int) -> None:
+        """What a receiver's vertical velocity says of the climb."""
+        rising = self.rising[:, antenna]
+        jacobian = np.zeros((len(state), 1, self.size))
+        jacobian[:, 0, 1] = self.forward_mps
+        residual = (
+            np.where(rising, self.fixes.velocity_mps[:, antenna, 2], 0.0) - self.forward_mps * state[:, 1]
+        )
+        sigma = np.maximum(self.fixes.velocity_sigma_mps[rising, antenna, 1], _RISE_FLOOR_MPS)
+        weight, scale = robust_weight(np.abs(residual[rising]) / sigma, MEDIAN_1D, power=2)
+        information = np.zeros(len(state))
+        count = np.minimum(1.0, self.fixes.share_s[rising] / VELOCITY_EVERY_S)
+        information[rising] = weight * count / (sigma * scale) ** 2
+        chain.observe(jacobian, residual[:, None], information[:, None], None)
 
     def weights(self, state: FloatArray, constants: FloatArray, power: int) -> FloatArray:
         weight = np.zeros(self.fixes.seen.shape)
         for antenna, seen in enumerate(self.fixes.seen.T):
             residual = np.abs(self._fix(antenna, state, constants)[2][seen, 0])
-            off = residual / (VERTICAL_FACTOR * self.fixes.white_m[seen, antenna])
-            # 0.674: median of the size of a unit normal.
-            self.scale[antenna] = max(1.0, float(np.median(off)) / 0.674)
-            gate = _GATE * self.scale[antenna]
-            weight[seen, antenna] = np.minimum(1.0, gate / np.maximum(off, gate)) ** power
+            off = residual / self.white_m[seen, antenna]
+            weight[seen, antenna], self.scale[antenna] = robust_weight(off, MEDIAN_1D, power)
         return weight
 
     def _fix(
         self, antenna: int, state: FloatArray, constants: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         x, y, z = self.levers_m[antenna]
-        slow = VERTICAL_FACTOR * self.fixes.slow_m[:, antenna] * self.scale[antenna]
+        slow = self.slow_m[:, antenna] * self.scale[antenna]
         jacobian = np.zeros((len(state), 1, self.size))
         jacobian[:, 0, 0] = 1.0
         jacobian[:, 0, 1] = x + self.fixes.late_s[:, antenna] * self.forward_mps

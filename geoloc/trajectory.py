@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geoloc.errors import TrajectoryError
 from geoloc.fixes import check_positions, common_epochs, without_jumps
 from geoloc.gnss import raw_poses, rig_poses
-from geoloc.heading import course_over_ground
+from geoloc.heading import course_over_ground, heading_against_course
 from geoloc.interpolation import (
     NANOSECONDS,
     Bracket,
@@ -23,7 +23,7 @@ from geoloc.interpolation import (
     tangents,
 )
 from geoloc.pose_curves import PoseCurves, pose_curves
-from geoloc.poses import GnssFixes, Poses, PoseTrack
+from geoloc.poses import GnssFixes, Poses, PoseTrack, without_headings
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -61,7 +61,7 @@ class Trajectory:
     max_gap_s : float
         No pose is given between knots that are further apart.
     dropped : tuple of (count, reason)
-        Recorded positions that were left out.
+        Recorded positions, and headings, that were left out.
     measured_at_m : float64 (3,)
         Where on the rig positions were measured: the middle of the antennas. A tilt that is wrong leaves that
         point where it is, and moves the rig's origin below it.
@@ -211,9 +211,11 @@ def trajectory_from_gnss(
     points but for its slip, and the two antennas that are furthest apart (0.3 m or more) give the heading,
     also standing still. How far their lever arms are wrong is found where the car drives and kept where it
     stands. With one antenna the heading is held through standstill with a growing sigma; a track that comes
-    back the way it went is taken for reversing. Pitch is the climb of the track (0 ± 2.5° if the car never
+    back the way it went is taken for reversing. Headings and velocities that receivers have of themselves are
+    used too (`geoloc.smoother_motion`), but for headings that contradict the course
+    (`geoloc.heading.heading_against_course`). Pitch is the climb of the track (0 ± 2.5° if the car never
     moved), roll is 0 ± 1.2° but for what antennas side by side show. The pose is that of the rig's origin on
-    the ground. Fixes that do not fit lose their weight. Lever arms that are all zero make the antenna, or the
+    the ground. What does not fit loses its weight. Lever arms that are all zero make the antenna, or the
     middle of several, the rig's origin; how several lie to the car is then found from the course.
 
     Parameters
@@ -240,6 +242,7 @@ def trajectory_from_gnss(
             f"{', '.join(sorted(rig_antennas)) or 'none'}: give it one."
         )
     kept, dropped = _without_jumps(fixes)
+    kept, refused = _without_wrong_headings(kept)
     levers = [np.asarray(rig_antennas[f.antenna], dtype=np.float64) for f in kept]
     knot_ns = common_epochs([f.epoch_ns for f in kept], max_gap_s)
     return Trajectory(
@@ -247,7 +250,7 @@ def trajectory_from_gnss(
         fixes=raw_poses(kept, levers, max_gap_s),
         host_ns=kept[0].host_ns,
         max_gap_s=max_gap_s,
-        dropped=dropped,
+        dropped=(*dropped, *refused),
         measured_at_m=np.mean(levers, axis=0),
     )
 
@@ -308,6 +311,20 @@ def _without_jumps(fixes: Sequence[GnssFixes]) -> tuple[list[GnssFixes], tuple[t
         check_positions(thinned, f"{what}, after impossible jumps were dropped")
         kept.append(thinned)
         dropped.extend(_dropped(int((~keep).sum()), f"antenna {one.antenna}"))
+    return kept, tuple(dropped)
+
+
+def _without_wrong_headings(
+    fixes: Sequence[GnssFixes],
+) -> tuple[list[GnssFixes], tuple[tuple[int, str], ...]]:
+    kept: list[GnssFixes] = []
+    dropped: list[tuple[int, str]] = []
+    for one in fixes:
+        wrong = heading_against_course(one).contradicts
+        kept.append(without_headings(one) if wrong else one)
+        if wrong:
+            count = int(np.isfinite(one.heading_deg).sum())
+            dropped.append((count, f"antenna {one.antenna}: headings that contradict the course"))
     return kept, tuple(dropped)
 
 

@@ -2,120 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from circle_drive import (
+    EPOCH0,
+    EXPECTED_ROLL_DEG,
+    FRAMES_S,
+    HEIGHT,
+    LAT0,
+    LEFT,
+    LON0,
+    PAIR,
+    RIGHT,
+    Circle,
+    epochs,
+    horizontal_errors,
+    record,
+    still,
+    turned,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike, NDArray
 
 from geoloc.errors import TrajectoryError
 from geoloc.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig
-from geoloc.trajectory import (
-    GnssFixes,
-    PoseTrack,
-    Trajectory,
-    course_over_ground,
-    trajectory_from_gnss,
-    trajectory_from_poses,
-)
-
-FloatArray = NDArray[np.float64]
-LAT0, LON0, HEIGHT = 63.4149, 10.3991, 65.7
-EPOCH0 = 1_781_078_400_000_000_000
-LEFT, RIGHT = np.array([0.9, 0.55, 1.6]), np.array([0.9, -0.55, 1.6])
-PAIR = {"left": LEFT, "right": RIGHT}
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A drive round a circle: the rig's origin runs exactly along it, heading along the tangent."""
-
-    radius_m: float = 60.0
-    speed_mps: float = 12.0
-    start_deg: float = 20.0
-    climb: float = 0.0
-
-    def heading_deg(self, t_s: ArrayLike) -> FloatArray:
-        """Clockwise from north."""
-        turned_deg = np.degrees(self.speed_mps / self.radius_m) * np.asarray(t_s, dtype=np.float64)
-        return np.asarray((self.start_deg - turned_deg) % 360.0)
-
-    def enu(self, t_s: FloatArray) -> FloatArray:
-        """Metres from where it starts."""
-        psi, psi0 = np.radians(90.0 - self.heading_deg(t_s)), np.radians(90.0 - self.start_deg)
-        return np.stack(
-            [
-                self.radius_m * (np.sin(psi) - np.sin(psi0)),
-                -self.radius_m * (np.cos(psi) - np.cos(psi0)),
-                self.climb * self.speed_mps * t_s,
-            ],
-            axis=1,
-        )
-
-
-def epochs(t_s: ArrayLike) -> NDArray[np.int64]:
-    """UTC nanoseconds of seconds into the drive."""
-    return EPOCH0 + np.round(np.asarray(t_s) * 1e9).astype(np.int64)
-
-
-EXPECTED_ROLL_DEG = float(np.degrees(np.arctan(0.02)))
-"""The fall to the right that a trajectory expects: with it, nothing is left to be found out."""
-
-
-def record(
-    drive: Circle,
-    lever: FloatArray,
-    name: str = "left",
-    *,
-    rate_hz: float = 10.0,
-    length_s: float = 30.0,
-    noise_m: float = 0.0,
-    delay_ms: float = 0.0,
-    roll_deg: float = EXPECTED_ROLL_DEG,
-    seed: int = 1,
-) -> GnssFixes:
-    """What an antenna on the car of this drive would say."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(0.0, length_s, 1.0 / rate_hz)
-    pitch = np.full_like(t, -np.degrees(np.arctan(drive.climb)))
-    enu_R_rig = rotation_enu_from_rig(drive.heading_deg(t), pitch, np.full_like(t, roll_deg))
-    at = drive.enu(t) + enu_R_rig @ lever + rng.normal(0.0, 1.0, (t.size, 3)) * noise_m
-    lat, lon = geographic_from_enu(LAT0, LON0, at[:, 0], at[:, 1])
-    stamp = epochs(t)
-    return GnssFixes(
-        name, stamp, stamp + int(delay_ms * 1e6), lat, lon, HEIGHT + at[:, 2], np.full(t.size, 4)
-    )
-
-
-def horizontal_errors(trajectory: Trajectory, drive: Circle, t_s: FloatArray) -> FloatArray:
-    """Distance of the trajectory from the drive."""
-    poses = trajectory.poses_at(epochs(t_s))
-    assert poses.valid.all()
-    east, north = enu_offset(LAT0, LON0, poses.latitude_deg, poses.longitude_deg)
-    truth = drive.enu(t_s)
-    return np.hypot(east - truth[:, 0], north - truth[:, 1])
-
-
-def turned(a_deg: FloatArray, b_deg: ArrayLike) -> FloatArray:
-    """Angle between two headings."""
-    return np.asarray(np.abs((a_deg - np.asarray(b_deg) + 180.0) % 360.0 - 180.0))
-
-
-def still(lever: FloatArray, name: str, heading_deg: float, n: int = 60, noise_m: float = 0.0) -> GnssFixes:
-    """A car that stands."""
-    rng = np.random.default_rng(7)
-    offset = (
-        rotation_enu_from_rig(heading_deg, 0.0, EXPECTED_ROLL_DEG) @ lever
-        + rng.normal(0.0, 1.0, (n, 3)) * noise_m
-    )
-    lat, lon = geographic_from_enu(LAT0, LON0, offset[:, 0], offset[:, 1])
-    stamp = epochs(np.arange(n) * 0.2)
-    return GnssFixes(name, stamp, stamp, lat, lon, HEIGHT + offset[:, 2], np.full(n, 4))
-
-
-FRAMES_S = np.arange(1.0, 28.0, 1.0 / 30.0)
+from geoloc.trajectory import GnssFixes, trajectory_from_gnss
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 10.0])
@@ -166,11 +79,9 @@ def test_roll_is_seen_by_antennas_side_by_side() -> None:
 
 
 def test_place_is_measured_at_the_antennas() -> None:
-    """The place that a trajectory measured is that between its antennas, or the origin of recorded poses."""
+    """The place that a trajectory measured is that between its antennas."""
     fixes = [record(Circle(), lever, name) for name, lever in PAIR.items()]
-    poses = pose_track(np.arange(3.0), Circle(), np.zeros(3))
     np.testing.assert_allclose(trajectory_from_gnss(fixes, PAIR).measured_at_m, 0.5 * (LEFT + RIGHT))
-    np.testing.assert_array_equal(trajectory_from_poses(poses).measured_at_m, np.zeros(3))
 
 
 @settings(max_examples=25, deadline=None)
@@ -379,64 +290,6 @@ def test_course_that_drowns_in_the_noise_is_no_heading() -> None:
     assert set(poses.reason) == {"no heading: the course is lost in the noise of the fixes"}
 
 
-def test_nearest_fix_with_late_host_stamps_is_off_by_speed_times_delay() -> None:
-    """The paper's pairing puts a frame at a fix measured 78 ms earlier: 78 ms times 12 m/s behind the truth.
-
-    At the very stamp of a fix, so that the nearest one is exact and only the delay remains.
-    """
-    drive = Circle(radius_m=1e6)
-    one = record(drive, np.zeros(3), delay_ms=78.0)
-    trajectory = trajectory_from_gnss([one], {"left": np.zeros(3)})
-    frames = one.host_ns[20:200]
-    nearest = trajectory.nearest_fix(frames)
-    truth = trajectory.poses_at(frames)
-    east, north = enu_offset(
-        truth.latitude_deg, truth.longitude_deg, nearest.latitude_deg, nearest.longitude_deg
-    )
-    np.testing.assert_allclose(np.hypot(east, north), 0.078 * 12.0, atol=1e-3)
-    assert turned(course_over_ground(np.stack([-east, -north], axis=1)), truth.heading_deg).max() < 0.1
-    np.testing.assert_array_equal(nearest.epoch_ns, frames)
-    assert trajectory.delay_ms() == pytest.approx((78.0, 78.0))
-    assert trajectory.interval_s == pytest.approx(0.1)
-
-
-def test_nearest_fix_is_the_antenna_itself_with_the_heading_of_the_pair() -> None:
-    """No lever arm is taken off, and the heading is that of the two antennas at that fix."""
-    drive = Circle()
-    fixes = [record(drive, lever, name) for name, lever in PAIR.items()]
-    trajectory = trajectory_from_gnss(fixes, PAIR)
-    asked = fixes[0].host_ns[30:60] + 30_000_000
-    nearest = trajectory.nearest_fix(asked)
-    np.testing.assert_array_equal(nearest.latitude_deg, fixes[0].latitude_deg[30:60])
-    np.testing.assert_array_equal(nearest.height_m, fixes[0].height_m[30:60])
-    assert (
-        turned(nearest.heading_deg, drive.heading_deg(np.arange(30, 60) * 0.1)).max() < 5e-3
-    )  # meridians converge by 0.001° in 60 m
-    far = trajectory.nearest_fix(np.array([fixes[0].host_ns[-1] + 5_000_000_000]))
-    assert not far.valid[0]
-    assert far.reason[0] == "the nearest fix is 5.0 s away"
-
-
-def test_nearest_fix_of_one_antenna_has_the_course_between_its_neighbours() -> None:
-    """With one antenna the heading is the chord from the fix before to the fix after."""
-    drive = Circle()
-    trajectory = trajectory_from_gnss([record(drive, np.zeros(3))], {"left": np.zeros(3)})
-    heading = trajectory.nearest_fix(epochs(np.arange(10, 50) * 0.1)).heading_deg
-    assert turned(heading, drive.heading_deg(np.arange(10, 50) * 0.1)).max() < 1e-3
-
-
-def test_line_is_thinned_to_metres() -> None:
-    """The drive's line has a point about every metre, from the first pose to the last."""
-    drive = Circle(speed_mps=3.0)
-    trajectory = trajectory_from_gnss([record(drive, np.zeros(3))], {"left": np.zeros(3)})
-    lat, lon = trajectory.line()
-    east, north = enu_offset(lat[:-1], lon[:-1], lat[1:], lon[1:])
-    step = np.hypot(east, north)
-    assert step[:-1].min() > 0.5
-    assert step.max() < 1.5
-    assert step.sum() == pytest.approx(3.0 * 29.9, rel=0.01)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -456,80 +309,3 @@ def test_fixes_that_make_no_track_are_refused(change: object, message: str) -> N
     """Each kind of impossible input is one clear TrajectoryError."""
     with pytest.raises(TrajectoryError, match=message):
         trajectory_from_gnss(change(record(Circle(), LEFT)), {"left": LEFT})  # type: ignore[operator]
-
-
-def pose_track(t_s: FloatArray, drive: Circle, pitch_deg: FloatArray) -> PoseTrack:
-    """Poses of this drive as an INS would record them."""
-    at = drive.enu(t_s)
-    lat, lon = geographic_from_enu(LAT0, LON0, at[:, 0], at[:, 1])
-    flat = np.zeros_like(t_s)
-    return PoseTrack(
-        epochs(t_s),
-        lat,
-        lon,
-        HEIGHT + at[:, 2],
-        flat,
-        pitch_deg,
-        drive.heading_deg(t_s),
-        flat + 0.03,
-        flat + 0.05,
-        flat + 0.1,
-        flat + 0.2,
-    )
-
-
-def test_recorded_poses_are_interpolated_through_north() -> None:
-    """Angles turn the shorter way through 0°, positions stay within a millimetre, sigmas are carried over."""
-    drive = Circle(start_deg=10.0)
-    t = np.arange(0.0, 30.0, 0.1)
-    trajectory = trajectory_from_poses(pose_track(t, drive, np.sin(t)))
-    poses = trajectory.poses_at(epochs(FRAMES_S))
-    assert horizontal_errors(trajectory, drive, FRAMES_S).max() < 1e-3
-    assert turned(poses.heading_deg, drive.heading_deg(FRAMES_S)).max() < 1e-6
-    np.testing.assert_allclose(poses.pitch_deg, np.sin(FRAMES_S), atol=2e-3)
-    np.testing.assert_allclose(poses.sigma_horizontal_m, 0.03, rtol=1e-2)
-    np.testing.assert_allclose(poses.sigma_roll_deg, 0.1)
-    np.testing.assert_allclose(poses.sigma_pitch_deg, 0.1)
-    np.testing.assert_allclose(poses.speed_mps, 12.0, rtol=1e-3)
-
-
-def test_recorded_poses_come_back_at_their_own_epochs() -> None:
-    """At a recorded epoch the pose is the recorded one, and the nearest pose by epoch is that as well."""
-    t = np.arange(0.0, 5.0, 0.25)
-    track = pose_track(t, Circle(), 0.0 * t)
-    trajectory = trajectory_from_poses(track)
-    for poses in (trajectory.poses_at(track.epoch_ns), trajectory.nearest_fix(track.epoch_ns + 100_000_000)):
-        np.testing.assert_array_equal(poses.latitude_deg, track.latitude_deg)
-        np.testing.assert_array_equal(poses.heading_deg, track.heading_deg)
-    assert trajectory.delay_ms() == (0.0, 0.0)
-
-
-def test_recorded_poses_with_a_nan_attitude_are_refused() -> None:
-    """A NaN angle is an error that says how many there are."""
-    t = np.arange(0.0, 5.0, 0.25)
-    with pytest.raises(TrajectoryError, match="20 of 20 attitudes are NaN"):
-        trajectory_from_poses(pose_track(t, Circle(), t * np.nan))
-
-
-def test_poses_nanoseconds_apart_are_no_jump() -> None:
-    """A logger that writes two poses 1 ns and a few millimetres apart loses neither."""
-    n = 50
-    epoch_ns = np.repeat(np.arange(n, dtype=np.int64) * 100_000_000, 2) + np.tile([0, 1], n)
-    north_m = np.repeat(np.arange(n, dtype=np.float64), 2) + np.tile([0.0, 0.004], n)
-    ones = np.ones(2 * n)
-    track = PoseTrack(
-        epoch_ns=epoch_ns,
-        latitude_deg=63.4 + north_m / 111_450.0,
-        longitude_deg=10.4 * ones,
-        height_m=50.0 * ones,
-        roll_deg=0.0 * ones,
-        pitch_deg=0.0 * ones,
-        heading_deg=0.0 * ones,
-        sigma_horizontal_m=0.02 * ones,
-        sigma_vertical_m=0.02 * ones,
-        sigma_roll_pitch_deg=0.1 * ones,
-        sigma_heading_deg=0.1 * ones,
-    )
-    trajectory = trajectory_from_poses(track)
-    assert trajectory.dropped == ()
-    assert trajectory.poses_at(np.array([2_450_000_000], dtype=np.int64)).valid.all()

@@ -1,0 +1,114 @@
+"""What a receiver has of itself beside positions: a heading from two antennas of its own, and a velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.simulation.motion import TrueMotion
+from geoloc.simulation.noise import gauss_markov, stream
+from geoloc.simulation.road import Road
+from geoloc.simulation.scenarios import Scenario
+from geoloc.trajectory import GnssFixes
+
+FloatArray = NDArray[np.float64]
+
+# Central difference of positions: shorter than anything a car does.
+_HALF_STEP_S = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class ReceiverSpec:
+    """One-sigma values of what a receiver has of itself; 0 leaves that out."""
+
+    heading_deg: float = 0.5
+    """Of each heading: 40 % of it white, 90 % a Gauss–Markov process, as the pair's multipath changes."""
+    heading_tau_s: float = 10.0
+    mounted_deg: float = 1.5
+    """Once: how far the pair is askew. Two antennas a metre apart, each taped to 2 cm along the car."""
+    velocity_mps: float = 0.05
+    """Each horizontal axis; twice that up. Doppler of a good receiver under an open sky."""
+    velocity_tau_s: float = 1.0
+    """Correlation time of velocities: the receiver's tracking loops and filter."""
+
+
+def with_receiver_motion(
+    fixes: GnssFixes, world: Scenario, seed: int, arm_m: FloatArray, spec: ReceiverSpec
+) -> GnssFixes:
+    """Add headings and velocities to the fixes of a simulated drive.
+
+    Parameters
+    ----------
+    fixes : GnssFixes
+        Of ``simulate_drive(world, seed)``.
+    world : Scenario
+    seed : int
+    arm_m : float64 (3,)
+        Where the antenna truly sits in the rig frame.
+    spec : ReceiverSpec
+    """
+    motion = TrueMotion(Road(world.road, seed), world.motion, world.noise, seed)
+    time_s = (fixes.epoch_ns - world.start_utc_ns) / 1e9
+    if spec.heading_deg:
+        heading = _true_heading_deg(motion, time_s) + _heading_error_deg(fixes.antenna, time_s, seed, spec)
+        fixes = replace(
+            fixes, heading_deg=heading % 360.0, heading_sigma_deg=np.full(time_s.size, spec.heading_deg)
+        )
+    if spec.velocity_mps:
+        sigma = spec.velocity_mps * np.array([1.0, 1.0, 2.0])
+        noise = [
+            gauss_markov(stream(seed, f"velocity {fixes.antenna} {axis}"), time_s, s, spec.velocity_tau_s)
+            for axis, s in zip("enu", sigma, strict=True)
+        ]
+        velocity = _true_velocity_mps(motion, time_s, arm_m) + np.stack(noise, axis=1)
+        stated = np.repeat(sigma[None, 1:], time_s.size, axis=0)
+        fixes = replace(fixes, velocity_mps=velocity, velocity_sigma_mps=stated)
+    return fixes
+
+
+def _heading_error_deg(antenna: str, time_s: FloatArray, seed: int, spec: ReceiverSpec) -> FloatArray:
+    random = stream(seed, f"receiver heading {antenna}")
+    mounted = random.normal() * spec.mounted_deg
+    white = random.normal(size=time_s.size) * 0.4 * spec.heading_deg
+    return np.asarray(
+        mounted + white + gauss_markov(random, time_s, 0.9 * spec.heading_deg, spec.heading_tau_s)
+    )
+
+
+def _true_heading_deg(motion: TrueMotion, time_s: FloatArray) -> FloatArray:
+    body = motion.at(time_s)
+    turn = _local_from_frame(motion, body.position_m)
+    ahead = (turn @ body.enu_R_rig)[:, :, 0]
+    return np.degrees(np.arctan2(ahead[:, 0], ahead[:, 1]))
+
+
+def _true_velocity_mps(motion: TrueMotion, time_s: FloatArray, arm_m: FloatArray) -> FloatArray:
+    before, after = (motion.at(time_s + half) for half in (-_HALF_STEP_S, _HALF_STEP_S))
+    ends = [body.position_m + body.enu_R_rig @ arm_m for body in (before, after)]
+    velocity = (ends[1] - ends[0]) / (2.0 * _HALF_STEP_S)
+    return np.asarray((_local_from_frame(motion, ends[0]) @ velocity[:, :, None])[:, :, 0])
+
+
+def _local_from_frame(motion: TrueMotion, position_m: FloatArray) -> FloatArray:
+    latitude, longitude, _ = motion.road.frame.geographic_from_enu(position_m)
+    return np.asarray(motion.road.frame.rotation_local_from_frame(latitude, longitude))
+
+
+def metre_fixes(world: Scenario, sigma_m: float) -> Scenario:
+    """Return the same world with fixes that are as noisy as that, 40 % of it white and 90 % for 10 s."""
+    noise = replace(
+        world.noise,
+        gnss_white_horizontal_m=0.4 * sigma_m,
+        gnss_white_vertical_m=0.4 * 1.7 * sigma_m,
+        gnss_multipath_m=0.9 * sigma_m,
+        gnss_multipath_tau_s=10.0,
+    )
+    return replace(world, noise=noise)
+
+
+def as_single_fixes(fixes: GnssFixes, sigma_m: float) -> GnssFixes:
+    """Return fixes of `metre_fixes` as a receiver without corrections states them."""
+    n = fixes.epoch_ns.size
+    return replace(fixes, quality=np.ones(n, dtype=np.int64), sigma_horizontal_m=np.full(n, sigma_m))
