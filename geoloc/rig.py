@@ -57,6 +57,11 @@ class RigCamera:
     timestamps: str | None = None
     ego_mask: NDArray[np.bool_] | None = None
 
+    @property
+    def is_placed(self) -> bool:
+        """Whether its position is one: nobody mounts a camera at the origin, on the road below the axle."""
+        return bool(np.any(self.rig_t_camera_m))
+
 
 @dataclass(frozen=True, slots=True)
 class Antenna:

@@ -15,7 +15,7 @@ from geoloc.simulation.render import Plane, render_planes
 from twin.calibrate.boards import Board, ByteArray, board_from_text
 from twin.calibrate.camera_files import new_rig_document, rig_text
 from twin.calibrate.intrinsics import Progress
-from twin.errors import RefusedError
+from twin.errors import ConfigError, RefusedError
 from twin.folders import make_folder
 
 EXAMPLE_BOARD = "charuco:12x9:0.06:0.045"
@@ -24,9 +24,17 @@ N_PICTURES = 24
 TRUE_RIG, PICTURES = "true_rig.json", "pictures"
 
 
-def example_camera() -> FThetaCamera:
-    """Return the simulated car's wide camera at half its resolution."""
-    model = CAMERAS[EXAMPLE_CAMERA][0]
+def example_camera(name: str = EXAMPLE_CAMERA) -> FThetaCamera:
+    """Return a camera of the simulated car at half its resolution.
+
+    Raises
+    ------
+    ConfigError
+        If the car has no such camera.
+    """
+    if name not in CAMERAS:
+        raise ConfigError(f"There is no camera {name} on the simulated car: it has {', '.join(CAMERAS)}.")
+    model = CAMERAS[name][0]
     return replace(
         model,
         width_px=model.width_px // 2,
@@ -41,6 +49,7 @@ def example_camera() -> FThetaCamera:
 def write_example(
     out: Path,
     *,
+    camera: str = EXAMPLE_CAMERA,
     n_pictures: int = N_PICTURES,
     seed: int = 0,
     progress: Progress = lambda _what, _done, _total: None,
@@ -51,29 +60,32 @@ def write_example(
     ----------
     out : Path
         A new or an empty folder.
+    camera : str
+        One of the simulated car's.
     n_pictures : int
     seed : int
         Draws the board's poses, light and noise; the same seed, the same pictures.
 
     Raises
     ------
-    RefusedError
-        If the folder holds something.
+    ConfigError, RefusedError
+        If the car has no such camera, or the folder holds something.
     """
     import cv2
 
+    model = example_camera(camera)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RefusedError(f"{out} is not an empty folder: name a new one, or remove what it holds.")
     folder = make_folder(out / PICTURES)
-    camera, board, rng = example_camera(), board_from_text(EXAMPLE_BOARD), np.random.default_rng(seed)
+    board, rng = board_from_text(EXAMPLE_BOARD), np.random.default_rng(seed)
     files = []
-    for number, picture in enumerate(rendered(camera, board, n_pictures, rng)):
+    for number, picture in enumerate(rendered(model, board, n_pictures, rng)):
         path = folder / f"board_{number + 1:02d}.png"
         path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
         files.append(path)
         progress("rendering", number + 1, n_pictures)
     rig = out / TRUE_RIG
-    rig.write_text(rig_text(new_rig_document(EXAMPLE_CAMERA, camera)), encoding="utf-8")
+    rig.write_text(rig_text(new_rig_document({camera: model})), encoding="utf-8")
     return [*files, rig]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from geoloc.rig import Rig, rig_document
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.yard import TAG_M, Yard, draw_yard, turned_camera, yard_picture
+from twin.calibrate.example import example_camera
 from twin.errors import RefusedError
 from twin.folders import make_folder
 
@@ -49,7 +50,7 @@ def write_yard(
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise RefusedError(f"{out} is not an empty folder: name a new one, or remove what it holds.")
     folder, rng = make_folder(out / PICTURES), np.random.default_rng(seed)
-    yard, rig = draw_yard(rng, sigma_m=SURVEY_M, floor_lean_deg=floor_lean_deg), simulated_rig()
+    yard, rig = draw_yard(rng, sigma_m=SURVEY_M, floor_lean_deg=floor_lean_deg), example_rig()
     files = []
     for done, camera in enumerate(rig.cameras.values()):
         progress("rendering", done, len(rig.cameras))
@@ -65,6 +66,13 @@ def write_yard(
     for name, text in texts.items():
         (out / name).write_text(text, encoding="utf-8")
     return [*files, *(out / name for name in texts)]
+
+
+def example_rig() -> Rig:
+    """Return the simulated car with the cameras that the boards of ``calibrate example`` are seen by."""
+    rig = simulated_rig()
+    cameras = {n: replace(camera, model=example_camera(n)) for n, camera in rig.cameras.items()}
+    return replace(rig, cameras=cameras)
 
 
 def layout_text(yard: Yard) -> str:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.calibration.extrinsics.calibrate import Extrinsics, calibrate_extrinsics
-from geoloc.calibration.extrinsics.doubts import doubts
-from geoloc.calibration.extrinsics.observed import Pose, TagPicture
+from geoloc.calibration.extrinsics.doubts import doubts, is_determined
+from geoloc.calibration.extrinsics.observed import TagPicture
 from geoloc.calibration_files.read import read_cameras
 from geoloc.cameras.base import CameraModel
 from geoloc.errors import CalibrationError
@@ -21,11 +21,14 @@ from geoloc.geodesy import rpy_from_rotation
 from geoloc.rig import FLU_R_RDF, Rig, rig_from_document
 from geoloc.rig_edit import with_extrinsics
 from twin.calibrate.boards import Board
+from twin.calibrate.camera_files import RIG_NAME, file_name
 from twin.calibrate.detect import detect
 from twin.calibrate.extrinsics_picture import draw_extrinsics
+from twin.calibrate.given_rig import GivenRig, read_given_rig
 from twin.calibrate.layout import Layout, read_layout
+from twin.calibrate.mounting_files import drive_tables, kalibr_rig, opencv_mounted
 from twin.calibrate.pictures import IMAGE_SUFFIXES, pictures
-from twin.calibrate.tag_corners import find_tags
+from twin.calibrate.tag_corners import TagsFound, find_tags
 from twin.drives.camera_names import named_in
 from twin.errors import ConfigError
 from twin.export.atomic import replace_file
@@ -36,7 +39,8 @@ Progress = Callable[[str, int, int | None], None]
 
 HAND = "hand"
 """Name of the camera that is carried around the car."""
-RIG_NAME, REPORT_NAME, PICTURE_NAME = "rig.json", "extrinsics.json", "extrinsics.png"
+REPORT_NAME, PICTURE_NAME = "extrinsics.json", "extrinsics.png"
+TABLES_NAME, KALIBR_NAME = "cameras.toml", "kalibr.yaml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +54,10 @@ class CameraFound:
         As a rig file writes them: of the camera's FLU axes in the rig frame.
     sigma_deg, sigma_m : tuple of float
         One sigma, about and along the rig's x, y, z.
-    turned_deg, moved_m : float
-        Against the rig that was given.
+    turned_deg, moved_m : float or None
+        Against the rig that was given; None where it does not say where the camera sits.
+    determined : bool
+        Whether the tags settle all of it; else the rig file keeps what it had.
     n_tags, n_left_out : int
         Tags in its pictures, and those of them that did not fit.
     rms_px : float
@@ -62,8 +68,9 @@ class CameraFound:
     position_m: tuple[float, float, float]
     sigma_deg: tuple[float, float, float]
     sigma_m: tuple[float, float, float]
-    turned_deg: float
-    moved_m: float
+    turned_deg: float | None
+    moved_m: float | None
+    determined: bool
     n_tags: int
     n_left_out: int
     rms_px: float
@@ -82,6 +89,12 @@ class ExtrinsicsReport:
         What was left out on the way.
     n_pictures : int
     files : tuple of Path
+    drive : Path or None
+        The drive folder that the rig was given as.
+    rig_file : str
+        The rig's name there.
+    drive_tables : str
+        What ``[cameras]`` of the drive's ``drive.toml`` has to say now; empty where the rig is another's.
     """
 
     cameras: tuple[CameraFound, ...]
@@ -89,6 +102,9 @@ class ExtrinsicsReport:
     notes: tuple[str, ...]
     n_pictures: int
     files: tuple[Path, ...]
+    drive: Path | None
+    rig_file: str
+    drive_tables: str
 
 
 def calibrate_rig(
@@ -109,9 +125,12 @@ def calibrate_rig(
     tags : Path or str
         The layout (`twin.calibrate.layout`).
     rig : Path or str
-        DriveWorks rig file: the intrinsics, and rough poses to start from.
+        The intrinsics, and rough poses to start from where they are known: a DriveWorks rig file, a drive
+        folder or its ``drive.toml``, or a calibration file (`twin.calibrate.given_rig`).
     out : Path or str
-        Folder for ``rig.json`` (the rig with the new poses, all else kept), the report and its picture.
+        Folder for ``rig.json`` (the rig with the new poses, all else kept), ``cameras.toml`` (the same for a
+        ``drive.toml`` that has ``[cameras]``), Kalibr's and OpenCV's files where they know the cameras'
+        models, the report and its picture.
     hand : Path or str, optional
         Calibration file of a camera that was carried around: pictures that name no camera are its own.
     progress : callable, optional
@@ -123,28 +142,57 @@ def calibrate_rig(
         If an input cannot be used; nothing is written then.
     """
     layout = read_layout(_content(tags, "layout"), Path(tags).name)
-    document, known = _rig(Path(rig))
-    models: dict[str, CameraModel] = {name: camera.model for name, camera in known.cameras.items()}
+    given = read_given_rig(rig)
+    models: dict[str, CameraModel] = {name: camera.model for name, camera in given.rig.cameras.items()}
     if hand is not None:
         models[HAND] = _hand_model(Path(hand))
-    shown, notes = _tag_pictures(_by_camera(Path(images), known, hand is not None), models, layout, progress)
-    nominal = {n: Pose(c.rig_R_camera, c.rig_t_camera_m) for n, c in known.cameras.items()}
-    found = calibrate_extrinsics(models, shown, layout.tags, nominal=nominal, sigmas=layout.sigmas)
-    for name, camera in found.cameras.items():
-        pose = camera.rig_T_camera
-        document = with_extrinsics(document, name, pose.R, pose.t_m, Path(rig).name)
+    files = _by_camera(Path(images), given.rig, hand is not None)
+    shown, notes = _tag_pictures(files, models, layout, progress)
+    found = calibrate_extrinsics(models, shown, layout.tags, nominal=given.nominal, sigmas=layout.sigmas)
+    document = given.document
+    settled = [name for name, camera in found.cameras.items() if is_determined(camera)]
+    for name in settled:
+        pose = found.cameras[name].rig_T_camera
+        document = with_extrinsics(document, name, pose.R, pose.t_m, given.rig.source)
+    texts = _mounting_texts(rig_from_document(document, given.rig.source), settled, given)
+    names = (RIG_NAME, *texts, REPORT_NAME, PICTURE_NAME)
     report = ExtrinsicsReport(
-        cameras=tuple(_found(found, name, known) for name in found.cameras),
+        cameras=tuple(_found(found, name, given) for name in found.cameras),
         doubts=doubts(found),
-        notes=tuple(notes),
+        notes=(*given.warnings, *notes, *_left_alone(given, settled)),
         n_pictures=len(shown),
-        files=tuple(Path(out) / name for name in (RIG_NAME, REPORT_NAME, PICTURE_NAME)),
+        files=tuple(Path(out) / name for name in names),
+        drive=given.drive,
+        rig_file=given.rig.source,
+        drive_tables=texts.get(TABLES_NAME, ""),
     )
+    texts[RIG_NAME] = json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+    texts[REPORT_NAME] = json.dumps(_document(report, found), indent=2) + "\n"
     folder = make_folder(out)
-    replace_file(folder / RIG_NAME, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
-    replace_file(folder / REPORT_NAME, (json.dumps(_document(report, found), indent=2) + "\n").encode())
+    for name, text in texts.items():
+        replace_file(folder / name, text.encode())
     draw_extrinsics(found, layout, folder / PICTURE_NAME)
     return report
+
+
+def _left_alone(given: GivenRig, settled: Sequence[str]) -> list[str]:
+    names = ", ".join(name for name in given.rig.cameras if name not in settled)
+    return [f"{names}: not calibrated, and in {RIG_NAME} as before."] if names else []
+
+
+def _mounting_texts(rig: Rig, cameras: Sequence[str], given: GivenRig) -> dict[str, str]:
+    """Where the cameras sit in the files of others, by file name."""
+    texts = {}
+    if given.tables and cameras:
+        texts[TABLES_NAME] = drive_tables(rig, cameras, given.tables)
+    kalibr = kalibr_rig(rig, cameras)
+    if kalibr is not None:
+        texts[KALIBR_NAME] = kalibr
+    for name in cameras:
+        opencv = opencv_mounted(rig.camera(name))
+        if opencv is not None:
+            texts[f"{file_name(name)}.opencv.yaml"] = opencv
+    return texts
 
 
 def _content(path: Path | str, what: str) -> bytes:
@@ -152,14 +200,6 @@ def _content(path: Path | str, what: str) -> bytes:
         return Path(path).read_bytes()
     except OSError as error:
         raise ConfigError(f"The {what} {path} cannot be read ({error.strerror}): check its name.") from error
-
-
-def _rig(path: Path) -> tuple[Mapping[str, Any], Rig]:
-    try:
-        document = json.loads(_content(path, "rig file").decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"The rig file {path} is not JSON ({error}): export it again.") from error
-    return document, rig_from_document(document, path.name)
 
 
 def _hand_model(path: Path) -> CameraModel:
@@ -186,6 +226,8 @@ def _by_camera(folder: Path, rig: Rig, hand: bool) -> list[_PictureFile]:
     for file in sorted(f for f in files if f.suffix.lower() in IMAGE_SUFFIXES):
         inside = file.relative_to(folder).with_suffix("")
         names = named_in(str(inside), rig.cameras)
+        if not names and not hand and len(rig.cameras) == 1:
+            names = list(rig.cameras)
         if len(names) > 1 or not (names or hand):
             raise ConfigError(
                 f"{inside} names {' and '.join(names) or 'no camera'} of the rig ({', '.join(rig.cameras)}):"
@@ -216,26 +258,33 @@ def _tag_pictures(
                 f" {model.width_px} x {model.height_px}: give pictures in the camera's own size."
             )
         tags = find_tags(grey, model)
-        if tags.mirrored:
+        boards = _board_pictures(grey, name, camera, layout.boards)
+        flipped = np.ascontiguousarray(grey[:, ::-1])
+        nothing = not len(tags.ids) and not boards
+        if tags.mirrored or (nothing and _board_pictures(flipped, name, camera, layout.boards)):
             raise CalibrationError(
                 f"{name} shows its tags mirrored: print them the right way round, or do not flip it."
             )
-        if tags.n_small:
-            notes.append(f"{name}: {tags.n_small} tags are too small or too blurred and were left out.")
-        strange = sorted(set(tags.ids.tolist()) - set(layout.tags))
-        if strange:
-            listed = ", ".join(map(str, strange))
-            notes.append(f"{name}: tag {listed} is not in the layout and was left out.")
-        shown = [
-            TagPicture(name, camera, camera != HAND, tags.ids, tags.corners_px),
-            *_board_pictures(grey, name, camera, layout.boards),
-        ]
-        if not any(len(picture.tag_ids) for picture in shown):
-            notes.append(f"{name} shows no tag.")
-        found += [picture for picture in shown if len(picture.tag_ids)]
+        notes += _tag_notes(name, tags, layout)
+        if nothing:
+            notes.append(f"{name} shows no tag or board.")
+        if len(tags.ids):
+            found.append(TagPicture(name, camera, camera != HAND, tags.ids, tags.corners_px))
+        found += boards
     if progress is not None:
         progress("pictures", len(files), len(files))
     return found, notes
+
+
+def _tag_notes(name: str, tags: TagsFound, layout: Layout) -> list[str]:
+    notes = []
+    if tags.n_small:
+        notes.append(f"{name}: {tags.n_small} tags are too small or too blurred and were left out.")
+    strange = sorted(set(tags.ids.tolist()) - set(layout.tags))
+    if strange:
+        listed = ", ".join(map(str, strange))
+        notes.append(f"{name}: tag {listed} is not in the layout and was left out.")
+    return notes
 
 
 def _board_pictures(
@@ -264,10 +313,9 @@ def _board_pictures(
     return found
 
 
-def _found(result: Extrinsics, name: str, rig: Rig) -> CameraFound:
-    camera, before = result.cameras[name], rig.cameras[name]
+def _found(result: Extrinsics, name: str, given: GivenRig) -> CameraFound:
+    camera, before = result.cameras[name], given.nominal.get(name)
     pose = camera.rig_T_camera
-    turn = pose.R @ before.rig_R_camera.T
     roll, pitch, yaw = rpy_from_rotation(pose.R @ FLU_R_RDF.T)
     return CameraFound(
         camera=name,
@@ -275,12 +323,17 @@ def _found(result: Extrinsics, name: str, rig: Rig) -> CameraFound:
         position_m=_three(pose.t_m),
         sigma_deg=_three(camera.sigma_deg),
         sigma_m=_three(camera.sigma_m),
-        turned_deg=float(np.rad2deg(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))),
-        moved_m=float(np.linalg.norm(pose.t_m - before.rig_t_camera_m)),
+        turned_deg=None if before is None else _angle_deg(pose.R @ before.R.T),
+        moved_m=None if before is None else float(np.linalg.norm(pose.t_m - before.t_m)),
+        determined=is_determined(camera),
         n_tags=camera.n_sightings,
         n_left_out=camera.n_outliers,
         rms_px=camera.rms_px,
     )
+
+
+def _angle_deg(rotation: FloatArray) -> float:
+    return float(np.rad2deg(np.arccos(np.clip((np.trace(rotation) - 1.0) / 2.0, -1.0, 1.0))))
 
 
 def _three(values: FloatArray) -> tuple[float, float, float]:

@@ -44,7 +44,7 @@ def draw_verification(found: Verification, path: Path) -> None:
     largest = max((e.before_m for e in found.errors), default=1.0)
     # Slips of the annotator would press everything that matters to the floor.
     grid[0].set(ylabel="horizontal error [m]", ylim=(0.0, 2.5 * max(largest, 0.1)))
-    grid[0].legend(frameon=False)
+    grid[0].legend(frameon=False, title="diamonds: medians")
     _save(figure, path)
 
 

@@ -22,8 +22,10 @@ from geoloc.geodesy import (
 from geoloc.rig import Rig
 from geoloc.rig_edit import with_rotation_correction
 from geoloc.trajectory import Poses, Trajectory
+from twin.calibrate.mounting_files import drive_tables
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
+from twin.drives.settings import SETTINGS_FILE, read_settings
 from twin.errors import TruthError
 from twin.evaluate import Truth, read_truth
 from twin.export.atomic import replace_file
@@ -75,6 +77,12 @@ class Verification:
     warnings : tuple of str
     rig : Path or None
         The corrected rig file, where one was asked for.
+    rig_file : str
+        Name of the drive's own.
+    drive_tables : str
+        What ``[cameras]`` of the drive's ``drive.toml`` has to say of the advised cameras; empty without one.
+    tables : Path or None
+        The file with `drive_tables`, where a corrected rig was asked for.
     """
 
     drive: str
@@ -84,6 +92,9 @@ class Verification:
     not_seen: tuple[str, ...]
     warnings: tuple[str, ...]
     rig: Path | None
+    rig_file: str
+    drive_tables: str
+    tables: Path | None
     errors_at: Mapping[str, FloatArray]
     """Camera → (n, 3): distance, error before and after, of every sighting; not part of the JSON document."""
 
@@ -106,7 +117,8 @@ def verify_drive(
     known : Path or str
         CSV with object, easting, northing (EPSG:25833), as for ``twin evaluate``.
     apply : Path or str, optional
-        Rig file to write: the drive's rig with ``correction_sensor_R_FLU`` of the advised cameras.
+        Rig file to write: the drive's rig with ``correction_sensor_R_FLU`` of the advised cameras. Where the
+        drive's ``drive.toml`` has ``[cameras]``, their new tables are written beside it (``.cameras.toml``).
     progress : callable, optional
 
     Raises
@@ -130,14 +142,17 @@ def verify_drive(
     truth_m = np.array([place[name] for name in names[rows].tolist()])
     sightings = _known_sightings(drive, located.index[rows], _only(located.poses, rows), truth_m)
     turns = camera_turns(drive.rig, sightings)
-    before = _errors_m(drive, trajectory, rows, truth_m, drive.rig)
-    after = _errors_m(drive, trajectory, rows, truth_m, rig_turned(drive.rig, turns))
+    errors = [
+        _errors_m(drive, trajectory, rows, truth_m, r) for r in (drive.rig, rig_turned(drive.rig, turns))
+    ]
+    errors_at = _errors_at(drive.rig, sightings, *errors)
     advised = tuple(name for name, turn in turns.items() if _is_sure(turn))
-    eye = np.array([drive.rig.cameras[name].rig_t_camera_m for name in sightings.camera.tolist()])
-    distance = np.hypot(*(sightings.rig_point_m - eye)[:, :2].T)
-    at = np.column_stack([distance, before, after])
-    errors_at = {str(name): at[sightings.camera == name] for name in np.unique(sightings.camera)}
-    rig = _apply(drive, {n: turns[n] for n in advised}, Path(apply)) if apply is not None else None
+    mended = {name: turns[name] for name in advised}
+    tables_text = _drive_tables(drive, mended, Path(path))
+    rig = None if apply is None else _apply(drive, mended, Path(apply))
+    tables = None if rig is None or not tables_text else rig.with_suffix(".cameras.toml")
+    if tables is not None:
+        replace_file(tables, tables_text.encode())
     return Verification(
         drive=drive.name,
         errors=tuple(row for name, rows_at in errors_at.items() for row in _table(name, rows_at)),
@@ -146,6 +161,9 @@ def verify_drive(
         not_seen=tuple(sorted({t.object for t in truths} - set(names[rows].tolist()))),
         warnings=(*drive.warnings, *_shared(turns, located.poses, rows)),
         rig=rig,
+        rig_file=drive.rig.source,
+        drive_tables=tables_text,
+        tables=tables,
         errors_at=errors_at,
     )
 
@@ -193,6 +211,16 @@ def _errors_m(
     return np.asarray(np.hypot(east - truth_m[:, 0], north - truth_m[:, 1]))
 
 
+def _errors_at(
+    rig: Rig, sightings: KnownSightings, before_m: FloatArray, after_m: FloatArray
+) -> dict[str, FloatArray]:
+    """Camera → (n, 3): horizontal distance from the camera by the survey, and both errors."""
+    eye = np.array([rig.cameras[name].rig_t_camera_m for name in sightings.camera.tolist()])
+    distance = np.hypot(*(sightings.rig_point_m - eye)[:, :2].T)
+    at = np.column_stack([distance, before_m, after_m])
+    return {str(name): at[sightings.camera == name] for name in np.unique(sightings.camera)}
+
+
 def _is_sure(turn: CameraTurn) -> bool:
     pairs = (
         (turn.pitch_deg, turn.sigma_pitch_deg),
@@ -233,6 +261,13 @@ def _table(camera: str, at: FloatArray) -> list[ErrorRow]:
             distance, before, after = np.median(at[inside], axis=0).tolist()
             rows.append(ErrorRow(camera, distance, int(inside.sum()), before, after))
     return rows
+
+
+def _drive_tables(drive: Drive, turns: Mapping[str, CameraTurn], root: Path) -> str:
+    """``[cameras]`` with the turned cameras; empty where the drive has no such table, or none is turned."""
+    file = root / SETTINGS_FILE
+    tables = read_settings(file.read_bytes()).cameras if file.exists() else {}
+    return drive_tables(rig_turned(drive.rig, turns), turns, tables) if tables else ""
 
 
 def _apply(drive: Drive, turns: Mapping[str, CameraTurn], path: Path) -> Path:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from geoloc.calibration_files.document import json_document
 from geoloc.errors import CalibrationError
+from geoloc.rig import looks_like_rig
 from twin.calibrate.camera_files import (
+    RIG_NAME,
+    cameras_of,
     check_has_camera,
+    file_name,
     new_rig_document,
     other_formats,
     rig_text,
@@ -17,58 +23,99 @@ from twin.calibrate.camera_files import (
 from twin.calibrate.intrinsics import Calibrated
 from twin.calibrate.plots import coverage_picture, curve_picture, residual_picture
 from twin.calibrate.report import report_document, report_markdown
-from twin.export.atomic import replacing
+from twin.errors import RefusedError
+from twin.export.atomic import replace_file, replacing
 from twin.folders import make_folder
 
 
-def write_calibration(made: Calibrated, out: Path, camera: str, rig: Path | None = None) -> list[Path]:
-    """Write the camera's files, the report and its pictures: all of them, or none.
+def write_calibration(
+    made: Calibrated, out: Path, camera: str, rig: Path | None = None, *, add: bool = False
+) -> list[Path]:
+    """Write the rig, and the camera's files, report and pictures in a folder of its own.
 
     Parameters
     ----------
     made : Calibrated
     out : Path
-        Folder; made if it does not exist.
+        Folder for ``rig.json``; made if it does not exist. The camera's own files go into its sub-folder of
+        the camera's name, so that several cameras share one rig.
     camera : str
         Its name.
     rig : Path, optional
         A DriveWorks rig in which that camera takes the place of the one of this name: written as ``rig.json``
-        into the folder; the file itself is not touched.
+        into the folder, which may be the same file; another file is not touched.
+    add : bool
+        Put the camera into a rig that does not have it yet.
 
     Returns
     -------
     list of Path
+        The rig first.
 
     Raises
     ------
     CalibrationError
         If the rig cannot be read or has no such camera.
     RefusedError
-        If the folder cannot be written.
+        If the folder cannot be written, or its ``rig.json`` holds other cameras and is not the rig given.
     """
-    files = _contents(made, camera, rig)
+    check_rig(out, camera, rig, add=add)
+    text = _rig_text(made, camera, rig, add)
+    files = _contents(made, camera)
     folder = make_folder(out)
-    with replacing(folder, list(files)) as staging:
+    own = folder / file_name(camera)
+    with replacing(own, list(files)) as staging:
         for name, content in files.items():
             (staging / name).write_bytes(content)
-    return [folder / name for name in files]
+    replace_file(folder / RIG_NAME, text.encode())
+    return [folder / RIG_NAME, *(own / name for name in files)]
 
 
-def check_rig(rig: Path, camera: str) -> None:
-    """Refuse a rig that cannot be read or has no such camera: before the work, not after it.
+def check_rig(out: Path, camera: str, rig: Path | None, *, add: bool = False) -> None:
+    """Refuse a rig that cannot take the camera, or that would be lost: before the work, not after it.
 
     Raises
     ------
-    CalibrationError
+    CalibrationError, RefusedError
     """
-    check_has_camera(_rig_document(rig), str(rig), camera)
+    given: Mapping[str, object] = {}
+    if rig is not None:
+        document = _rig_document(rig)
+        check_has_camera(document, str(rig), camera, add=add)
+        given = _intrinsics_of(document)
+    there = out / RIG_NAME
+    held = _intrinsics_in(there)
+    lost = [name for name in held if name != camera and held[name] != given.get(name)]
+    if lost:
+        option = "" if camera in held else " --add"
+        raise RefusedError(
+            f"{there} holds a calibration of {', '.join(lost)}, which would be lost: put {camera} into it"
+            f" with --rig {there}{option}, or name another folder with --out."
+        )
 
 
-def _rig_text(made: Calibrated, camera: str, rig: Path | None) -> str:
+def _intrinsics_in(path: Path) -> dict[str, object]:
+    """Cameras of a rig file with their properties; none where there is no file, or another one."""
+    try:
+        document = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return _intrinsics_of(document) if looks_like_rig(document) else {}
+
+
+def _intrinsics_of(document: Mapping[str, Any]) -> dict[str, object]:
+    sensors = {
+        str(s.get("name", "")).strip(): s for s in document["rig"]["sensors"] if isinstance(s, Mapping)
+    }
+    return {name: sensors[name].get("properties") for name in cameras_of(document)}
+
+
+def _rig_text(made: Calibrated, camera: str, rig: Path | None, add: bool) -> str:
     """Write the rig with the calibrated camera."""
+    model = made.intrinsics.camera
     if rig is None:
-        return rig_text(new_rig_document(camera, made.intrinsics.camera))
-    return rig_text(rig_with_camera(_rig_document(rig), str(rig), camera, made.intrinsics.camera))
+        return rig_text(new_rig_document({camera: model}))
+    return rig_text(rig_with_camera(_rig_document(rig), str(rig), camera, model, add=add))
 
 
 def _rig_document(rig: Path) -> dict[str, object]:
@@ -80,7 +127,7 @@ def _rig_document(rig: Path) -> dict[str, object]:
     return dict(json_document(content, str(rig)))
 
 
-def _contents(made: Calibrated, camera: str, rig: Path | None) -> dict[str, bytes]:
+def _contents(made: Calibrated, camera: str) -> dict[str, bytes]:
     """File name → content."""
     pictures = {
         "residuals.png": residual_picture(made.intrinsics),
@@ -90,11 +137,10 @@ def _contents(made: Calibrated, camera: str, rig: Path | None) -> dict[str, byte
     others = other_formats(made.intrinsics.candidates, camera)
     document = report_document(made, camera)
     document["files"] = {
-        "rig.json": made.intrinsics.fit.label,
+        RIG_NAME: made.intrinsics.fit.label,
         **{name: candidate.label for name, (_, candidate) in others.items()},
     }
     texts = {
-        "rig.json": _rig_text(made, camera, rig),
         **{name: text for name, (text, _) in others.items()},
         "report.json": json.dumps(document, indent=2, ensure_ascii=False) + "\n",
         "report.md": report_markdown(document, list(pictures)),

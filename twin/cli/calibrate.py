@@ -41,7 +41,8 @@ def intrinsics(
         ),
     ],
     out: Annotated[
-        Path, typer.Option(help="Folder for the camera's files, the report and its pictures.")
+        Path,
+        typer.Option(help="Folder for rig.json, and for a folder of the camera's files and report."),
     ] = Path("calibrated"),
     model: Annotated[
         str,
@@ -53,6 +54,9 @@ def intrinsics(
     rig: Annotated[
         Path | None, typer.Option(help="DriveWorks rig to put the camera into; written to OUT/rig.json.")
     ] = None,
+    add: Annotated[
+        bool, typer.Option("--add", help="The rig does not have this camera yet: put it in.")
+    ] = False,
     camera: Annotated[str, typer.Option(help="Name of the camera, as in the rig.")] = "camera",
     max_views: Annotated[int, typer.Option(min=5, help="Use at most so many views, well spread.")] = 60,
     every: Annotated[
@@ -74,8 +78,7 @@ def intrinsics(
     from twin.calibrate.write import check_rig, write_calibration
 
     distances_m = _distances(distance or [])
-    if rig is not None:
-        check_rig(rig, camera)
+    check_rig(out, camera, rig, add=add)
     with bar(quiet=json_output) as progress:
         made = calibrate_intrinsics(
             sources,
@@ -87,7 +90,7 @@ def intrinsics(
             distances_m=distances_m,
             progress=progress,
         )
-    files = write_calibration(made, out, camera, rig)
+    files = write_calibration(made, out, camera, rig, add=add)
     document = report_document(made, camera)
     if json_output:
         print_json({**document, "files": [str(file) for file in files]})
@@ -96,6 +99,13 @@ def intrinsics(
     print_paths("Written:", files)
     for fault in made.faults:
         warn(fault.sentence)
+    new = files[0]
+    another = "" if rig is not None and not add else " --add"
+    note(
+        f"Next camera: twin calibrate intrinsics PICTURES --board {board} --camera NAME --rig {new}{another}"
+        f" --out {out}"
+    )
+    note(f"Next: twin calibrate extrinsics PICTURES --tags layout.toml --rig {new} --out mounted")
 
 
 def _distances(texts: list[str]) -> dict[str, float]:
@@ -154,17 +164,23 @@ def _print_report(document: dict[str, Any]) -> None:
 @app.command("example", epilog="Example: twin calibrate example board")
 def example(
     out: Annotated[Path, typer.Argument(help="A new or an empty folder.", metavar="OUT")],
+    camera: Annotated[
+        str, typer.Option(help="C1_front60Single, C2_tricam60 or C3_tricam120 of the simulated car.")
+    ] = "C3_tricam120",
     pictures: Annotated[int, typer.Option(min=5, help="How many.")] = 24,
     seed: Annotated[int, typer.Option(min=0, help="Draws poses, light and noise.")] = 0,
     json_output: JsonOption = False,
 ) -> None:
     """Render pictures of a ChArUco board to try `intrinsics` on, and the rig that they were taken with."""
-    from twin.calibrate.example import EXAMPLE_BOARD, EXAMPLE_CAMERA, PICTURES, write_example
+    from twin.calibrate.example import EXAMPLE_BOARD, PICTURES, write_example
 
     with bar(quiet=json_output) as progress:
-        files = write_example(out, n_pictures=pictures, seed=seed, progress=progress)
+        files = write_example(out, camera=camera, n_pictures=pictures, seed=seed, progress=progress)
     if json_output:
-        print_json({"board": EXAMPLE_BOARD, "camera": EXAMPLE_CAMERA, "files": [str(f) for f in files]})
+        print_json({"board": EXAMPLE_BOARD, "camera": camera, "files": [str(f) for f in files]})
         return
     print_paths("Written:", [files[0], "…", *files[-2:]])
-    note(f"Next: twin calibrate intrinsics {out / PICTURES} --board {EXAMPLE_BOARD} --out calibrated")
+    note(
+        f"Next: twin calibrate intrinsics {out / PICTURES} --board {EXAMPLE_BOARD} --camera {camera}"
+        " --out calibrated"
+    )

@@ -13,7 +13,7 @@ from twin.cli.calibrate import JsonOption, app
 from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, steps, warn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from twin.calibrate.extrinsics import ExtrinsicsReport
     from twin.calibrate.from_drives import Histories
@@ -24,7 +24,7 @@ __all__ = ["app"]
 
 @app.command(
     "extrinsics",
-    epilog="Example: twin calibrate extrinsics pictures --tags layout.toml --rig rig.json --out calibrated",
+    epilog="Example: twin calibrate extrinsics pictures --tags layout.toml --rig calibrated/rig.json",
 )
 def extrinsics(
     images: Annotated[
@@ -32,9 +32,15 @@ def extrinsics(
         typer.Argument(help="Folder of pictures; names or sub-folders name the camera.", metavar="IMAGES"),
     ],
     tags: Annotated[Path, typer.Option(help="What stands around the car: layout.toml.")],
-    rig: Annotated[Path, typer.Option(help="DriveWorks rig file with the cameras' intrinsics.")],
+    rig: Annotated[
+        Path,
+        typer.Option(
+            help="The cameras' intrinsics: a DriveWorks rig file, a drive folder or its drive.toml, or a "
+            "calibration file (Kalibr, OpenCV, OCamCalib, OpenSfM)."
+        ),
+    ],
     out: Annotated[Path, typer.Option(help="Folder for rig.json, the report and its picture.")] = Path(
-        "calibrated"
+        "mounted"
     ),
     hand: Annotated[
         Path | None, typer.Option(help="Calibration file of a camera that was carried around the car.")
@@ -54,10 +60,32 @@ def extrinsics(
         note(text)
     for text in report.doubts:
         warn(text)
+    if report.drive_tables:
+        typer.echo(f"For drive.toml, over its tables of these names:\n{report.drive_tables}", nl=False)
     print_paths("Written:", report.files)
+    if any(camera.determined for camera in report.cameras):
+        note(f"Next: {_to_ingest(report.drive, report.rig_file, report.files)}")
+    else:
+        note("Next: measure or add what the warnings name, and calibrate again.")
+
+
+def _to_ingest(drive: Path | None, rig_file: str, files: Sequence[Path]) -> str:
+    """What brings a new rig into a drive: the first of the files, or the tables among them."""
+    tables = [file for file in files if file.suffix == ".toml"]
+    if drive is None:
+        return f"put {files[0]} into the drive's folder as its rig file, then twin ingest-drive DRIVE"
+    if tables:
+        return (
+            f"paste {tables[0]} over those tables of {drive / 'drive.toml'}, then twin ingest-drive {drive}"
+        )
+    if files[0].resolve() == (drive / rig_file).resolve():
+        return f"twin ingest-drive {drive}"
+    return f"put {files[0]} in the place of {drive / rig_file}, then twin ingest-drive {drive}"
 
 
 def _print_extrinsics(report: ExtrinsicsReport) -> None:
+    from geoloc.calibration.extrinsics.doubts import OPEN_DEG, OPEN_M
+
     print_table(
         "Cameras in the rig frame, with one sigma",
         ["camera", "roll, pitch, yaw [°]", "±", "x, y, z [m]", "±", "turned", "moved", "tags", "residual"],
@@ -65,11 +93,11 @@ def _print_extrinsics(report: ExtrinsicsReport) -> None:
             (
                 camera.camera,
                 _numbers(camera.roll_pitch_yaw_deg, 3),
-                _numbers(camera.sigma_deg, 3),
+                _sigmas(camera.sigma_deg, 3, OPEN_DEG),
                 _numbers(camera.position_m, 4),
-                _numbers(camera.sigma_m, 4),
-                f"{camera.turned_deg:.2f}°",
-                f"{camera.moved_m:.3f} m",
+                _sigmas(camera.sigma_m, 4, OPEN_M),
+                None if camera.turned_deg is None else f"{camera.turned_deg:.2f}°",
+                None if camera.moved_m is None else f"{camera.moved_m:.3f} m",
                 f"{camera.n_tags - camera.n_left_out} of {camera.n_tags}",
                 f"{camera.rms_px:.2f} px",
             )
@@ -133,6 +161,16 @@ def verify(
     _print_verification(found)
     if plot is not None:
         note(f"wrote {plot}")
+    note(f"Next: {_after_verify(found, drive, known)}")
+
+
+def _after_verify(found: Verification, drive: Path, known: Path) -> str:
+    if found.rig is not None and found.advised:
+        files = [found.rig] if found.tables is None else [found.rig, found.tables]
+        return _to_ingest(drive, found.rig_file, files)
+    if found.advised:
+        return f"twin calibrate verify {drive} --known {known} --apply rig_corrected.json"
+    return f"twin ingest-drive {drive}"
 
 
 def _print_verification(found: Verification) -> None:
@@ -162,13 +200,21 @@ def _print_verification(found: Verification) -> None:
         warn(warning)
     if found.not_seen:
         note(f"Not annotated in this drive: {', '.join(found.not_seen)}.")
+    note("Positive pitch looks up, positive yaw right; in rig files and drive.toml it is down and left.")
+    _print_correction(found)
+
+
+def _print_correction(found: Verification) -> None:
     if not found.advised:
         note("No camera needs a correction: none is off by more than two sigmas and 0.02°.")
     elif found.rig is None:
         note(f"Off in this drive: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+    if found.drive_tables:
+        typer.echo(f"For drive.toml, over its tables of these names:\n{found.drive_tables}", nl=False)
     if found.rig is not None:
         note(f"wrote {found.rig}, with {', '.join(found.advised) or 'nothing'} corrected")
-    note("Positive pitch looks up, positive yaw right; in rig files and drive.toml it is down and left.")
+    if found.tables is not None:
+        note(f"wrote {found.tables}, the same for drive.toml")
 
 
 @app.command("from-drives", epilog="Example: twin calibrate from-drives --plot cameras.png")
@@ -241,3 +287,8 @@ def _angles(turn: tuple[float, ...], sigma: tuple[float, ...]) -> list[str]:
 
 def _numbers(values: Iterable[float], digits: int) -> str:
     return ", ".join(f"{value:.{digits}f}" for value in values)
+
+
+def _sigmas(values: Iterable[float], digits: int, most: float) -> str:
+    """One sigma each; what the tags leave open has none to speak of."""
+    return ", ".join("open" if value > most else f"{value:.{digits}f}" for value in values)

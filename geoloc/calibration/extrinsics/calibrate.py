@@ -151,11 +151,11 @@ def calibrate_extrinsics(
     )
     sightings = [s for s in sightings if s.tag in state.tags]
     found = _cleaned(sightings, tags, sigmas or Sigmas(), state)
-    worst = max(found.network.corner_px.values())
-    if worst > MOST_PX:
+    off_px, worst = max((px, camera) for camera, px in found.network.corner_px.items())
+    if off_px > MOST_PX:
         raise CalibrationError(
-            f"The layout does not fit the pictures: corners are off by {worst:.0f} px. Check that places"
-            " are x forward, y left, z up in metres, the tags' ids and sizes, and the rig's intrinsics."
+            f"The layout does not fit the pictures: corners of {worst} are off by {off_px:.0f} px. Check that"
+            " places are x forward, y left, z up in metres, tags' ids and sizes, and the rig's intrinsics."
         )
     return _result(found, sightings, pictures)
 
@@ -167,8 +167,8 @@ def _sightings(
     on_car = {p.camera for p in pictures if p.on_car}
     if not any(s.view in on_car for s in found):
         raise CalibrationError(
-            "No camera on the car sees a tag of the layout: check the family (36h11), the ids, and that the"
-            " pictures are sharp."
+            "No camera on the car sees a tag or a board of the layout: check the family (36h11), the ids, the"
+            " board's description, and that the pictures are sharp; a board on the floor needs large markers."
         )
     return found
 
@@ -265,17 +265,22 @@ def _contradictions(
 ) -> tuple[dict[int, float], dict[int, float]]:
     """How far suspected tags are from where they were measured, and above the floor."""
     seen = sorted(suspected & state.tags.keys())
-    off = {t: np.nan_to_num(state.tags[t].t_m - tags[t].centre_m) for t in seen}
-    mistaped = {t: float(np.linalg.norm(d)) for t, d in off.items() if np.isfinite(tags[t].centre_m).any()}
+    mistaped = {}
+    for t in seen:
+        here = tags[t].points_m() @ state.tags[t].R.T + state.tags[t].t_m
+        if np.isfinite(tags[t].places_m()).any():
+            off = np.nan_to_num(here - tags[t].places_m())
+            mistaped[t] = float(np.linalg.norm(off, axis=1).max())
     return mistaped, {t: float(state.tags[t].t_m[2]) for t in seen if tags[t].on_floor}
 
 
 def _is_measured(tag: Tag) -> bool:
-    return bool(np.isfinite(tag.centre_m).any() or tag.on_floor)
+    return bool(np.isfinite(tag.places_m()).any() or tag.on_floor)
 
 
 def _unmeasured(tag: Tag) -> Tag:
-    return replace(tag, centre_m=np.full(3, np.nan), on_floor=False)
+    nowhere = np.full_like(tag.mark_places_m, np.nan)
+    return replace(tag, centre_m=np.full(3, np.nan), mark_places_m=nowhere, on_floor=False)
 
 
 def _worst_sighting(network: Network, state: State) -> tuple[int, float]:
@@ -291,15 +296,16 @@ def _worst_place(network: Network, state: State) -> tuple[int, float]:
     Baarda's test: what is left between a measurement and the adjusted value, over the sigma that it should
     have. A measurement that nothing checks has nothing left, and is never suspected.
     """
-    variance = np.diag(covariance_of(network, state))
+    covariance = covariance_of(network, state)
     worst, most = -1, 0.0
     for tag in network.tag_ids:
-        measured = network.tags[tag]
-        rest = state.tags[tag].t_m - measured.centre_m
-        prior = np.full(3, measured.centre_sigma_m**2)
+        measured, at = network.tags[tag], network.tag_columns(tag)
+        rest, by_pose, _ = network.measured(measured, state)
+        prior = np.full_like(rest, measured.centre_sigma_m**2)
         if measured.on_floor:
-            rest[2], prior[2] = state.tags[tag].t_m[2], network.sigmas.floor_m**2 / 4.0
-        spare = prior - variance[network.tag_columns(tag)][3:]
+            rest[0, 2], prior[0, 2] = state.tags[tag].t_m[2], network.sigmas.floor_m**2 / 4.0
+        known = np.einsum("kij,jl,kil->ki", by_pose, covariance[at, at], by_pose)
+        spare = prior - known
         tested = np.isfinite(rest) & (spare > _LEAST_SPARE * prior)
         strain = float((np.abs(rest[tested]) / np.sqrt(spare[tested])).max(initial=0.0))
         if strain > most:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.calibration.extrinsics.bend import bends
 from geoloc.calibration.extrinsics.calibrate import MISTAPED_SIGMAS, CameraPose, Extrinsics
 
 FloatArray = NDArray[np.float64]
@@ -19,6 +20,11 @@ _SOFT_DEG, _SOFT_M = 0.05, 0.02
 _LEAST_MISFIT_PX = 0.3
 
 
+def is_determined(camera: CameraPose) -> bool:
+    """Whether the tags leave no part of a camera's pose open."""
+    return not _loose(camera, OPEN_DEG, OPEN_M)
+
+
 def doubts(result: Extrinsics) -> tuple[str, ...]:
     """Everything that a person should look at before the result is used, one sentence each.
 
@@ -31,8 +37,18 @@ def doubts(result: Extrinsics) -> tuple[str, ...]:
     tuple of str
         What (which tag, camera, or the floor), how much, and the cure.
     """
-    found = [*_open_cameras(result), *_soft_cameras(result), *_blurred(result), *_misfits(result)]
-    return (*found, *_mistaped(result), *_scale(result), *_floor(result))
+    cameras = [*_lost_cameras(result), *_open_cameras(result), *_soft_cameras(result), *_blurred(result)]
+    tags = [*_misfits(result), *_bent(result), *_mistaped(result), *_scale(result), *_floor(result)]
+    return (*cameras, *tags)
+
+
+def _lost_cameras(result: Extrinsics) -> list[str]:
+    on_car = {s.camera for s in result.sightings if s.view == s.camera}
+    return [
+        f"{camera}: none of its tags fits those of the other cameras, so nothing is known of it: see that"
+        " no tag was moved between the pictures, and that its intrinsics are right."
+        for camera in sorted(on_car - result.cameras.keys())
+    ]
 
 
 def _open_cameras(result: Extrinsics) -> list[str]:
@@ -90,26 +106,42 @@ def _misfits(result: Extrinsics) -> list[str]:
     sigma = np.array([result.sigma_px.get(s.camera, np.nan) for s in result.sightings])
     off = np.sqrt(((result.residual_px / sigma[:, None, None]) ** 2).mean(axis=(1, 2)))
     found = []
-    for tag in sorted({s.tag for s in result.sightings}):
+    for tag in sorted({s.tag for s in result.sightings} - bends(result).keys()):
         mine = np.array([s.tag == tag for s in result.sightings])
-        left_out = int((mine & ~result.used).sum())
+        left_out, n, name = int((mine & ~result.used).sum()), int(mine.sum()), _named(result, tag)
+        pictures = {s.picture for s, shown in zip(result.sightings, mine, strict=True) if shown}
+        where = f"{left_out} of {n} pictures" if len(pictures) == n else f"{left_out} of {n} parts"
         if left_out:
             found.append(
-                f"Tag {tag} does not fit in {left_out} of {int(mine.sum())} pictures and was left out there:"
-                " it was moved, its id is there twice, it is bent, or something covers a corner."
+                f"{name} does not fit in {where} and was left out there: it was moved, its id is there twice,"
+                " it is bent, or something covers a corner."
             )
         elif np.sqrt(np.mean(off[mine] ** 2)) > _MISFIT:
             found.append(
-                f"Tag {tag} fits no flat square of {result.network.tags[tag].size_m:g} m: its corners are off"
-                f" by {np.sqrt(np.mean(off[mine] ** 2)):.1f} times the usual; it is bent, or of another size."
+                f"{name} fits no flat square of {result.network.tags[tag].size_m:g} m: its corners are off by"
+                f" {np.sqrt(np.mean(off[mine] ** 2)):.1f} times the usual; it is bent, or of another size."
             )
     return found
 
 
+def _bent(result: Extrinsics) -> list[str]:
+    return [
+        f"{_named(result, tag)} is bent by {1000.0 * bend.off_m:.1f} mm: fix it to a stiff, flat plate, and"
+        " take the pictures again."
+        for tag, bend in bends(result).items()
+    ]
+
+
+def _named(result: Extrinsics, tag: int) -> str:
+    """Name of a tag at the beginning of a sentence."""
+    name = result.network.tags[tag].name
+    return name[0].upper() + name[1:]
+
+
 def _mistaped(result: Extrinsics) -> list[str]:
     return [
-        f"Tag {tag} stands {off_m:.3f} m from the place in the layout, more than {MISTAPED_SIGMAS:g} sigmas"
-        " of that measurement: it was not used; measure it again."
+        f"{_named(result, tag)} stands {off_m:.3f} m from the place in the layout, more than"
+        f" {MISTAPED_SIGMAS:g} sigmas of that measurement: it was not used; measure it again."
         for tag, off_m in result.mistaped.items()
     ]
 
@@ -120,17 +152,22 @@ def _scale(result: Extrinsics) -> list[str]:
     sense = "larger" if result.scale > 0.0 else "smaller"
     sentence = (
         f"The tags seem {100.0 * abs(result.scale):.1f} % {sense} than the layout says: measure the black"
-        " square with a ruler and correct size_m."
+        " square with a ruler and correct size_m; of a board, a square."
     )
     return [sentence]
 
 
 def _floor(result: Extrinsics) -> list[str]:
-    found = [
-        f"The floor is not flat, or tag {tag} does not lie on it: it is at {1000.0 * high:+.0f} mm. Half a"
-        " degree spoils the result: use a flat floor, or measure the heights of such tags."
-        for tag, high in result.bumps.items()
-    ]
+    found = []
+    if result.bumps:
+        heights = [
+            f"{result.network.tags[tag].name} at {1000.0 * high:+.0f} mm"
+            for tag, high in result.bumps.items()
+        ]
+        found.append(
+            f"The floor is not flat, or what is called floor does not lie on it: {', '.join(heights)}. Half a"
+            " degree spoils the result: use a flat floor, or measure the heights of such tags."
+        )
     if result.floor is not None and result.floor.leans:
         found.append(
             f"The floor leans by {result.floor.lean_deg:.2f}° ± {result.floor.sigma_deg:.2f}° against"

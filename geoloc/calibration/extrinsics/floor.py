@@ -53,10 +53,12 @@ def lean_of_floor(network: Network, state: State) -> Floor | None:
     if np.linalg.svd(place[:, :2] - place[:, :2].mean(axis=0), compute_uv=False)[1] < _MIN_SPREAD_M:
         return None
     rows = [free.tag_columns(t).start + 5 for t in floor]
-    # How flat the floor is where each tag lies comes on top of how well its height is seen.
-    covariance = covariance_of(free, state)[np.ix_(rows, rows)]
-    covariance = covariance + network.sigmas.floor_m**2 * np.eye(len(floor))
-    return _plane(place, covariance)
+    # How flat the floor is where each tag lies comes on top of how well its height is seen. The car stands on
+    # it too: the rig's origin is a point of the floor.
+    covariance = np.zeros((len(floor) + 1, len(floor) + 1))
+    covariance[1:, 1:] = covariance_of(free, state)[np.ix_(rows, rows)]
+    covariance += network.sigmas.floor_m**2 * np.eye(len(floor) + 1)
+    return _plane(np.vstack([np.zeros(3), place]), covariance)
 
 
 def _plane(place: FloatArray, covariance: FloatArray) -> Floor | None:

@@ -111,6 +111,27 @@ class Network:
         """Residuals ``(n, 4, 2)`` of every sighting's corners, pixels."""
         return self._corners(state)[0]
 
+    def corners_by_tag(self, state: State) -> FloatArray:
+        """Derivatives ``(n, 4, 2, 6)`` of `corner_residuals_px` by the pose of the tag."""
+        return self._corners(state)[2]
+
+    def measured(self, tag: Tag, state: State) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """How far a tag's points are from where they were measured.
+
+        Returns
+        -------
+        off : float64 (1 + k, 3)
+            Metres, in the order of `Tag.points_m`; NaN where not measured.
+        by_pose, by_scale : float64 (1 + k, 3, 6), (1 + k, 3)
+            Derivatives by the tag's pose and by the scale.
+        """
+        pose = state.tags[tag.id]
+        turned = tag.points_m() @ pose.R.T
+        arms = (1.0 + state.scale) * turned
+        straight = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
+        by_pose = np.concatenate([-_cross_matrix(arms), straight], axis=2)
+        return arms + pose.t_m - tag.places_m(), by_pose, turned
+
     def equations(self, state: State) -> Equations:
         """Residuals and Jacobian, both divided by the sigmas."""
         rows = _Rows()
@@ -149,10 +170,14 @@ class Network:
 
     def _tag_priors(self, rows: _Rows, tag: Tag, state: State) -> None:
         pose, at = state.tags[tag.id], self._tag_at[tag.id]
-        known = np.isfinite(tag.centre_m)
+        known = np.isfinite(tag.places_m())
         if known.any():
-            by_pose = np.hstack([np.zeros((3, 3)), np.eye(3)])[known] / tag.centre_sigma_m
-            rows.add((pose.t_m - tag.centre_m)[known] / tag.centre_sigma_m, (at, by_pose))
+            off, by_pose, by_scale = self.measured(tag, state)
+            rows.add(
+                off[known] / tag.centre_sigma_m,
+                (at, by_pose[known] / tag.centre_sigma_m),
+                (self.n_unknowns - 1, by_scale[known][:, np.newaxis] / tag.centre_sigma_m),
+            )
         if tag.on_floor:
             arms = (1.0 + state.scale) * tag.corners_m() @ pose.R.T
             by_pose = np.zeros((4, 6))

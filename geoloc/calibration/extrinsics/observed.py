@@ -29,8 +29,14 @@ class Tag:
     centre_m : float64 (3,)
         In the rig frame (FLU, from the ground below the middle of the rear axle); NaN where not measured.
     centre_sigma_m : float
+        Of every measured coordinate.
     on_floor : bool
         Lies on the floor that the car stands on: z is 0.
+    marks_m, mark_places_m : float64 (k, 3)
+        Other points that were measured, corners for one: in the tag's frame, and where they are in the rig
+        frame.
+    label : str
+        What messages call it; default: by its id.
     """
 
     id: int
@@ -38,6 +44,22 @@ class Tag:
     centre_m: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     centre_sigma_m: float = 0.005
     on_floor: bool = False
+    marks_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    mark_places_m: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    label: str = ""
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return self.label or f"tag {self.id}"
+
+    def points_m(self) -> FloatArray:
+        """Measured points (1 + k, 3) in the tag's frame: its middle, and the other ones."""
+        return np.vstack([np.zeros(3), self.marks_m])
+
+    def places_m(self) -> FloatArray:
+        """Where `points_m` were measured in the rig frame (1 + k, 3); NaN where they were not."""
+        return np.vstack([self.centre_m, self.mark_places_m])
 
     def corners_m(self) -> FloatArray:
         """Corners (4, 3) in the tag's frame: top left, top right, bottom right, bottom left."""

@@ -94,7 +94,8 @@ def laid_onto_rig(group: State, tags: Mapping[int, Tag], nominal: Mapping[str, P
     nominal : mapping of view to Pose
         Roughly known poses of cameras in the rig frame; only a start where tags leave something open.
     """
-    starts = [*_by_centres(group, tags), *_by_nominal(group, nominal)] or list(_by_floor(group, tags))
+    starts = [*_by_places(group, tags), *_by_nominal(group, nominal)]
+    starts = starts or list(_by_floor(group, tags)) or list(_by_any_turn(group, tags))
     solved = [
         least_squares(_misfit, _vector(start), args=(group, tags), max_nfev=_MAX_STEPS) for start in starts
     ]
@@ -149,13 +150,13 @@ def _unlikeness(view: Pose, tag: Pose, sighting: Sighting) -> float:
     return float(np.minimum(np.linalg.norm(away - sighting.ray, axis=1), _WORST_RAD).sum())
 
 
-def _by_centres(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
-    """Rotation and shift that bring tags to their measured places (Kabsch 1976), from three not on a line."""
-    ids = [t for t in group.tags if np.isfinite(tags[t].centre_m).all()]
-    if len(ids) < 3:
+def _by_places(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
+    """Turn and shift that bring points to their measured places (Kabsch 1976), from three not on a line."""
+    here, there = _measured(group, tags)
+    whole = np.isfinite(there).all(axis=1)
+    here, there = here[whole], there[whole]
+    if len(here) < 3:
         return
-    here = np.array([group.tags[t].t_m for t in ids])
-    there = np.array([tags[t].centre_m for t in ids])
     middle, target = here.mean(axis=0), there.mean(axis=0)
     if np.linalg.svd(there - target, compute_uv=False)[1] < _MIN_SPREAD_M:
         return
@@ -163,6 +164,13 @@ def _by_centres(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
     sign = np.sign(np.linalg.det(vt.T @ u.T))
     rotation = vt.T @ np.diag([1.0, 1.0, sign]) @ u.T
     yield Pose(rotation, target - rotation @ middle)
+
+
+def _measured(group: State, tags: Mapping[int, Tag]) -> tuple[FloatArray, FloatArray]:
+    """Points of tags in the group's frame, and where they were measured (n, 3); NaN where not."""
+    here = [tags[t].points_m() @ pose.R.T + pose.t_m for t, pose in group.tags.items()]
+    there = [tags[t].places_m() for t in group.tags]
+    return np.vstack([np.empty((0, 3)), *here]), np.vstack([np.empty((0, 3)), *there])
 
 
 def _by_nominal(group: State, nominal: Mapping[str, Pose]) -> Iterable[Pose]:
@@ -184,14 +192,27 @@ def _by_floor(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
         yield Pose(rotation, -rotation @ middle)
 
 
+def _by_any_turn(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
+    """Every turn of a cube onto itself, with the measured points' middle where it should be."""
+    here, there = _measured(group, tags)
+    known = np.isfinite(there)
+    some = known.any(axis=1)
+    if not some.any():
+        return
+    middle = here[some].mean(axis=0)
+    target = np.nan_to_num(there).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    for turn in Rotation.create_group("O").as_matrix():
+        yield Pose(turn, target - turn @ middle)
+
+
 def _misfit(vector: FloatArray, group: State, tags: Mapping[int, Tag]) -> FloatArray:
     """How far tags are from where they were measured, metres; the weak pull keeps an open frame in place."""
     frame = _pose(vector)
-    parts = [1e-3 * vector]
+    here, there = _measured(group, tags)
+    off = here @ frame.R.T + frame.t_m - there
+    parts = [1e-3 * vector, off[np.isfinite(off)]]
     for tag, pose in group.tags.items():
         moved = frame.after(pose)
-        known = np.isfinite(tags[tag].centre_m)
-        parts.append((moved.t_m - tags[tag].centre_m)[known])
         if tags[tag].on_floor:
             parts.append((tags[tag].corners_m() @ moved.R.T + moved.t_m)[:, 2])
             # A floor tag that lies face down fits z = 0 just as well.

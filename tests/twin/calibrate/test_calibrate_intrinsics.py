@@ -45,7 +45,7 @@ def calibrated(example: Path) -> Path:
 @pytest.fixture(scope="module")
 def report(calibrated: Path) -> Any:
     """Its report."""
-    return json.loads((calibrated / "report.json").read_text(encoding="utf-8"))
+    return json.loads((calibrated / EXAMPLE_CAMERA / "report.json").read_text(encoding="utf-8"))
 
 
 def copied(example: Path, folder: Path, change: Callable[[int, np.ndarray], np.ndarray]) -> Path:
@@ -104,20 +104,22 @@ def test_report_states_parameters_with_sigmas_that_hold_the_truth(report: Any) -
 
 def test_all_files_are_written_and_read_back(calibrated: Path, report: Any) -> None:
     """Rig, OpenCV, Kalibr and OCamCalib files hold cameras that agree in the middle of the image."""
-    files = {"rig.json", "opencv.yaml", "kalibr.yaml", "ocamcalib.txt", "report.json", "report.md"}
+    own = calibrated / EXAMPLE_CAMERA
+    files = {"opencv.yaml", "kalibr.yaml", "ocamcalib.txt", "report.json", "report.md"}
     files |= {"residuals.png", "coverage.png", "curve.png"}
-    assert {path.name for path in calibrated.iterdir()} == files
+    assert {path.name for path in calibrated.iterdir()} == {"rig.json", EXAMPLE_CAMERA}
+    assert {path.name for path in own.iterdir()} == files
     pixel = np.array([[480.0, 300.0], [600.0, 200.0]])
     true, _ = example_camera().camera_ray_from_pixel(pixel)
-    for name in ("rig.json", "opencv.yaml", "kalibr.yaml", "ocamcalib.txt"):
-        (camera,) = read_cameras((calibrated / name).read_bytes(), name).values()
+    for name in ("../rig.json", "opencv.yaml", "kalibr.yaml", "ocamcalib.txt"):
+        (camera,) = read_cameras((own / name).read_bytes(), name).values()
         off = angle_between(camera.model.camera_ray_from_pixel(pixel)[0], true)
         assert np.degrees(off).max() < 0.05, name
     for name in ("residuals.png", "coverage.png", "curve.png"):
-        picture = cv2.imread(str(calibrated / name))
+        picture = cv2.imread(str(own / name))
         assert picture.shape[1] > 600
         assert picture.std() > 10.0
-    text = (calibrated / "report.md").read_text(encoding="utf-8")
+    text = (own / "report.md").read_text(encoding="utf-8")
     assert "Nothing is vouched for outside" in text
     assert report["files"]["rig.json"] == "ftheta, degree 4"
 

@@ -15,8 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from geoloc.rig import read_rig
 from geoloc.simulation.car import simulated_rig
+from geoloc.simulation.render import Plane, render_planes
 from geoloc.simulation.yard import draw_yard, seen_tags, yard_picture
+from twin.calibrate.boards import board_from_text
+from twin.calibrate.camera_files import new_rig_document, rig_text
 from twin.calibrate.example_yard import write_yard
+from twin.calibrate.layout import FIRST_BOARD, read_layout
 from twin.calibrate.tag_corners import find_tags
 
 Twin = Callable[..., Any]
@@ -144,6 +148,9 @@ def test_bad_pictures_are_refused_in_one_sentence(
         ('size_m = 0.6\n[[board]]\nboard = "9x6"\n', "describe the ChArUco board"),
         ("size_m = \n", "is not valid TOML"),
         ("floor = 3\n", "it must be a list of tag ids"),
+        ("size_m = 0.6\n[[tag]]\nid = 1\ncentre = [1, 2, 3]\nz = 1\n", "both centre and x, y or z"),
+        ("size_m = 0.6\n[[tag]]\nid = 1\ntop_left = [1, 2]\n", "it must be [x, y, z]"),
+        (2 * '[[board]]\nboard = "charuco:8x6:0.3:0.2"\n', "which pictures cannot tell apart"),
     ],
 )
 def test_bad_layouts_are_refused_in_one_sentence(
@@ -154,42 +161,113 @@ def test_bad_layouts_are_refused_in_one_sentence(
     command = arguments(yard, tmp_path / "out")
     command[command.index("--tags") + 1] = tmp_path / "layout.toml"
     answer = twin(*command)
-    assert answer.code == 2
+    assert answer.code == 4
     assert told in answer.err.replace("\n", " ")
 
 
-def test_board_on_the_floor_stands_in_for_tags(tmp_path: Path, twin: Twin) -> None:
-    """A ChArUco board of known place among the tags is used like one of them."""
-    from geoloc.calibration.extrinsics.observed import Pose
-    from geoloc.simulation.render import Plane, render_planes
-    from twin.calibrate.boards import board_from_text
+def test_layout_of_the_documentation_is_read() -> None:
+    """What docs/camera-mounting.md shows is a layout, every line of it."""
+    text = (Path(__file__).parents[3] / "docs" / "camera-mounting.md").read_text(encoding="utf-8")
+    layout = read_layout(
+        text.split("`layout.toml` says what was measured:\n```toml\n")[1].split("```")[0].encode(),
+        "layout.toml",
+    )
+    assert sorted(layout.tags) == [1, 2, 20, 21, 22, 30, 31, FIRST_BOARD]
+    assert len(layout.tags[FIRST_BOARD].marks_m) == 3
+    assert layout.tags[FIRST_BOARD].marks_m[0].tolist() == pytest.approx([-1.28, -0.96, 0.0])
+    assert layout.tags[2].mark_places_m.tolist() == [[7.10, 0.31, 1.25]]
 
-    board, rig = board_from_text("charuco:8x6:0.25:0.18"), simulated_rig()
-    texture, size = board.texture()
-    flat = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    middle = np.array([5.0, 0.1, 0.0])
-    corner = Pose(flat, middle).t_m + flat @ [-size[0] / 2.0, -size[1] / 2.0, 0.0]
-    (tmp_path / "pictures").mkdir()
-    rng = np.random.default_rng(0)
-    for camera in rig.cameras.values():
-        pose = (
-            camera.rig_R_camera.T @ flat,
-            camera.rig_R_camera.T @ (corner - camera.rig_t_camera_m),
-        )
-        picture = render_planes(camera.model, [Plane(texture, size, *pose)], rng=rng)
-        cv2.imwrite(str(tmp_path / "pictures" / f"{camera.name}.png"), picture)
-    (tmp_path / "layout.toml").write_text(
-        'floor_sigma_m = 0.001\n[[board]]\nboard = "charuco:8x6:0.25:0.18"\nfloor = true\n'
-        "centre = [5.0, 0.1, 0.0]\nsigma_m = 0.001\n"
-    )
-    write_yard(tmp_path / "yard", seed=1)
-    answer = twin(
-        *("calibrate", "extrinsics", tmp_path / "pictures", "--tags", tmp_path / "layout.toml"),
-        *("--rig", tmp_path / "yard" / "drawn_rig.json", "--out", tmp_path / "out", "--json"),
-    )
+
+def test_camera_that_is_left_open_stays_as_it_was(yard: Path, tmp_path: Path, twin: Twin) -> None:
+    """One tag settles no camera: told, shown as open, and the rig file keeps what it had."""
+    (tmp_path / "layout.toml").write_text("size_m = 0.6\n[[tag]]\nid = 9\ncentre = [8.93, -1.02, 1.36]\n")
+    command = arguments(yard, tmp_path / "out")
+    command[command.index("--tags") + 1] = tmp_path / "layout.toml"
+    answer = twin(*command)
     assert answer.code == 0, answer.err
-    wide = next(c for c in answer.json["cameras"] if c["camera"] == "C3_tricam120")
-    true = read_rig(tmp_path / "yard" / "true_rig.json").cameras["C3_tricam120"]
-    # One board tells how the camera stands over it; which way the board lies on the floor nobody measured.
+    assert "open, open, open" in answer.out
+    assert "C3_tricam120: roll, pitch, yaw, x, y, z are not determined" in answer.err
+    assert "Next: measure or add what the warnings name" in answer.err
+    before, after = (json.loads(p.read_text()) for p in (yard / "drawn_rig.json", tmp_path / "out/rig.json"))
+    assert after == before
+
+
+BOARD = "charuco:8x6:0.32:0.24"
+FLAT = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+MIDDLE = np.array([5.5, 0.1, 0.0])
+CORNERS = "top_left = [6.46, 1.38, 0]\ntop_right = [6.46, -1.18, 0]\nbottom_right = [4.54, -1.18, 0]\n"
+
+
+def board_on_floor(
+    twin: Twin, folder: Path, places: str, *, sagitta_m: float = 0.0, stated: str = BOARD, step: int = 1
+) -> Any:
+    """Calibrate the wide camera, of whose place nothing is known, by a board that lies ahead of the car.
+
+    The layout states a board; a step of -1 flips the picture.
+    """
+    board, camera = board_from_text(BOARD), simulated_rig().cameras["C3_tricam120"]
+    texture, size = board.texture()
+    corner = MIDDLE + FLAT @ [-size[0] / 2.0, -size[1] / 2.0, 0.0]
+    pose = (camera.rig_R_camera.T @ FLAT, camera.rig_R_camera.T @ (corner - camera.rig_t_camera_m))
+    plane = Plane(texture, size, *pose, sagitta_m)
+    (folder / "pictures").mkdir()
+    picture = render_planes(camera.model, [plane], rng=np.random.default_rng(0))
+    cv2.imwrite(str(folder / "pictures" / "C3_tricam120.png"), picture[:, ::step])
+    layout = f'floor_sigma_m = 0.001\n[[board]]\nboard = "{stated}"\nfloor = true\nsigma_m = 0.001\n{places}'
+    (folder / "layout.toml").write_text(layout)
+    (folder / "rig.json").write_text(rig_text(new_rig_document({"C3_tricam120": camera.model})))
+    return twin(
+        *("calibrate", "extrinsics", folder / "pictures", "--tags", folder / "layout.toml"),
+        *("--rig", folder / "rig.json", "--out", folder / "out", "--json"),
+    )
+
+
+def test_board_on_the_floor_with_its_corners_is_enough(tmp_path: Path, twin: Twin) -> None:
+    """A ChArUco board on the ground, three of its corners measured: the camera to 0.02° and 2 mm."""
+    answer = board_on_floor(twin, tmp_path, CORNERS)
+    assert answer.code == 0, answer.err
+    mine = read_rig(tmp_path / "out" / "rig.json").cameras["C3_tricam120"]
+    right = simulated_rig().cameras["C3_tricam120"]
+    turn = Rotation.from_matrix(mine.rig_R_camera @ right.rig_R_camera.T).as_rotvec()
+    assert np.abs(np.degrees(turn)).max() < 0.02
+    assert np.abs(mine.rig_t_camera_m - right.rig_t_camera_m).max() < 0.002
+    assert answer.json["doubts"] == []
+
+
+def test_board_on_the_floor_without_its_corners_leaves_yaw_open(tmp_path: Path, twin: Twin) -> None:
+    """A board of which the middle alone was measured tells how the camera stands over it, and no more."""
+    answer = board_on_floor(twin, tmp_path, "centre = [5.5, 0.1, 0.0]\n")
+    assert answer.code == 0, answer.err
+    (wide,) = answer.json["cameras"]
+    true = simulated_rig().cameras["C3_tricam120"]
     assert wide["position_m"][2] == pytest.approx(true.rig_t_camera_m[2], abs=0.01)
-    assert any("yaw" in text for text in answer.json["doubts"])
+    assert any("yaw" in text and "not determined" in text for text in answer.json["doubts"])
+
+
+def test_bent_board_on_the_floor_is_named(tmp_path: Path, twin: Twin) -> None:
+    """A board whose middle lies a centimetre lower than its edges is told as bent, by its description."""
+    answer = board_on_floor(twin, tmp_path, CORNERS, sagitta_m=0.01)
+    assert answer.code == 0, answer.err
+    (told,) = (text for text in answer.json["doubts"] if " is bent by " in text)
+    assert told.startswith(f"The board {BOARD}:DICT_5X5_250 is bent by ")
+    # Off the plane through its inner corners, which reach 0.67 of the way to the print's edges.
+    assert 1.5 < float(told.split(" is bent by ")[1].split(" mm")[0]) < 5.0
+
+
+def test_board_of_another_size_is_named_with_its_factor(tmp_path: Path, twin: Twin) -> None:
+    """Squares of 0.32 m that the layout says are 0.31 are told as 3.2 % larger, by the measured corners."""
+    answer = board_on_floor(twin, tmp_path, CORNERS, stated="charuco:8x6:0.31:0.2325")
+    assert answer.code == 0, answer.err
+    (told,) = answer.json["doubts"]
+    assert told.startswith("The tags seem 3.2 % larger than the layout says")
+    mine = read_rig(tmp_path / "out" / "rig.json").cameras["C3_tricam120"]
+    right = simulated_rig().cameras["C3_tricam120"]
+    assert np.abs(mine.rig_t_camera_m - right.rig_t_camera_m).max() < 0.002
+
+
+def test_mirrored_board_is_named(tmp_path: Path, twin: Twin) -> None:
+    """A flipped picture of a board is refused as mirrored, and nothing is written."""
+    answer = board_on_floor(twin, tmp_path, CORNERS, step=-1)
+    assert answer.code == 4
+    assert "shows its tags mirrored" in answer.err
+    assert not (tmp_path / "out").exists()

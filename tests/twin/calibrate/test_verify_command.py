@@ -14,6 +14,8 @@ import sqlalchemy as sa
 from geoloc.calibration.verify import turned
 from geoloc.rig import read_rig
 from twin import schema
+from twin.calibrate.mounting_files import drive_tables
+from twin.drives.settings import CameraSettings
 from twin.simulate import simulate
 from twin.store import Store
 
@@ -54,6 +56,26 @@ def test_applied_rig_beats_the_paper_at_each_distance(still: Path, tmp_path: Pat
     assert again["advised"] == []
 
 
+def test_drive_with_cameras_gets_its_corrected_tables(still: Path, tmp_path: Path, twin: Twin) -> None:
+    """Where drive.toml says where cameras sit, --apply writes its tables; pasted, nothing is left to turn."""
+    drive = Path(shutil.copytree(still, tmp_path / "drive"))
+    settings = (drive / "drive.toml").read_text()
+    rig = read_rig(drive / "rig.json")
+    own = drive_tables(rig, rig.cameras, {"C1_front60Single": CameraSettings("rig.json#C1_front60Single")})
+    (drive / "drive.toml").write_text(settings + own)
+    command = ("calibrate", "verify", drive, "--known", drive / "truth.csv")
+    answer = twin(*command, "--apply", tmp_path / "mended.json")
+    assert answer.code == 0, answer.err
+    pasted = (tmp_path / "mended.cameras.toml").read_text()
+    assert 'intrinsics = "rig.json#C1_front60Single"' in pasted
+    assert pasted in answer.out
+    assert f"Next: paste {tmp_path / 'mended.cameras.toml'} over those tables" in answer.err
+    (drive / "drive.toml").write_text(settings + pasted)
+    again = twin(*command)
+    assert "No camera needs a correction" in again.err
+    assert f"Next: twin ingest-drive {drive}" in again.err
+
+
 def test_table_and_picture_show_what_the_turn_changes(still: Path, tmp_path: Path, twin: Twin) -> None:
     """Without --apply nothing is written but the picture, and the advice names the option."""
     answer = twin(
@@ -62,6 +84,7 @@ def test_table_and_picture_show_what_the_turn_changes(still: Path, tmp_path: Pat
     assert answer.code == 0
     assert "turned [m]" in answer.out
     assert "--apply FILE writes the corrected rig" in answer.err
+    assert f"Next: twin calibrate verify {still} --known {still / 'truth.csv'} --apply rig_" in answer.err
     assert [path.name for path in tmp_path.iterdir()] == ["errors.png"]
 
 

@@ -1,0 +1,53 @@
+"""The picture of a calibration of extrinsics: what is written in it can be read."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
+from geoloc.calibration.extrinsics.observed import Sigmas
+from geoloc.simulation.car import simulated_rig
+from geoloc.simulation.yard import draw_yard, seen_tags
+from twin.calibrate.extrinsics_picture import extrinsics_figure
+from twin.calibrate.layout import Layout
+
+MISTAPED = 8
+
+
+@pytest.fixture(scope="module")
+def figure() -> Figure:
+    """A yard in which one tag's place was measured 12 cm wrong."""
+    yard, rig = draw_yard(np.random.default_rng(31)), simulated_rig()
+    tag = yard.tags[MISTAPED]
+    tags = {**yard.tags, MISTAPED: replace(tag, centre_m=tag.centre_m + np.array([0.12, 0.0, 0.0]))}
+    pictures = [seen_tags(yard, camera, np.random.default_rng(1)) for camera in rig.cameras.values()]
+    models = {name: camera.model for name, camera in rig.cameras.items()}
+    found = calibrate_extrinsics(models, pictures, tags)
+    assert list(found.mistaped) == [MISTAPED]
+    made = extrinsics_figure(found, Layout(tags, {}, Sigmas()))
+    made.canvas.draw()
+    return made
+
+
+def test_no_two_texts_of_a_view_lie_over_each_other(figure: Figure) -> None:
+    """From above every number has room of its own, and from the side too."""
+    for axes in figure.axes:
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+        inside = axes.get_window_extent()
+        assert all(inside.contains(*corner) for box in boxes for corner in (box.min, box.max))
+
+
+def test_side_view_numbers_doubtful_tags_alone(figure: Figure) -> None:
+    """Tags hide each other from the side: only the mistaped one is numbered there, red as from above."""
+    plan, side, _ = figure.axes
+    (number,) = (text for text in side.texts if text.get_text().isdigit())
+    assert number.get_text() == str(MISTAPED)
+    red = {text.get_text() for text in plan.texts if text.get_color() == number.get_color()}
+    assert red == {str(MISTAPED)}
+    assert sum(text.get_text().isdigit() for text in plan.texts) > 15
