@@ -14,7 +14,8 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
-from sbp.navigation import MsgGPSTime, MsgPosLLH, MsgUtcTime
+from sbp.navigation import MsgGPSTime, MsgPosLLH, MsgUtcTime, MsgVelNED
+from sbp.orientation import MsgBaselineHeading
 
 from geoloc.trajectory import GnssFixes
 
@@ -61,6 +62,28 @@ def sbp_position(epoch_ns: int, *place: float, mode: int = 4, accuracy_mm: tuple
         flags=mode,
     )
     return bytes(message.to_binary())
+
+
+def sbp_velocity(epoch_ns: int, *enu_mps: float, accuracy_mmps: tuple[int, int] = (0, 0)) -> bytes:
+    """VEL_NED of a velocity east, north and up."""
+    east, north, up = (round(1000 * v) for v in enu_mps)
+    message = MsgVelNED(
+        tow=sbp_time(epoch_ns)[1],
+        n=north,
+        e=east,
+        d=-up,
+        h_accuracy=accuracy_mmps[0],
+        v_accuracy=accuracy_mmps[1],
+        n_sats=14,
+        flags=1,
+    )
+    return bytes(message.to_binary())
+
+
+def sbp_heading(epoch_ns: int, heading_deg: float, mode: int = 4) -> bytes:
+    """BASELINE_HEADING, clockwise from true north."""
+    tow, heading = sbp_time(epoch_ns)[1], round(1000 * heading_deg)
+    return bytes(MsgBaselineHeading(tow=tow, heading=heading, n_sats=14, flags=mode).to_binary())
 
 
 def sbp_recording(fixes: GnssFixes) -> bytes:

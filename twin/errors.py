@@ -6,6 +6,7 @@
     ├── DriveError          a recorded drive that cannot be read (what, where, cure)
     ├── StoreError          the store is missing, locked, or written by a newer version
     ├── ConfigError         a setting that cannot be
+    ├── LayoutError         a ``layout.toml`` for ``calibrate extrinsics`` that cannot be read
     ├── TruthError          a truth file for ``evaluate`` that cannot be read
     ├── TerrainError        a ground raster that cannot be read or used
     └── RefusedError        doing it would lose or overwrite something
@@ -31,6 +32,10 @@ class StoreError(TwinError):
 
 class ConfigError(TwinError):
     """A setting that is out of its range."""
+
+
+class LayoutError(TwinError):
+    """A ``layout.toml`` that cannot be read; the message names the file and the key."""
 
 
 class TruthError(TwinError):

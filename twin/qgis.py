@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from twin.errors import ConfigError, ExportRefusedError
+from twin.errors import ExportRefusedError, RefusedError
 from twin.export.folder import UTM33
 from twin.export.geopackage import contents_of, edited_decisions
 from twin.export.layers import DESCRIPTION
@@ -92,14 +92,15 @@ def qgis_program() -> str:
 
     Raises
     ------
-    ConfigError
+    RefusedError
         It is not installed, or not where programs are looked for.
     """
     found = next(filter(None, map(shutil.which, _PROGRAMS)), None)
     if found is None:
-        raise ConfigError(
+        raise RefusedError(
             "QGIS is not installed here, or not on the search path: get it from https://qgis.org/download "
-            "(Debian and Ubuntu: apt install qgis), 3.22 or later."
+            "(Debian and Ubuntu: apt install qgis), 3.22 or later; or open the"
+            " export from a QGIS elsewhere."
         )
     return found
 

@@ -14,8 +14,20 @@ from typing import Any
 
 import numpy as np
 from mutate import Draw, either, fuzzed, listed, mutated, real_files
-from track_writers import Ros, S, gps_tags, gpx_document, gpx_point, jpeg, sbp_clock, sbp_position
+from track_writers import (
+    Ros,
+    S,
+    gps_tags,
+    gpx_document,
+    gpx_point,
+    jpeg,
+    sbp_clock,
+    sbp_heading,
+    sbp_position,
+    sbp_velocity,
+)
 
+from geoloc.fixes import MAX_SPEED_MPS
 from twin.drives.exif_positions import has_exif_position, read_exif_positions
 from twin.drives.gpx import looks_like_gpx, read_gpx
 from twin.drives.nmea import looks_like_nmea, read_nmea
@@ -41,6 +53,13 @@ def checked(read: Callable[[], Any]) -> None:
     assert len(track.epoch_ns)
     assert np.isfinite([track.latitude_deg, track.longitude_deg, track.height_m]).all()
     assert all(skipped.count > 0 for skipped in result.skipped)
+    if isinstance(result, FixesRead):
+        headings, velocities = track.heading_deg, track.velocity_mps
+        assert not np.any((headings < 0.0) | (headings >= 360.0) | np.isinf(headings))
+        assert np.isnan(velocities[np.abs(velocities) > MAX_SPEED_MPS + 1e-9]).all()
+        assert np.isfinite(headings[np.isfinite(track.heading_sigma_deg)]).all()
+        sigmas = np.concatenate([track.heading_sigma_deg, *track.velocity_sigma_mps.T])
+        assert not np.any((sigmas <= 0.0) | np.isinf(sigmas))
 
 
 def nmea_sentence(body: str) -> bytes:
@@ -56,16 +75,24 @@ NMEA = b"".join(
         "GNGST,080000.00,1.0,0.01,0.01,0.0,0.012,0.011,0.025",
         "GNZDA,080000.00,10,06,2026,00,00",
         "GNHDT,12.5,T",
+        "GNTHS,12.5,A",
+        "GNVTG,0.0,T,,M,1.0,N,1.9,K,A",
         "GNGGA,080000.20,6325.2,N,01024.0,E,5,14,1.1,80.0,M,39.4,M,0.9,0246",
     )
 )
-SBP = b"".join(sbp_clock(START_NS + i * S) + sbp_position(START_NS + i * S, *PLACE) for i in range(3))
+SBP = b"".join(
+    sbp_clock(t) + sbp_position(t, *PLACE) + sbp_velocity(t, 1.0, 2.0, 0.1) + sbp_heading(t, 26.6)
+    for t in (START_NS + i * S for i in range(3))
+)
 SBP_JSON = (
     b'{"msg_type":258,"sender":1,"wn":2422,"tow":288018000,"ns_residual":0,"flags":1}\n'
     b'{"msg_type":522,"sender":1,"tow":288018000,"lat":63.42,"lon":10.4,"height":80.0,"h_accuracy":10,'
     b'"v_accuracy":20,"n_sats":9,"flags":4}\n'
     b'{"msg_type":544,"sender":1,"tow":288018000,"w":2147483647,"x":0,"y":0,"z":0,"w_accuracy":0.1,'
     b'"x_accuracy":0.1,"y_accuracy":0.1,"z_accuracy":0.1,"flags":1}\n'
+    b'{"msg_type":526,"sender":1,"tow":288018000,"n":900,"e":-20,"d":1,"h_accuracy":40,"v_accuracy":80,'
+    b'"n_sats":9,"flags":1}\n'
+    b'{"msg_type":527,"sender":1,"tow":288018000,"heading":358700,"n_sats":9,"flags":4}\n'
 )
 GPX = gpx_document(gpx_point(START_NS + i * S, *PLACE) for i in range(3))
 POSES = (
@@ -105,7 +132,7 @@ def test_fuzz_nmea_gives_fixes_or_a_drive_error(content: bytes) -> None:
 
 def sentence(random: Random) -> bytes:
     """Any fields behind a known type, and a sound checksum."""
-    kind = random.choice(["GPGGA", "GNRMC", "GPZDA", "GNGST", "GPHDT", "PASHR"])
+    kind = random.choice(["GPGGA", "GNRMC", "GPZDA", "GNGST", "GPHDT", "GNTHS", "GPVTG", "PASHR"])
     fields = ("".join(random.choices("0123456789.,-NSEWMAVnaife", k=random.randrange(13))) for _ in range(15))
     return nmea_sentence(",".join([kind, *fields][: random.randrange(1, 17)]))
 

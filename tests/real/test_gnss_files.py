@@ -64,6 +64,28 @@ def test_roundtrip_sbp_is_a_minute_in_san_francisco_with_sbas() -> None:
     assert read.warnings == ()
 
 
+def test_roundtrip_sbp_has_a_velocity_at_every_position() -> None:
+    """VEL_NED as Swift's own package reads it: the receiver stands, to 3 cm/s, and states 24 cm/s."""
+    from sbp.msg import SBP
+    from sbp.navigation import SBP_MSG_VEL_NED, MsgVelNED
+
+    raw, frames = content("roundtrip.sbp"), []
+    at = raw.find(b"\x55")
+    while 0 <= at <= len(raw) - 8:
+        end = at + 8 + raw[at + 5]
+        frame = SBP.unpack(raw[at:end])
+        frames += [MsgVelNED(frame)] if frame.msg_type == SBP_MSG_VEL_NED else []
+        at = end
+    fixes = read_sbp(raw, "a", "roundtrip.sbp").fixes
+    np.testing.assert_allclose(fixes.velocity_mps, [[v.e / 1000, v.n / 1000, -v.d / 1000] for v in frames])
+    np.testing.assert_allclose(
+        fixes.velocity_sigma_mps, [[v.h_accuracy / 1000, v.v_accuracy / 1000] for v in frames]
+    )
+    assert np.abs(fixes.velocity_mps[:, :2]).max() < 0.03
+    assert np.median(fixes.velocity_sigma_mps[:, 0]) == pytest.approx(0.241)
+    assert np.isnan(fixes.heading_deg).all()
+
+
 def test_roundtrip_sbp_epochs_are_the_receivers_own_utc() -> None:
     """Week, time of week and leap seconds give what the receiver wrote in UTC_TIME, to 2 ns."""
     from twin.drives.sbp_messages import UTC_TIME, iter_messages
@@ -74,6 +96,17 @@ def test_roundtrip_sbp_epochs_are_the_receivers_own_utc() -> None:
     utc_ns = np.array([utc(*(int(f[p]) for p in parts)) + int(f["ns"]) for f in stated])
     fixes = read_sbp(raw, "a", "roundtrip.sbp").fixes
     assert np.abs(fixes.epoch_ns - utc_ns).max() <= 2
+
+
+def test_real_nmea_logs_have_the_speeds_of_their_rmc_sentences() -> None:
+    """A receiver carried about at up to 1.7 m/s, and one that stands and writes no course."""
+    carried = read_nmea(content("gpsd_nmea-rtk.log"), "a", "a.log").fixes
+    speed = np.hypot(*carried.velocity_mps[:, :2].T)
+    assert speed.max() == pytest.approx(3.252 * 1852 / 3600)
+    assert set(carried.velocity_sigma_mps[speed > 0.0, 0].tolist()) == {0.15}
+    stands = read_nmea(content("gpsd_ublox-zed-f9p-nmea.log"), "a", "a.log").fixes
+    assert not stands.velocity_mps[:, :2].any()
+    assert stands.velocity_sigma_mps[:, 0].max() < 0.17
 
 
 @pytest.mark.parametrize("name", ["short.sbp", "short.sbp.json"])
@@ -96,8 +129,8 @@ def test_short_sbp_and_its_json_twin_hold_the_same_messages() -> None:
     ours = list(iter_messages(content("short.sbp"), Counter()))
     lines = [json.loads(line) for line in content("short.sbp.json").splitlines() if line.strip()]
     theirs = [line for line in lines if line["msg_type"] in LAYOUTS]
-    # 188 each of GPS_TIME, UTC_TIME and POS_LLH.
-    assert len(ours) == len(theirs) == 564
+    # 188 each of GPS_TIME, UTC_TIME, POS_LLH and VEL_NED.
+    assert len(ours) == len(theirs) == 752
     for message, line in zip(ours, theirs, strict=True):
         assert (message.kind, message.sender) == (line["msg_type"], line["sender"])
         assert dict(message.field) == {name: line[name] for name in message.field}

@@ -292,7 +292,7 @@ TRUTH_FAULTS = {
     "must be numbers": "object,label,easting,northing\nP01,s,abc,7039178\n",
     "not in Norway": "object,label,easting,northing\nP01,s,7039178,273036\n",
     "no rows": "object,label,easting,northing\n",
-    "No estimate": "object,label,easting,northing\nnobody,s,273036,7039178\n",
+    "No estimate": "object,label,easting,northing\nnobody,s,271036,7039178\n",
 }
 
 

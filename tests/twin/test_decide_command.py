@@ -74,6 +74,18 @@ def test_decide_one_by_one_and_back(twin: Twin, store: Path) -> None:
     assert twin("decide", "undo", "2", "--store", store).code == 5
 
 
+def test_first_digits_of_an_id_are_enough(twin: Twin, store: Path) -> None:
+    """As git takes them: at least six, where no other change begins with them."""
+    whole = found(twin, store)["new"]["change_id"]
+    assert twin("explain", whole[:6], "--store", store).out.startswith(f"{whole} is new")
+    assert twin("decide", "accept", whole[:6], whole, "--store", store, "--json").json["change_ids"] == [
+        whole
+    ]
+    for command in (("explain", whole[:5]), ("decide", "accept", whole[:5])):
+        answer = twin(*command, "--store", store)
+        assert (answer.code, f"found no change {whole[:5]}:" in answer.err) == (2, True)
+
+
 def test_decide_in_bulk_says_how_many_and_never_nothing(twin: Twin, store: Path, tmp_path: Path) -> None:
     """A dry run decides nothing; an area selects by place; an empty selection is refused."""
     new = found(twin, store)["new"]

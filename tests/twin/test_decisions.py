@@ -20,7 +20,7 @@ from twin import schema
 from twin.decisions.decide import Edit, decide, keep_edits, undo
 from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
 from twin.decisions.explain import explain_change
-from twin.decisions.findings import Selection, findings, is_open, read_area, select
+from twin.decisions.findings import Selection, findings, is_open, read_area, select, whole_ids
 from twin.decisions.log import history, position
 from twin.errors import ConfigError, RefusedError, StoreError
 from twin.store import Store
@@ -300,7 +300,7 @@ def test_decide_refuses_what_it_cannot_know(store: Store) -> None:
     with pytest.raises(StoreError, match="no findings yet"):
         decide(store, ["a"], "accept", by="kari")
     match(store, change("a"))
-    with pytest.raises(ConfigError, match="found no change x, y: take an id from"):
+    with pytest.raises(ConfigError, match="found no change x, y: take an id, or its first 6 digits"):
         decide(store, ["a", "y", "x"], "accept", by="kari")
     with pytest.raises(ConfigError, match="'yes' is no decision: choose one of open, accept, dismiss, defer"):
         decide(store, ["a"], "yes", by="kari")
@@ -409,6 +409,15 @@ def test_edit_comes_home_once(store: Store) -> None:
     assert decisions(store) == {"a": "open"}
     later = {"a": Edit("dismiss", Evidence.from_row(change("a")), position(store.rows))}
     assert keep_edits(store, later, by="kari") == ("a",)
+
+
+def test_ids_that_begin_alike_are_listed() -> None:
+    """Nothing is guessed: the sentence says which changes fit; a whole id is always itself."""
+    known = ["abcdef01", "abcdef02", "abcdef"]
+    assert whole_ids(["abcdef02", "abcdef0"[:6], "abcdef02"], known) == ["abcdef02", "abcdef"]
+    with pytest.raises(ConfigError, match="2 changes begin with abcdef0: write more of abcdef01, abcdef02"):
+        whole_ids(["abcdef0"], known)
+    assert whole_ids(["abc"], known) == ["abc"]
 
 
 def test_explain_says_it_in_one_sentence(store: Store) -> None:

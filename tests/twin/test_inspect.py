@@ -79,11 +79,20 @@ def test_what_is_missing_is_told_and_the_rest_is_shown(
     """A folder that ingest-drive would refuse is still shown, with the sentence it would refuse by."""
     (trip / remove).unlink()
     answer = twin("inspect", trip)
-    assert answer.code == 0
+    assert answer.code == 4
     assert told in answer.err
     assert "would refuse" in answer.err
     assert "Ready" not in answer.err
     assert "gnss50" in answer.out
+
+
+def test_exit_code_is_that_of_ingest_drive(sample: Path, tmp_path: Path, twin: Twin) -> None:
+    """0 where it says Ready, 4 where ingest-drive would refuse; the JSON document is whole in both cases."""
+    sound = twin("inspect", sample / "trip_trondheim", "--json")
+    empty = twin("inspect", tmp_path, "--json")
+    assert (sound.code, sound.json["ready"], sound.json["refusals"]) == (0, True, [])
+    assert (empty.code, empty.json["ready"]) == (4, False)
+    assert twin("ingest-drive", tmp_path, "--store", tmp_path / "twin.db").code == 4
 
 
 def test_both_antennas_gone_is_told_beside_the_cameras(trip: Path) -> None:
@@ -107,9 +116,10 @@ def test_json_has_everything_that_the_tables_show(sample: Path, tmp_path: Path, 
 
 
 def test_folder_without_times_has_no_picture(tmp_path: Path, twin: Twin) -> None:
-    """Nothing to draw is refused in a sentence, and no file is made."""
+    """Nothing to draw is said in a sentence, the rest is told all the same, and no file is made."""
     answer = twin("inspect", tmp_path, "--out", tmp_path / "timeline.png")
-    assert answer.code == 2
+    assert answer.code == 4
+    assert "camera clock" in answer.out
     assert "there is no timeline to draw" in answer.err
     assert list(tmp_path.iterdir()) == []
 

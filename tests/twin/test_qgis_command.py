@@ -97,8 +97,9 @@ def test_qgis_open_starts_the_program_with_the_project(
 def test_qgis_open_without_qgis_says_how_to_get_it(
     twin: Twin, exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One sentence with the cure."""
+    """One sentence with the cure, after all that is told of the export; it is no mistake in the command."""
     monkeypatch.setenv("PATH", str(tmp_path))
     answer = twin("qgis", exported, "--open")
-    assert answer.code == 2
+    assert answer.code == 5
+    assert "Layers of" in answer.out
     assert "https://qgis.org/download" in answer.err

@@ -55,6 +55,14 @@ class ScenarioName(StrEnum):
     HIGHWAY = "highway"
 
 
+class PairBy(StrEnum):
+    """How estimates find their truth, as in :data:`twin.evaluate.BY`."""
+
+    AUTO = "auto"
+    ID = "id"
+    POSITION = "position"
+
+
 class FindingVerdict(StrEnum):
     """Verdicts that ask for a decision."""
 
@@ -264,7 +272,9 @@ def match(
 
 @app.command("explain", epilog="Example: twin explain 3f09a1b2c4d5")
 def explain(
-    change: Annotated[str, typer.Argument(help="A finding's change_id.", metavar="CHANGE_ID")],
+    change: Annotated[
+        str, typer.Argument(help="A finding's change_id, or its first six digits.", metavar="CHANGE_ID")
+    ],
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -284,7 +294,8 @@ def decide(
     words: Annotated[
         list[str] | None,
         typer.Argument(
-            help="accept, dismiss, defer or open, and change ids; or undo, and how many commands.",
+            help="accept, dismiss, defer or open, and change ids (or their first six digits); or undo, and "
+            "how many commands.",
             metavar="CHANGE_ID… DECISION",
             show_default=False,
         ),
@@ -392,6 +403,13 @@ def evaluate(
         Path,
         typer.Argument(help="CSV with object,label,easting,northing in EPSG:25833.", metavar="TRUTH.csv"),
     ],
+    by: Annotated[
+        PairBy,
+        typer.Option(help="How estimates find their truth: auto takes the ids, or positions if no id fits."),
+    ] = PairBy.AUTO,
+    within: Annotated[
+        float, typer.Option(min=0, help="By position: nothing farther apart is paired.", metavar="METRES")
+    ] = 5.0,
     plots: Annotated[
         Path | None, typer.Option(help="Folder for the figures error–distance and error–speed.")
     ] = None,
@@ -401,7 +419,7 @@ def evaluate(
     """Compare the estimates of every method with surveyed positions."""
     from twin.cli import commands
 
-    commands.evaluate(truth, plots, store, json_output)
+    commands.evaluate(truth, by.value, within, plots, store, json_output)
 
 
 @app.command("show", epilog="Example: twin show P01 --out P01.png")

@@ -261,7 +261,9 @@ def _print_export(files: Sequence[Path], folder: Path) -> None:
         note(geoid.how)
 
 
-def evaluate(truth: Path, plots: Path | None, store: Path, json_output: bool) -> None:
+def evaluate(
+    truth: Path, by: str, within_m: float, plots: Path | None, store: Path, json_output: bool
+) -> None:
     """``twin evaluate``."""
     from twin.evaluate import evaluate as run
     from twin.evaluate import plot, read_truth
@@ -269,11 +271,13 @@ def evaluate(truth: Path, plots: Path | None, store: Path, json_output: bool) ->
 
     truths = read_truth(truth)
     with Store.open(store, create=False) as opened:
-        evaluation = run(opened, truths)
+        evaluation = run(opened, truths, by=by, within_m=within_m)
     files = plot(evaluation, plots) if plots is not None else []
     if json_output:
         print_json({"methods": evaluation.as_json(), "plots": [str(path) for path in files]})
         return
+    if evaluation.methods[0].paired_by == "position":
+        note(f"Estimates are paired with the surveyed objects by position, within {within_m:g} m.")
     print_errors(evaluation.methods)
     for path in files:
         note(f"wrote {path}")
@@ -302,7 +306,10 @@ def print_errors(methods: tuple[MethodResult, ...]) -> None:
             print_table(title, header, by_range)
     for m in methods:
         if m.not_estimated:
-            warn(f"{m.method}: no estimate of {', '.join(m.not_estimated)}.")
+            missed = f"surveyed objects without an estimate: {len(m.not_estimated)}"
+            warn(f"{m.method}: {missed} ({', '.join(m.not_estimated)}).")
+        if m.not_in_truth:
+            warn(f"{m.method}: estimates of no surveyed object: {m.not_in_truth}.")
 
 
 def _bin(entry: dict[str, Any]) -> str:

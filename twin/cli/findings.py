@@ -184,7 +184,7 @@ def explain(change_id: str, store: Path, json_output: bool) -> None:
         print_json(explained.as_json())
         return
     sys.stdout.write(f"{explained.sentence}\n")
-    print_pairs(f"Change {change_id}", _pairs(explained.change, explained.drives))
+    print_pairs(f"Change {explained.change['change_id']}", _pairs(explained.change, explained.drives))
     if explained.terms:
         _print_terms(explained.terms)
     if explained.history:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
+from twin.cli import EXIT_DATA
 from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
 
 if TYPE_CHECKING:
@@ -15,17 +18,22 @@ _MOST_SKIPPED = 20
 
 
 def inspect(drive: Path, out: Path | None, json_output: bool) -> None:
-    """``twin inspect``."""
+    """``twin inspect``; leaves with the exit code of bad data where ``ingest-drive`` would refuse."""
     from twin.inspection.inspect import inspect_drive
     from twin.inspection.picture import draw_timeline
 
     with steps(quiet=json_output) as say:
         found = inspect_drive(drive, progress=say)
-    if out is not None:
-        draw_timeline(found, out)
+    picture = draw_timeline(found, out) if out is not None and found.sensors else None
     if json_output:
-        print_json({**found.as_json(), "picture": None if out is None else str(out)})
-        return
+        print_json({**found.as_json(), "picture": None if picture is None else str(picture)})
+    else:
+        _print(found, out, picture)
+    if not found.ready:
+        raise typer.Exit(EXIT_DATA)
+
+
+def _print(found: Inspection, out: Path | None, picture: Path | None) -> None:
     _print_files(found)
     _print_rig(found)
     _print_sensors(found)
@@ -35,8 +43,10 @@ def inspect(drive: Path, out: Path | None, json_output: bool) -> None:
         note(f"… and {len(found.skipped) - _MOST_SKIPPED} more; --json lists them all.")
     for warning in found.warnings:
         warn(warning)
-    if out is not None:
-        note(f"wrote {out}")
+    if picture is not None:
+        note(f"wrote {picture}")
+    elif out is not None:
+        note(f"Nothing in {found.path} has a time, so there is no timeline to draw.")
     if found.ready:
         note(f"Ready: twin ingest-drive {found.path}")
     for refusal in found.refusals:

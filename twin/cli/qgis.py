@@ -26,6 +26,8 @@ def qgis(
     from twin.qgis import qgis_export, qgis_program, start_qgis
 
     found = qgis_export(folder)
+    if not json_output:
+        _print(found, folder)
     program = qgis_program() if start else "qgis"
     if json_output:
         print_json(
@@ -40,8 +42,6 @@ def qgis(
                 "decided_in_qgis": dict(found.edited),
             }
         )
-    else:
-        _print(found, folder)
     if start:
         start_qgis(program, found)
 

@@ -10,6 +10,7 @@ import sqlalchemy as sa
 
 from twin import schema
 from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
+from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
     DECIDED,
     DECISIONS,
@@ -79,6 +80,7 @@ def decide(
     store : Store
         Matched, and neither synced nor ingested into since.
     change_ids : collection of str
+        Whole, or their first digits (:func:`twin.decisions.findings.whole_ids`).
     decision : str
         ``accept``, ``dismiss``, ``defer``, or ``open`` to take a decision back.
     by : str
@@ -90,7 +92,8 @@ def decide(
     Raises
     ------
     ConfigError
-        A change is not among the findings; the decision is none of those that exist; nobody is named.
+        A change is not among the findings, or several begin so; the decision is none of those that exist;
+        nobody is named.
     StoreError, RefusedError
         As :meth:`twin.store.Store.matched`.
     """
@@ -98,11 +101,14 @@ def decide(
     store.matched()
     with store.transaction() as connection:
         ask = asking(connection)
+        change_ids = whole_ids(
+            change_ids, [row["change_id"] for row in ask(sa.select(schema.change.c.change_id))]
+        )
         present, said = _present(ask, change_ids), standing(ask)
         if unknown := sorted(set(change_ids) - present.keys()):
             raise ConfigError(
-                f"The last match found no change {', '.join(unknown[:5])}: take an id from `twin match` or "
-                "from the column change_id of an export."
+                f"The last match found no change {', '.join(unknown[:5])}: take an id, or its first"
+                f" {SHORTEST_ID} digits, from `twin match` or from the column change_id of an export."
             )
         now = utc_now()
         already = {key for key in change_ids if _stands(said.get(key), decision, reason)}

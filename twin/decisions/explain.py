@@ -9,8 +9,8 @@ from typing import Any
 import sqlalchemy as sa
 
 from twin import schema
-from twin.decisions.findings import findings
-from twin.decisions.log import history
+from twin.decisions.findings import SHORTEST_ID, findings, whole_ids
+from twin.decisions.log import history, standing
 from twin.errors import ConfigError
 from twin.store import Store
 
@@ -49,16 +49,24 @@ class ChangeExplained:
 def explain_change(store: Store, change_id: str) -> ChangeExplained:
     """Gather what the store knows of one finding.
 
+    Parameters
+    ----------
+    store : Store
+    change_id : str
+        Whole, or its first digits (:func:`twin.decisions.findings.whole_ids`).
+
     Raises
     ------
     ConfigError
-        The last match has no such finding, and nobody ever decided about it.
+        The last match has no such finding; or several begin so.
     StoreError, RefusedError
         As :meth:`twin.store.Store.matched`.
     """
     store.matched()
     with store.snapshot() as view:
-        row = next((dict(row) for row in findings(view.rows) if row["change_id"] == change_id), None)
+        found = {row["change_id"]: dict(row) for row in findings(view.rows)}
+        (change_id,) = whole_ids([change_id], {*found, *standing(view.rows)})
+        row = found.get(change_id)
         entries = tuple(history(view.rows, change_id))
         if row is None:
             raise ConfigError(_absent(change_id, entries))
@@ -98,6 +106,6 @@ def _absent(change_id: str, entries: tuple[Row, ...]) -> str:
             f"{last['decision']}, {last['at'][:10]} by {last['by']}."
         )
     return (
-        f"The last match found no change {change_id}: take an id from `twin match` or from the column "
-        "change_id of an export."
+        f"The last match found no change {change_id}: take an id, or its first {SHORTEST_ID} digits, from"
+        " `twin match` or from the column change_id of an export."
     )

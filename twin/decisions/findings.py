@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 
+SHORTEST_ID = 6
+"""Digits of a change id that are taken for the whole of it, where no other begins with them."""
+
 
 @dataclass(frozen=True, slots=True)
 class Selection:
@@ -67,6 +70,38 @@ def findings(ask: Ask, decision: str | None = None) -> list[Row]:
         statement = statement.where(sa.func.coalesce(schema.decision.c.decision, OPEN) == decision)
     rows = ask(statement)
     return [_told(dict(row)) for row in rows]
+
+
+def whole_ids(given: Collection[str], known: Collection[str]) -> list[str]:
+    """Return the ids that are meant by whole ids, or by their first digits where only one begins so.
+
+    Parameters
+    ----------
+    given : collection of str
+        As people write them; at least `SHORTEST_ID` digits.
+    known : collection of str
+
+    Returns
+    -------
+    list of str
+        Each once, in the order given. What fits none is returned as it is.
+
+    Raises
+    ------
+    ConfigError
+        Several begin so.
+    """
+    meant: dict[str, None] = {}
+    for text in given:
+        fits = sorted(one for one in known if one.startswith(text)) if len(text) >= SHORTEST_ID else []
+        if text in known or not fits:
+            meant[text] = None
+        elif len(fits) == 1:
+            meant[fits[0]] = None
+        else:
+            shown = ", ".join(fits[:5]) + (f" and {len(fits) - 5} more" if len(fits) > 5 else "")
+            raise ConfigError(f"{len(fits)} changes begin with {text}: write more of {shown}.")
+    return list(meant)
 
 
 def findings_statement(*columns: sa.Column[Any]) -> sa.Select[Any]:

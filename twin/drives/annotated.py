@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 
 from geoloc.rig import Rig, RigCamera
 from twin.drives.camera_names import CameraChooser
+from twin.drives.drawn_size import check_reach, check_size
 from twin.drives.drive import Annotations, IntArray, Skipped
 from twin.drives.label_map import LabelMap, Meanings
 from twin.drives.labels import codes_from_attribute
@@ -83,6 +84,8 @@ class AnnotationsRead:
         Labels of what is no sign.
     unmapped : mapping of label to count
         Labels that say no sign code and no type.
+    unsized : frozenset of str
+        Cameras with annotations in pixels that do not say of how large a picture.
     """
 
     annotations: Annotations
@@ -90,6 +93,7 @@ class AnnotationsRead:
     skipped: tuple[Skipped, ...]
     other_objects: Mapping[str, int] = field(default_factory=dict)
     unmapped: Mapping[str, int] = field(default_factory=dict)
+    unsized: frozenset[str] = frozenset()
 
 
 def gather(
@@ -122,31 +126,21 @@ def gather(
     """
     rows: list[_Row] = []
     cameras: set[str] = set()
+    unsized: set[str] = set()
     skipped: list[Skipped] = []
     meanings = Meanings(labels)
     for file, declared in files:
         skipped += file.skipped
-        faults: Counter[str] = Counter()
-        codeless: Counter[str] = Counter()
         chooser = CameraChooser(file, declared, rig)
         cameras |= chooser.of_empty_file() if not file.shapes else set()
-        ignored: Counter[str] = Counter()
-        rows += _rows(
-            file, chooser, _Context(rig.source, meanings, image_frames or {}, faults, codeless, ignored)
-        )
-        skipped += (Skipped("annotations", file.where, n, reason) for reason, n in sorted(faults.items()))
-        skipped += (
-            Skipped("labels", file.where, n, f"no road object: {label!r:.60}")
-            for label, n in sorted(ignored.items())
-        )
-        skipped += (
-            Skipped("sign codes", file.where, n, f"not a sign code: {text!r:.60}")
-            for text, n in sorted(codeless.items())
-        )
+        context = _Context(rig.source, meanings, image_frames or {}, Counter(), Counter(), Counter())
+        rows += _rows(file, chooser, context)
+        unsized |= check_reach(file, chooser, rig.source)
+        skipped += _left_out(context, file.where)
         cameras |= chooser.chosen
     named = _named(rows)
     # Points carry math.nan itself as their box, so that equal rows compare equal.
-    unique = list(dict.fromkeys(row._replace(file="") for row in named))
+    unique = list({row._replace(file=""): row for row in reversed(named)}.values())[::-1]
     if len(unique) < len(named):
         where = ", ".join(sorted({row.file for row in named}))
         skipped.append(Skipped("annotations", where, len(named) - len(unique), "the same annotation again"))
@@ -156,6 +150,7 @@ def gather(
         tuple(skipped),
         meanings.other_objects(),
         dict(sorted(meanings.unmapped.items(), key=lambda item: (-item[1], item[0]))),
+        frozenset(unsized),
     )
 
 
@@ -220,12 +215,21 @@ class _Context(NamedTuple):
     ignored: Counter[str]
 
 
+def _left_out(context: _Context, where: str) -> Iterable[Skipped]:
+    for reason, n in sorted(context.faults.items()):
+        yield Skipped("annotations", where, n, reason)
+    for label, n in sorted(context.ignored.items()):
+        yield Skipped("labels", where, n, f"no road object: {label!r:.60}")
+    for text, n in sorted(context.codeless.items()):
+        yield Skipped("sign codes", where, n, f"not a sign code: {text!r:.60}")
+
+
 def _rows(file: AnnotationFile, chooser: CameraChooser, context: _Context) -> Iterable[_Row]:
     inherited = _track_attributes(file.shapes)
     singles: Counter[tuple[str, int]] = Counter()
     for drawn in file.shapes:
         camera = chooser.of(drawn)
-        _check_size(drawn, camera, file.where, context.rig_source)
+        check_size(drawn, camera, file.where, context.rig_source)
         shape = drawn.in_pixels(camera.model.width_px, camera.model.height_px)
         frame = _frame_of(shape, camera.name, context.image_frames)
         attributes = inherited.get((shape.task, shape.track), {}) | _filled(shape)
@@ -291,16 +295,6 @@ def _codes(attribute: str, codeless: Counter[str]) -> str:
     if attribute and not codes:
         codeless[attribute[:_LONGEST_TEXT]] += 1
     return codes
-
-
-def _check_size(shape: Shape, camera: RigCamera, where: str, source: str) -> None:
-    size = (camera.model.width_px, camera.model.height_px)
-    if shape.size_px is not None and shape.size_px != size:
-        drawn = f"{shape.size_px[0]} x {shape.size_px[1]}"
-        raise DriveError(
-            f"{where} was drawn on images of {drawn} pixels, but {camera.name} has {size[0]} x {size[1]} in"
-            f" {source}: annotate the recording in its own size, or give the rig it belongs to."
-        )
 
 
 _NOT_AMONG_PICTURES = -2
@@ -377,4 +371,5 @@ def _arrays(rows: list[_Row]) -> Annotations:
         kind=text(row.kind for row in rows),
         pixel_px=np.array([row.pixel_px for row in rows], dtype=np.float64).reshape(-1, 2),
         box_px=np.array([row.box_px for row in rows], dtype=np.float64).reshape(-1, 4),
+        file=text(row.file for row in rows),
     )

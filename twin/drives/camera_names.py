@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterable
 from pathlib import PurePosixPath
 
 from geoloc.errors import CalibrationError
 from geoloc.rig import Rig, RigCamera
+from twin.drives.annotations_csv import TOOL as CSV
 from twin.drives.settings import SETTINGS_FILE
 from twin.drives.shapes import AnnotationFile, Shape
 from twin.errors import DriveError
+
+_AFTER_HASH = re.compile(r"#([^\W\d_][^/#.]*)")
+"""A camera as ``[cameras]`` names it in a calibration file, ``boxes#cam0.csv``; ``run #3`` is none."""
 
 
 def plain(name: str) -> str:
@@ -30,6 +35,14 @@ def named_in(text: str, names: Iterable[str]) -> list[str]:
         for name in found
         if not any(f"_{plain(name)}_" in f"_{plain(other)}_" and other != name for other in found)
     ]
+
+
+def which_camera(name: str, cameras: Iterable[str]) -> str:
+    """List the cameras that there are, and the one with the most similar name, as one clause."""
+    known = {one.casefold(): one for one in cameras}
+    near = difflib.get_close_matches(name.casefold(), known, n=1)
+    nearest = f"; the nearest is {known[near[0]]}" if near else ""
+    return f"its cameras: {', '.join(known.values()) or 'none'}{nearest}"
 
 
 class CameraChooser:
@@ -78,6 +91,8 @@ class CameraChooser:
         return candidates & set(self._rig.cameras) if len(candidates) == 1 else set()
 
     def _camera(self, task: str, image: str) -> RigCamera:
+        if self._declared is None:
+            self._refuse_absent(task)
         candidates = self._candidates(task, image)
         if len(candidates) != 1:
             raise DriveError(self._unclear(candidates))
@@ -93,10 +108,10 @@ class CameraChooser:
         """Cameras that every source of a name agrees on; all that were named where they disagree."""
         if self._declared is not None:
             return {self._declared}
-        file_stem = PurePosixPath(self._file.where).stem
+        place = PurePosixPath(self._file.where)
         of_task = self._cameras_in(*self._file.tasks.get(task, ()))
         clues = (
-            self._cameras_in(file_stem),
+            self._cameras_in(place.stem) or self._cameras_in(*place.parent.parts),
             of_task or self._cameras_in(*self._file.source),
             self._cameras_in(image),
         )
@@ -104,6 +119,18 @@ class CameraChooser:
         if not named:
             return set(self._rig.cameras) if len(self._rig.cameras) == 1 else set()
         return set.intersection(*named) or set.union(*named)
+
+    def _refuse_absent(self, task: str) -> None:
+        """Refuse a camera that is named outright, in a CSV's column or after ``#``, and is not there."""
+        named = _AFTER_HASH.findall(self._file.where)
+        named += self._file.tasks.get(task, ()) if self._file.tool == CSV else ()
+        for name in named:
+            if not self._cameras_in(name):
+                raise DriveError(
+                    f"{self._file.where} names the camera {name:.80}, which {self._rig.source} does not have"
+                    f" ({which_camera(name, self._aliases.values())}): correct the name, or give the rig that"
+                    " the camera belongs to."
+                )
 
     def _cameras_in(self, *texts: str) -> set[str]:
         return {self._aliases[alias] for text in texts for alias in named_in(text, self._aliases)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from decimal import Decimal
 
 EARLIEST_NS = 946_684_800_000_000_000
 """2000-01-01 UTC: an earlier stamp is a clock that was never set."""
@@ -14,6 +15,33 @@ LATEST_NS = 4_102_444_800_000_000_000
 def credible(epoch_ns: int) -> bool:
     """Whether a stamp lies in the years 2000–2099."""
     return EARLIEST_NS <= epoch_ns < LATEST_NS
+
+
+_LONGEST_STAMP = 40
+_UNITS_NS = {"seconds": 1_000_000_000, "milliseconds": 1_000_000, "microseconds": 1_000, "nanoseconds": 1}
+
+
+def unit_hint(text: str, wanted: str) -> str:
+    """Say in which unit a stamp seems to be that is none of the years 2000–2099; "" if in none.
+
+    Parameters
+    ----------
+    text : str
+        The stamp as it stands in the file.
+    wanted : str
+        The unit it should be in, ``nanoseconds``.
+    """
+    try:
+        stamp = Decimal(text[:_LONGEST_STAMP].strip(' "'))
+        if not 0 < stamp < LATEST_NS:
+            return ""
+        found = next((u for u, ns in _UNITS_NS.items() if u != wanted and credible(int(stamp * ns))), "")
+    except ArithmeticError:  # no number
+        return ""
+    if not found:
+        return ""
+    right = int(stamp * _UNITS_NS[found]) // _UNITS_NS[wanted]
+    return f"{text.strip()} looks like {found}: write it in {wanted} since 1970, UTC, as {right}"
 
 
 def clock_hint(frames_ns: tuple[int, int], track_ns: tuple[int, int]) -> str:

@@ -61,6 +61,8 @@ class Annotations:
         The foot, or the centre of the box; (0, 0) is the centre of the first pixel.
     box_px : float64 (n, 4)
         left, top, right, bottom in the same convention; NaN for points.
+    file : str (n,)
+        Where it stands: a file, or a folder of files of one image each.
     """
 
     camera: NDArray[np.str_]
@@ -73,6 +75,7 @@ class Annotations:
     kind: NDArray[np.str_]
     pixel_px: FloatArray
     box_px: FloatArray
+    file: NDArray[np.str_]
 
 
 @dataclass(frozen=True, slots=True)

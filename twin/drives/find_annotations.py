@@ -32,6 +32,10 @@ _SUFFIXES = (".xml", ".json", ".csv", ".txt")
 _ANNOTATING = re.compile(
     rb'"(?:shapes|imageData|imagePath|images|annotations|categories|items|completions|objects|result)"\s*:'
 )
+_ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tar.gz", ".tgz")
+_UNPACK = "if it holds annotations of this drive, unpack it in the drive folder"
+_EMPTY_BYTES = 64
+_MOST_NAMES = 5
 LARGEST_JSON_BYTES = 200_000_000
 """JSON takes some ten times its size in memory: a million boxes stay below this."""
 
@@ -71,8 +75,11 @@ def find_annotations(
         If one in the drive folder itself is damaged.
     """
     found = _read_files(folder, "", notes, feet)
+    archives = folder.names(*_ARCHIVES)
     for name in folder.folders():
         found += _read_files(folder, f"{name}/", notes, feet)
+        archives += folder.names_in(name, *_ARCHIVES)
+    notes.warnings += [f"{name} is an archive, which is not read: {_UNPACK}." for name in archives]
     tools = {file.tool for file in found}
     if len(tools) > 1:
         listed = ", ".join(f"{file.where} ({file.tool})" for file in found)
@@ -98,6 +105,8 @@ def named_annotations(
         if folder.is_folder(name):
             inside = "" if name in {".", "./"} else name.rstrip("/") + "/"
             files = _read_files(folder, inside, notes, feet, is_named=True)
+        elif name.lower().endswith(_ARCHIVES) and folder.has(name):
+            raise DriveError(f"{name} is an archive: {_UNPACK}, and name what comes out of it.")
         else:
             one = _read_file(folder, name, _classes(folder, name) or YoloClasses({}), feet, is_named=True)
             files = [] if one is None else [one]
@@ -145,6 +154,8 @@ def _read_files(
             root = root_tag(folder.head(name))
             what = f"no export of annotations (it begins with <{root:.40}>)" if root else "empty or no XML"
             notes.warnings.append(f"{name} is {what}, so it is not read: export it again.")
+    contents = {b"", b"{}", b"[]"} if any(file.is_one_image for file in found) else {b""}
+    _tell_of_empty([name for name in names if _is_json_of(folder, name, contents)], inside, notes)
     if damaged:
         notes.skipped.append(Skipped("annotation files", inside, len(damaged), "damaged"))
         notes.warnings.append(
@@ -182,6 +193,28 @@ def _read_file(
     elif is_named or (suffix == ".xml" and is_cvat(head)):
         reader = lambda content: read_cvat(content, name, feet)  # noqa: E731
     return None if reader is None else reader(folder.content(name))
+
+
+def _tell_of_empty(empty: Sequence[str], inside: str, notes: ReadingNotes) -> None:
+    """Warn of files that hold nothing, as tools leave them that were stopped while they saved."""
+    if not empty:
+        return
+    more = f" and {len(empty) - _MOST_NAMES} more" if len(empty) > _MOST_NAMES else ""
+    are, they_mark, them = ("is", "it marks", "it") if len(empty) == 1 else ("are", "they mark", "them")
+    notes.skipped.append(Skipped("annotation files", inside or "./", len(empty), "empty"))
+    notes.warnings.append(
+        f"{', '.join(empty[:_MOST_NAMES])}{more} {are} empty, so {they_mark} nothing: save {them} again with"
+        f" the annotation tool, or delete {them}."
+    )
+
+
+def _is_json_of(folder: DriveFolder, name: str, contents: Collection[bytes]) -> bool:
+    if not name.lower().endswith(".json"):
+        return False
+    try:
+        return folder.head(name, _EMPTY_BYTES).strip() in contents
+    except DriveError:
+        return False  # a link that leads out of the folder
 
 
 def _is_labels(name: str) -> bool:

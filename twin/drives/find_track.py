@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import PurePosixPath
 
 from geoloc.rig import Rig
 from twin.drives.camera_names import named_in
@@ -24,6 +25,8 @@ ROS2_METADATA = "metadata.yaml"
 JPEG_SUFFIXES = (".jpg", ".jpeg")
 _ROS2_SUFFIXES = (".mcap", ".db3")
 
+_SUFFIX_OF = {".gpx": GPX, ".nmea": NMEA, ".sbp": SBP, ".bag": ROS, ".mcap": ROS, ".db3": ROS}
+
 # Files that are never a track, whatever their first bytes: looking into them costs time for nothing.
 _NO_TRACK = (".xml", ".toml", ".timestamps", ".h264", ".mp4", ".png", ".pcap", ".gpkg", *JPEG_SUFFIXES)
 
@@ -41,6 +44,32 @@ def track_format(folder: DriveFolder, name: str) -> str | None:
         return ROS if name.lower().endswith(SUFFIXES) else None
     tests = {SBP: looks_like_sbp, GPX: looks_like_gpx, POSES: looks_like_poses, NMEA: looks_like_nmea}
     return next((kind for kind, looks_like in tests.items() if looks_like(head)), None)
+
+
+def what_is_wrong(content: bytes, name: str) -> str:
+    """Say that a file is not the GNSS recording that its suffix promises; "" where that promises none.
+
+    Parameters
+    ----------
+    content : bytes
+        Of a file that is in none of the formats; its beginning will do.
+    name : str
+    """
+    kind = _SUFFIX_OF.get(PurePosixPath(name).suffix.lower())
+    if kind is None:
+        return ""
+    what = (
+        f"is no {kind} (it begins {content[:20].decode('latin-1').strip()!r})"
+        if content.strip()
+        else "is empty"
+    )
+    return f"{name} {what}: record or export the {kind} file of this drive again."
+
+
+def damaged_recordings(folder: DriveFolder) -> list[str]:
+    """Say of each file that is called a GNSS recording and is none what is wrong with it."""
+    names = [name for name in folder.names(*_SUFFIX_OF) if track_format(folder, name) is None]
+    return [what_is_wrong(folder.head(name), name) for name in names]
 
 
 def recording_files(folder: DriveFolder, name: str) -> list[str]:

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.associate import associate, check_ids
+from geoloc.associate import IdFinding, associate_drive, check_ids, poses_by_objects
 from geoloc.locate import Sightings
 from geoloc.poses import Poses
 from geoloc.rig import Rig
 from geoloc.trajectory import Trajectory
 from twin.drives.annotated import epochs_of, only
+from twin.drives.camera_names import named_in
 from twin.drives.drive import Annotations, Drive, Skipped
 
 IntArray = NDArray[np.int64]
@@ -52,7 +53,8 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
     notes = drive.annotations
     if notes.has_id.all():
         return drive
-    association = associate(*association_input(drive, trajectory))
+    epoch = _epochs(drive)
+    association = associate_drive(drive.rig, _sightings(notes), trajectory, notes.kind, _labels(notes), epoch)
     names = _names(notes, association.object)
     slip = ~notes.has_id & (np.char.find(association.reason, _SLIP_REASON) >= 0)
     placed = np.where(notes.has_id | (association.object < 0), notes.object, names[association.object])
@@ -87,42 +89,78 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
     if not notes.has_id.any():
         return ()
     messages: dict[tuple[str, ...], str] = {}
-    for finding in check_ids(*association_input(drive, trajectory), ids):
+    for finding in check_ids(*association_input(drive, trajectory, ids), ids):
         one, other = (set(notes.camera[rows].tolist()) for rows in finding.rows)
         few, many = sorted(rows.size for rows in finding.rows)
         if finding.kind == "merge" and one & other:
-            messages.setdefault(finding.ids, f"{finding.message} Give both the same id.")
+            messages.setdefault(finding.ids, _one_sign(notes, finding))
         elif finding.kind == "split" and few >= _TWO_SIGNS * (few + many):
             # Fewer are slips of the hand, which the adjustment leaves out.
-            where = _pictures(notes, finding.rows[1])
-            cure = "give those another id, or correct them"
-            messages.setdefault(finding.ids, f"{finding.message[:-1]} ({where}): {cure}.")
+            messages.setdefault(finding.ids, _two_signs(notes, finding))
     if len(messages) > _MAX_WARNINGS:
         more = len(messages) - _MAX_WARNINGS
         return (*list(messages.values())[:_MAX_WARNINGS], f"{more} more ids look wrong in the same way.")
     return tuple(messages.values())
 
 
+def _two_signs(notes: Annotations, finding: IdFinding) -> str:
+    one, other = (_pictures(notes, rows) for rows in finding.rows)
+    return (
+        f"The id {finding.ids[0]!r} marks two signs. One: {one}. The other: {other}. Give those of the other"
+        " a new id, or correct them."
+    )
+
+
+def _one_sign(notes: Annotations, finding: IdFinding) -> str:
+    one, other = (_pictures(notes, rows) for rows in finding.rows)
+    first, second = finding.ids
+    return (
+        f"The ids {first!r} and {second!r} are one sign, as one place fits both. {first!r}: {one}."
+        f" {second!r}: {other}. Give both the same id."
+    )
+
+
 def _pictures(notes: Annotations, rows: IntArray) -> str:
-    """``C3_tricam120 frames 310 to 345``: where annotations are to be found."""
-    parts = []
-    for camera in np.unique(notes.camera[rows]).tolist():
-        frame = notes.frame[rows][notes.camera[rows] == camera]
-        parts.append(f"{camera} frames {frame.min()} to {frame.max()}")
-    return ", ".join(parts)
+    """``22 annotations (skilt 362.50) in C3.xml frames 310 to 345``: what they are, and where."""
+    labels, codes = (np.unique(names[rows]).tolist() for names in (notes.label, notes.skiltnummer))
+    called = " ".join(filter(None, ("/".join(filter(None, names))[:60] for names in (labels, codes))))
+    places = []
+    for camera, file in sorted(set(zip(notes.camera[rows].tolist(), notes.file[rows].tolist(), strict=True))):
+        frame = notes.frame[rows][(notes.camera[rows] == camera) & (notes.file[rows] == file)]
+        of_camera = "" if named_in(file, [camera]) else f" ({camera})"
+        places.append(f"{file}{of_camera} frames {frame.min()} to {frame.max()}")
+    return f"{rows.size} annotations ({called or 'no label'}) in {', '.join(places)}"
 
 
 def association_input(
-    drive: Drive, trajectory: Trajectory
+    drive: Drive, trajectory: Trajectory, ids: NDArray[np.str_]
 ) -> tuple[Rig, Sightings, Poses, NDArray[np.str_], NDArray[np.str_], IntArray]:
-    """Return the arguments of `associate` and `check_ids` for all annotations of a drive."""
+    """Return the arguments of `check_ids` for all annotations of a drive but the ids themselves.
+
+    Parameters
+    ----------
+    ids : str (n,)
+        Ids by which the track is corrected where its fixes are too poor to compare rays; "" for none.
+    """
+    notes, epoch = drive.annotations, _epochs(drive)
+    names, number = np.unique(ids, return_inverse=True)
+    number = np.where(names[number] == "", -1, number)
+    poses = poses_by_objects(drive.rig, _sightings(notes), trajectory, notes.kind, number, epoch)
+    return drive.rig, _sightings(notes), poses, notes.kind, _labels(notes), epoch
+
+
+def _sightings(notes: Annotations) -> Sightings:
+    return Sightings(camera=notes.camera, pixel_px=notes.pixel_px)
+
+
+def _epochs(drive: Drive) -> IntArray:
+    """Epoch of exposure of each annotation."""
     notes = drive.annotations
     epoch = np.zeros(notes.frame.size, dtype=np.int64)
     for camera in np.unique(notes.camera).tolist():
         mine = notes.camera == camera
         epoch[mine] = epochs_of(notes, drive.frame_epoch_ns, camera)[mine] + drive.camera_offset_ns
-    sightings = Sightings(camera=notes.camera, pixel_px=notes.pixel_px)
-    return drive.rig, sightings, trajectory.poses_at(epoch), notes.kind, _labels(notes), epoch
+    return epoch
 
 
 def _labels(notes: Annotations) -> NDArray[np.str_]:

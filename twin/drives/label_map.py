@@ -70,6 +70,11 @@ class LabelMap:
     patterns: tuple[tuple[tuple[str, ...], Meaning], ...] = ()
     foot_keypoints: tuple[str, ...] = ()
 
+    def codes(self) -> list[str]:
+        """Return every sign code of the map once, sorted."""
+        meanings = [*self.exact.values(), *(meaning for _, meaning in self.patterns)]
+        return sorted({code for meaning in meanings for code in meaning.codes.split(";") if code})
+
     def of(self, label: str) -> Meaning | None:
         """Return what a label means; None if the map does not say."""
         plain = plain_label(label)

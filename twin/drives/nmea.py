@@ -6,7 +6,7 @@ The recorder of the NTNU car writes one sentence a line, a space, and the host's
 
 The epoch of a fix is the UTC *in the sentence*: the host stamps a sentence when it arrives, 78 ms later on
 that car, which is a metre at 50 km/h. GGA gives the fixes, GST of the same epoch their sigmas, RMC and ZDA
-the date.
+the date, RMC or VTG the velocity, HDT or THS the heading.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from twin.drives.clock import credible
 from twin.drives.gps_time import after_rollovers, rollover_warning
+from twin.drives.nmea_motion import HEADINGS, MAGNETIC_COMPASS, Motion
 from twin.drives.track_read import (
     HIGHEST_M,
     Fix,
@@ -32,8 +33,9 @@ from twin.drives.track_read import (
 )
 
 _LINE = re.compile(r"\$(?P<body>[^*]*)(?:\*(?P<sum>[0-9A-Fa-f]{2})(?P<rest>.*))?", re.DOTALL)
-_USED = ("GGA", "RMC", "ZDA", "GST")
-_HEADINGS = ("HDT", "THS")
+_USED = ("GGA", "RMC", "ZDA", "GST", "VTG", *HEADINGS)
+_HEADING_FIELDS = ("heading", "mode")
+"""Of HDT and THS: pynmea2 does not know the latter."""
 _TIME = re.compile(r"(\d\d)(\d\d)(\d\d)(?:\.(\d{0,9})\d*)?")
 _ANGLE = re.compile(r"(\d{1,3}?)(\d\d(?:\.\d*)?)")
 _DAY_NS = 86_400_000_000_000
@@ -55,7 +57,8 @@ def read_nmea(content: bytes, antenna: str, where: str) -> FixesRead:
     stamp, the date is that of the last RMC or ZDA sentence; one before 2010 is that of a receiver whose GPS
     weeks have run over, and is moved on. Height is the altitude plus the geoid separation, which is
     ellipsoidal both for receivers that state the separation and for those that write the ellipsoidal height
-    with a separation of 0. Sigmas are those of the GST sentence of the same time of day.
+    with a separation of 0. Sigmas are those of the GST sentence of the same time of day, velocities those of
+    RMC, and headings see `twin.drives.nmea_motion`.
 
     Parameters
     ----------
@@ -80,7 +83,6 @@ def read_nmea(content: bytes, antenna: str, where: str) -> FixesRead:
     for sentence in iter_sentences(content, faults):
         log.take(sentence, faults)
     rows = log.fixes(faults)
-    faults["heading, which twin takes from the antennas or the track"] = sum(log.seen[k] for k in _HEADINGS)
     cure, warnings = log.cure(faults), log.warnings(where)
     return fixes_read(
         rows, antenna, where, faults=faults, cure=cure, what="GNSS sentences", warnings=warnings
@@ -121,6 +123,11 @@ def _sentence(text: str) -> Sentence:
     kind = body.partition(",")[0][2:]
     if kind not in _USED:
         return Sentence(kind, {}, None)
+    if kind in HEADINGS:
+        if body.startswith(MAGNETIC_COMPASS):
+            raise LeftOutError("heading of a magnetic compass")
+        values = body.split(",")[1:]
+        return Sentence(kind, dict(zip(_HEADING_FIELDS, values, strict=False)), _host_ns(rest))
     try:
         message = NMEASentence.parse(f"${body}")
     except ParseError:
@@ -163,6 +170,7 @@ class _Log:
     """Fixes, and between them the epochs of sentences with a date, in file order."""
     sigmas_m: dict[int, tuple[float, float]] = field(default_factory=dict)
     """Horizontal (one axis) and vertical sigma by time of day."""
+    motion: Motion = field(default_factory=Motion)
     seen: Counter[str] = field(default_factory=Counter)
     """Sentences by type."""
     stamped: bool = False
@@ -176,6 +184,7 @@ class _Log:
         self.seen[sentence.kind] += 1
         self.stamped |= sentence.host_ns is not None
         try:
+            self._take_motion(sentence)
             if sentence.kind == "GGA":
                 self.rows.append(_measured(sentence))
                 self.without_separation += not sentence.field["geo_sep"]
@@ -189,10 +198,20 @@ class _Log:
         except LeftOutError as reason:
             faults[str(reason)] += 1
 
+    def _take_motion(self, sentence: Sentence) -> None:
+        kind, fields, host_ns = sentence
+        if kind == "VTG" or kind in HEADINGS:
+            self.motion.take_untimed(kind, fields, host_ns)
+        elif (time_ns := _time_if_any_ns(fields)) is not None:
+            self.motion.pass_time(time_ns, host_ns)
+            if kind == "RMC" and fields.get("status") == "A":
+                self.motion.take_rmc(time_ns, fields)
+
     def fixes(self, faults: Counter[str]) -> list[Fix]:
         """Fixes with their days, in file order."""
         # Sentences before the first date belong to the same day.
         reference_ns = next((row for row in self.rows if isinstance(row, int)), None)
+        self.motion.finish()
         fixes = []
         for row in self.rows:
             if isinstance(row, int):
@@ -205,7 +224,7 @@ class _Log:
             epoch_ns = reference_ns = _nearest_day(row.time_ns, near_ns)
             host_ns = epoch_ns if row.host_ns is None else row.host_ns
             sigmas_m = self.sigmas_m.get(row.time_ns, (math.nan, math.nan))
-            fixes.append(Fix(epoch_ns, host_ns, *row[2:], *sigmas_m))
+            fixes.append(Fix(epoch_ns, host_ns, *row[2:], *sigmas_m, **self.motion.at(row.time_ns)))
         return fixes
 
     def warnings(self, where: str) -> list[str]:
@@ -295,6 +314,13 @@ def _time_of_day_ns(text: str) -> int:
         raise LeftOutError("no UTC time")
     fraction = int((match.group(4) or "0").ljust(9, "0"))
     return (hours * 3600 + minutes * 60 + seconds) * 1_000_000_000 + fraction
+
+
+def _time_if_any_ns(fields: Mapping[str, str]) -> int | None:
+    try:
+        return _time_of_day_ns(fields.get("timestamp", ""))
+    except LeftOutError:
+        return None
 
 
 def _nearest_day(time_ns: int, near_ns: int) -> int:

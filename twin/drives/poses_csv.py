@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from geoloc.trajectory import PoseTrack
-from twin.drives.clock import credible
+from twin.drives.clock import credible, unit_hint
 from twin.drives.frozen import FROZEN, frozen
 from twin.drives.ordering import longest_increasing
 from twin.drives.track_read import LeftOutError, PosesRead, check_position, counted, listed
@@ -66,13 +66,14 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
         If a column is missing, or no row can be used.
     """
     faults: Counter[str] = Counter()
-    header, times, rows = _table(content, where, faults)
+    header, times, rows, hint = _table(content, where, faults)
     epoch_ns = np.array(times, dtype=np.int64)
     keep = longest_increasing(epoch_ns)
     faults["epoch not after the pose before"] += int(np.count_nonzero(~keep))
     skipped = counted("poses", where, faults)
     if not times:
-        raise DriveError(f"{where} holds no usable pose ({listed(skipped)}): export the poses of this drive.")
+        cure = hint or "export the poses of this drive"
+        raise DriveError(f"{where} holds no usable pose ({listed(skipped)}): {cure}.")
     if len(times) > 2 and np.count_nonzero(keep) < 0.5 * len(times):
         raise DriveError(
             f"{where} is not in order of time: {np.count_nonzero(~keep)} of {len(times)} poses are not later"
@@ -90,11 +91,15 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
 
 def _table(
     content: bytes, where: str, faults: Counter[str]
-) -> tuple[list[str], list[int], list[list[float]]]:
-    """Header, epochs and values of all usable rows, in file order; the other rows are counted."""
+) -> tuple[list[str], list[int], list[list[float]], str]:
+    """Header, epochs and values of all usable rows, in file order; the other rows are counted.
+
+    The text says in which unit ``time_ns`` of the first unusable row seems to be.
+    """
     reader = csv.reader(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
     times: list[int] = []
     rows: list[list[float]] = []
+    unusable: list[str] = []
     try:
         header = [name.strip() for name in next(reader, [])]
         at = _columns(header, where)
@@ -105,6 +110,9 @@ def _table(
                 time_ns, row = _row(cells, at)
             except LeftOutError as reason:
                 faults[str(reason)] += 1
+                unusable += (
+                    [_cell(cells, at, "time_ns")] if not unusable and at["time_ns"] < len(cells) else []
+                )
                 continue
             times.append(time_ns)
             rows.append(row)
@@ -112,7 +120,7 @@ def _table(
         raise DriveError(
             f"{where} is not CSV ({error} in line {reader.line_num}): export it again."
         ) from error
-    return header, times, rows
+    return header, times, rows, unit_hint("".join(unusable), "nanoseconds")
 
 
 def _columns(header: Sequence[str], where: str) -> dict[str, int]:

@@ -20,6 +20,7 @@ A ``drive.toml`` with every key::
     files = {"gnss50:vehicle" = "gnss50.nmea"}
     lever_arms = {"gnss50:vehicle" = [1.1, 0.5, 1.6]}   # overrides the rig's
     topics = {"gnss50:vehicle" = "/fix"}                # of ROS recordings with several
+    sigma_m = 0.02                  # of fixes whose recording states none
     [poses]                         # … or full poses
     file = "poses.csv"
     lever_arm = [0.9, 0.0, 1.2]     # of the point whose poses they are (default: the rig's origin)
@@ -40,6 +41,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoloc.rig import Rig
 from twin.drives.annotated import epochs_of, stamped
 from twin.drives.clock import clock_hint, utc_text
 from twin.drives.drive import Annotations, Drive, IntArray
@@ -53,6 +55,7 @@ from twin.drives.rig_files import rig_of_folder
 from twin.drives.settings import SETTINGS_FILE, DriveSettings, read_settings
 from twin.errors import DriveError
 from twin.frames.find import find_pictures
+from twin.frames.sizes import check_picture_sizes
 
 if TYPE_CHECKING:
     from twin.detect.run import DetectorOptions
@@ -103,12 +106,14 @@ def read_drive(
         found = read_annotations(folder, settings, track.rig, notes, labels=labels, image_frames=image_frames)
         cameras = {*found.cameras, *(settings.annotations or ())}
         stamps, stamp_files = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
+        check_picture_sizes(pictures, found.unsized, track.rig)
     else:
         stamps, stamp_files = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
         found = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
     annotations, unstamped = stamped(found.annotations, stamps, stamp_files)
     notes.skipped += unstamped
     _check_span(annotations, stamps, settings.camera_offset_ns, track, notes)
+    notes.warnings += _unplaced(track.rig, np.unique(annotations.camera).tolist())
     return Drive(
         drive_id=folder.drive_id(),
         content_sha256=folder.content_sha256(),
@@ -132,6 +137,16 @@ def read_drive(
         pictures=pictures,
         other_objects=found.other_objects,
     )
+
+
+def _unplaced(rig: Rig, cameras: list[str]) -> list[str]:
+    """Say that cameras have intrinsics and no place yet, as ``calibrate intrinsics`` leaves them."""
+    names = ", ".join(name for name in cameras if not rig.cameras[name].is_placed)
+    sentence = (
+        f"{names}: at the rig's origin by {rig.source}, on the road below the rear axle, so every position is"
+        " wrong: find where it sits with twin calibrate extrinsics, or measure it."
+    )
+    return [sentence] if names else []
 
 
 def _check_span(

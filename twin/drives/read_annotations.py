@@ -8,8 +8,11 @@ from pathlib import Path
 from geoloc.errors import CalibrationError
 from geoloc.rig import Rig
 from twin.drives.annotated import AnnotationsRead, gather
+from twin.drives.camera_names import which_camera
+from twin.drives.drawn_size import reach_warnings
 from twin.drives.find_annotations import FORMATS, find_annotations, named_annotations
 from twin.drives.folder import DriveFolder
+from twin.drives.known_codes import unknown_codes_warning
 from twin.drives.label_map import LABELS_FILE, LabelMap, read_label_map
 from twin.drives.notes import ReadingNotes
 from twin.drives.settings import SETTINGS_FILE, DriveSettings
@@ -44,6 +47,7 @@ def read_annotations(
         If a file cannot be read, or is of a camera that the rig does not have.
     """
     label_map = read_drive_labels(folder, labels)
+    notes.warnings += unknown_codes_warning(label_map, LABELS_FILE if labels is None else labels.name)
     feet = label_map.foot_keypoints
     files: list[tuple[AnnotationFile, str | None]] = []
     if settings.annotations is None:
@@ -54,6 +58,7 @@ def read_annotations(
     found = gather(files, rig, label_map, image_frames)
     notes.skipped += found.skipped
     notes.warnings += _warnings(folder, [file.where for file, _ in files], found)
+    notes.warnings += reach_warnings(found.annotations, found.unsized, rig)
     notes.say(f"Annotations: {len(found.annotations.frame)} in {len(files)} files.")
     return found
 
@@ -109,6 +114,11 @@ def check_camera(rig: Rig, camera: str, table: str) -> None:
     DriveError
         Naming the table and the cameras that there are.
     """
+    if camera not in {*rig.cameras, *rig.unsupported}:
+        raise DriveError(
+            f"{table} in {SETTINGS_FILE} names the camera {camera}, which {rig.source} does not have"
+            f" ({which_camera(camera, rig.cameras)}): correct the name."
+        )
     try:
         rig.camera(camera)
     except CalibrationError as error:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoloc.errors import CalibrationError
+from geoloc.fixes import sigma_of_quality
 from geoloc.rig import Antenna, Rig, rig_with_lever_arms
 from geoloc.trajectory import GnssFixes, PoseTrack
 from twin.drives.attitudes import moved_to_rig_origin
@@ -21,20 +22,23 @@ from twin.drives.find_track import (
     POSES,
     ROS,
     SBP,
+    damaged_recordings,
     find_gnss,
     find_poses,
     recording_files,
     track_format,
+    what_is_wrong,
 )
 from twin.drives.folder import DriveFolder
 from twin.drives.gpx import read_gpx
 from twin.drives.nmea import read_nmea
 from twin.drives.notes import ReadingNotes
 from twin.drives.poses_csv import read_poses
+from twin.drives.receiver_headings import headings_of_the_car
 from twin.drives.rosbag import read_rosbag, read_rosbag_poses
 from twin.drives.sbp_track import read_sbp, read_sbp_poses
 from twin.drives.settings import SETTINGS_FILE, DriveSettings
-from twin.drives.track_read import FixesRead, PosesRead, fix_rate_hz
+from twin.drives.track_read import FixesRead, PosesRead, fix_rate_hz, headings_and_velocities
 from twin.errors import DriveError
 from twin.frames.images import HEAD_BYTES
 
@@ -72,11 +76,12 @@ def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: Re
     if poses is not None:
         return Track(rig, (), _read_poses(folder, poses, settings, notes))
     if not files:
+        damaged = damaged_recordings(folder)
         names = ", ".join(a.file for a in rig.antennas.values() if a.file)
         wanted = f"{rig.source} names {names}" if names else FORMATS
         raise DriveError(
             f"{folder.root} holds no GNSS recording ({wanted}) and no poses: add it, or name it under [gnss]"
-            f" or [poses] in {SETTINGS_FILE}."
+            f" or [poses] in {SETTINGS_FILE}.{''.join(f' {one}' for one in damaged)}"
         )
     rig = _with_antennas(rig, files, settings)
     gnss = _read_gnss(folder, files, settings, notes)
@@ -149,26 +154,49 @@ def _read_gnss(
         if not folder.is_folder(file):
             folder.open(file).close()  # one that is named and absent is refused, whatever the others recorded
         try:
-            read = _read_antenna(folder, file, antenna, settings.gnss_topics.get(antenna))
+            read = _weighted(_read_antenna(folder, file, antenna, settings), folder, file, settings)
         except DriveError as error:
             failures.append(error)
             continue
-        gnss.append(read.fixes)
-        notes.warnings += read.warnings
+        fixes, heading_warnings = headings_of_the_car(read.fixes, file, settings)
+        gnss.append(fixes)
+        notes.warnings += (*read.warnings, *heading_warnings)
         notes.skipped += read.skipped
-        notes.say(f"GNSS {file}: {len(read.fixes.epoch_ns)} fixes at {fix_rate_hz(read.fixes):.1f} Hz.")
+        more = "".join(f", {part}" for part in headings_and_velocities(fixes))
+        notes.say(f"GNSS {file}: {len(fixes.epoch_ns)} fixes at {fix_rate_hz(fixes):.1f} Hz{more}.")
     if not gnss:
         raise failures[0]
     notes.warnings += [f"The drive is read without one antenna: {failure}" for failure in failures]
     return tuple(gnss)
 
 
-def _read_antenna(folder: DriveFolder, file: str, antenna: str, topic: str | None) -> FixesRead:
+def _weighted(read: FixesRead, folder: DriveFolder, file: str, settings: DriveSettings) -> FixesRead:
+    """Give fixes without a sigma of their own that of ``drive.toml``, or say what they are taken for.
+
+    Formats that state a quality (NMEA, SBP, ROS) say more than nothing: only the others are told of.
+    """
+    fixes, sigma_m = read.fixes, settings.gnss_sigma_m
+    unsaid = np.isnan(fixes.sigma_horizontal_m)
+    if sigma_m is not None:
+        stated = np.where(unsaid, sigma_m, fixes.sigma_horizontal_m)
+        return replace(read, fixes=replace(fixes, sigma_horizontal_m=stated))
+    if track_format(folder, file) not in (GPX, EXIF) or not unsaid.any():
+        return read
+    low, high = (float(f(sigma_of_quality(fixes.quality[unsaid]))) for f in (np.min, np.max))
+    taken = f"{high:g} m" if low == high else f"{low:g} to {high:g} m"
+    warning = (
+        f"The fixes of {file} are taken as good to {taken} (one sigma), as the file does not say: give"
+        f" [gnss] sigma_m in {SETTINGS_FILE} if they are better, 0.02 for RTK."
+    )
+    return replace(read, warnings=(*read.warnings, warning))
+
+
+def _read_antenna(folder: DriveFolder, file: str, antenna: str, settings: DriveSettings) -> FixesRead:
     kind = track_format(folder, file)
     where = folder.root.name if file == "." else file
     if kind == ROS:
         paths = [folder.recording(part) for part in recording_files(folder, file)]
-        return read_rosbag(paths, antenna, where, topic)
+        return read_rosbag(paths, antenna, where, settings.gnss_topics.get(antenna))
     if kind == EXIF:
         names = folder.names_in(file, *JPEG_SUFFIXES)
         heads = (folder.beginning(name, HEAD_BYTES) for name in names)
@@ -178,10 +206,11 @@ def _read_antenna(folder: DriveFolder, file: str, antenna: str, topic: str | Non
     content = folder.content(file, track=True)
     if kind is not None:
         return _CONTENT_READERS[kind](content, antenna, file)
+    not_as_named = what_is_wrong(content, file)
     try:
         return read_nmea(content, antenna, file)  # its first sentence may stand far down
     except DriveError as error:
-        raise DriveError(f"{error} It looks like none of {FORMATS}.") from error
+        raise DriveError(not_as_named or f"{error} It looks like none of {FORMATS}.") from error
 
 
 def _warn_of_zero_lever_arms(rig: Rig, gnss: tuple[GnssFixes, ...], notes: ReadingNotes) -> None:

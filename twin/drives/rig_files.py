@@ -18,9 +18,11 @@ from geoloc.errors import CalibrationError
 from geoloc.rig import Rig, looks_like_rig, rig_from_document, without_template_masks
 from geoloc.rig_models import model_properties
 from geoloc.rig_properties import mask_document
+from twin.drives.camera_names import which_camera
 from twin.drives.driveworks import find_rig
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import ReadingNotes
+from twin.drives.rig_conflicts import pose_conflicts, unused_rigs
 from twin.drives.settings import SETTINGS_FILE, CameraSettings, DriveSettings
 from twin.errors import DriveError
 
@@ -53,8 +55,7 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
     DriveError
         If there is no rig, or something of it cannot be used.
     """
-    whole = settings.cameras and all(camera.position_m for camera in settings.cameras.values())
-    name = settings.rig or (None if whole else find_rig(folder))
+    name = settings.rig or _rig_file(folder, settings.cameras)
     text = "" if name is None else _text(folder, name)
     document = _document(text, name) if name is not None else {"rig": {"sensors": []}, "version": 7}
     source = name or SETTINGS_FILE
@@ -64,6 +65,9 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
         rig = rig_from_document(masked, source)
     except CalibrationError as error:
         raise DriveError(str(error)) from error
+    others = unused_rigs(folder) if name is None else {source: document}
+    for file, other in others.items():
+        notes.warnings += pose_conflicts(rig, other, file, settings.cameras)
     _check_masks(rig, notes)
     rig, shared = without_template_masks(rig)
     if shared:
@@ -71,8 +75,22 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
             f"{source}: {', '.join(shared)} share one car mask bit for bit, which cannot be what each of them"
             " sees of the car: the mask is not used."
         )
-    notes.say(f"Rig {source}: {len(rig.cameras)} cameras, {len(rig.antennas)} antennas.")
+    antennas = len({*rig.antennas, *(settings.gnss or ())})
+    counts = [_counted(len(rig.cameras), "camera"), *([_counted(antennas, "antenna")] if antennas else [])]
+    notes.say(f"Rig {source}: {', '.join(counts)}.")
     return rig, text if masked is document else json.dumps(masked)
+
+
+def _rig_file(folder: DriveFolder, cameras: Mapping[str, CameraSettings]) -> str | None:
+    """Name of the folder's rig file; None where ``[cameras]`` says all, or all but intrinsics without one."""
+    posed = bool(cameras) and all(camera.position_m for camera in cameras.values())
+    if posed and (all(camera.intrinsics for camera in cameras.values()) or not unused_rigs(folder)):
+        return None
+    return find_rig(folder)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def _text(folder: DriveFolder, name: str) -> str:
@@ -108,9 +126,11 @@ def _with_cameras(
     for name, camera in cameras.items():
         if name not in place:
             if camera.intrinsics is None or camera.position_m is None:
+                there = [other for other, i in place.items() if _is_camera(sensors[i])]
                 raise DriveError(
-                    f"{SETTINGS_FILE} names the camera {name}, which no rig file has: give [cameras.{name}]"
-                    " intrinsics, position and roll_pitch_yaw."
+                    f"{SETTINGS_FILE} names the camera {name}, which no rig file has"
+                    f" ({which_camera(name, there)}): correct the name, or give [cameras.{name}] intrinsics,"
+                    " position and roll_pitch_yaw."
                 )
             place[name] = len(sensors)
             sensors.append({"name": name, "protocol": "camera.virtual"})
@@ -127,6 +147,10 @@ def _with_cameras(
     return _with_sensors(document, sensors)
 
 
+def _is_camera(sensor: Mapping[str, Any]) -> bool:
+    return str(sensor.get("protocol")).startswith("camera")
+
+
 def _named(sensor: object) -> bool:
     return isinstance(sensor, Mapping) and isinstance(sensor.get("name"), str)
 
@@ -141,7 +165,12 @@ def _properties(
         files[file] = read_cameras(folder.content(file), file)
     cameras = files[file]
     wanted = wanted or (name if name in cameras else next(iter(cameras)))
-    if wanted not in cameras or (len(cameras) > 1 and wanted != name and "#" not in intrinsics):
+    if wanted not in cameras:
+        raise DriveError(
+            f"{SETTINGS_FILE} gives cameras.{name}.intrinsics = {intrinsics!r:.80}, but {file} has no camera"
+            f" {wanted:.80} ({which_camera(wanted, cameras)}): correct what stands after #."
+        )
+    if len(cameras) > 1 and wanted != name and "#" not in intrinsics:
         raise DriveError(
             f"{file} holds the cameras {', '.join(cameras)[:300]}: say which of them is {name},"
             f' intrinsics = "{file}#{next(iter(cameras))}".'

@@ -27,6 +27,10 @@ POS_LLH_COV_GNSS = 0x0231
 ORIENT_QUAT = 0x0220
 ORIENT_EULER = 0x0221
 BASELINE_HEADING = 0x020F
+VEL_NED = 0x020E
+VEL_NED_COV = 0x0212
+VEL_NED_GNSS = 0x022E
+VEL_NED_COV_GNSS = 0x0232
 
 
 class _Layout(NamedTuple):
@@ -44,6 +48,10 @@ _ACCURACY = _layout("IdddHHBB", "tow lat lon height h_accuracy v_accuracy n_sats
 _COVARIANCE = _layout(
     "IdddffffffBB", "tow lat lon height cov_n_n cov_n_e cov_n_d cov_e_e cov_e_d cov_d_d n_sats flags"
 )
+_VELOCITY = _layout("IiiiHHBB", "tow n e d h_accuracy v_accuracy n_sats flags")
+_VELOCITY_COVARIANCE = _layout(
+    "IiiiffffffBB", "tow n e d cov_n_n cov_n_e cov_n_d cov_e_e cov_e_d cov_d_d n_sats flags"
+)
 LAYOUTS: Mapping[int, _Layout] = {
     GPS_TIME: _layout("HIiB", "wn tow ns_residual flags"),
     UTC_TIME: _layout("BIHBBBBBI", "flags tow year month day hours minutes seconds ns"),
@@ -54,6 +62,10 @@ LAYOUTS: Mapping[int, _Layout] = {
     ORIENT_QUAT: _layout("IiiiiffffB", "tow w x y z w_accuracy x_accuracy y_accuracy z_accuracy flags"),
     ORIENT_EULER: _layout("IiiifffB", "tow roll pitch yaw roll_accuracy pitch_accuracy yaw_accuracy flags"),
     BASELINE_HEADING: _layout("IIBB", "tow heading n_sats flags"),
+    VEL_NED: _VELOCITY,
+    VEL_NED_GNSS: _VELOCITY,
+    VEL_NED_COV: _VELOCITY_COVARIANCE,
+    VEL_NED_COV_GNSS: _VELOCITY_COVARIANCE,
 }
 """Message types that are read; others are passed by."""
 

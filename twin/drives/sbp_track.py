@@ -1,5 +1,7 @@
 """SwiftNav SBP recordings → fixes of an antenna, or full poses of an INS.
 
+Velocities and headings (VEL_NED, BASELINE_HEADING) belong to the position of the same time of week.
+
 Positions carry the time of the GPS week only; the week is that of GPS_TIME, and UTC follows from the messages
 UTC_TIME of the same recording, else from the table of leap seconds. Heights are ellipsoidal.
 """
@@ -8,10 +10,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from geoloc.fixes import HEADING_SIGMA_DEG, MAX_SPEED_MPS
 from twin.drives import sbp_messages as sbp
 from twin.drives.attitudes import Attitudes, attitudes_from_rows, poses_of_fixes, rpy_deg_from_quaternion
 from twin.drives.gps_time import (
@@ -41,7 +44,17 @@ FUSED_FIRST = (sbp.POS_LLH_COV, sbp.POS_LLH, sbp.POS_LLH_COV_GNSS, sbp.POS_LLH_G
 
 _GGA_QUALITY = {1: 1, 2: 2, 3: 5, 4: 4, 5: 6, 6: 2}
 """Swift's fix mode as GGA writes it: single, DGNSS, float, fixed, dead reckoning, SBAS."""
+_VELOCITY_KINDS = {
+    sbp.POS_LLH: (sbp.VEL_NED_COV, sbp.VEL_NED),
+    sbp.POS_LLH_COV: (sbp.VEL_NED_COV, sbp.VEL_NED),
+    sbp.POS_LLH_GNSS: (sbp.VEL_NED_COV_GNSS, sbp.VEL_NED_GNSS),
+    sbp.POS_LLH_COV_GNSS: (sbp.VEL_NED_COV_GNSS, sbp.VEL_NED_GNSS),
+}
+"""Which velocities are those of a position's point, the better ones first."""
+_HEADING_SIGMA_DEG = {4: HEADING_SIGMA_DEG, 3: 3.0}
+"""By fix mode: fixed, and float, where a decimetre is open over a metre or two."""
 _MS_NS = 1_000_000
+_VELOCITIES = frozenset(kind for kinds in _VELOCITY_KINDS.values() for kind in kinds)
 _NAMES = {
     sbp.POS_LLH: "POS_LLH",
     sbp.POS_LLH_COV: "POS_LLH_COV",
@@ -57,7 +70,8 @@ def read_sbp(content: bytes, antenna: str, where: str) -> FixesRead:
     """Read the positions of an antenna.
 
     Of the four kinds of position messages the first of `ANTENNA_FIRST` that holds usable ones is read, of the
-    sender with the most of them. Fix mode 0 is left out, the others become GGA qualities.
+    sender with the most of them. Fix mode 0 is left out, the others become GGA qualities. Velocities and
+    headings are those of the same sender at the same time of week.
 
     Raises
     ------
@@ -118,6 +132,15 @@ class _Position(NamedTuple):
     sigma_vertical_m: float
 
 
+class _Motion(NamedTuple):
+    """Velocities and headings of one sender, by time of week."""
+
+    velocities: dict[int, dict[float, tuple[tuple[float, float, float], tuple[float, float]]]]
+    """By message type: east, north, up, and the sigmas of a horizontal axis and the vertical one, m/s."""
+    headings: dict[float, tuple[float, float]]
+    """Degrees clockwise from true north, and one sigma."""
+
+
 class _Attitude(NamedTuple):
     """An attitude message, before its week is known; angles as `attitudes_from_rows` takes them."""
 
@@ -135,7 +158,8 @@ class _Log:
         """By message type and sender."""
         self.attitudes: dict[int, list[_Attitude]] = {sbp.ORIENT_QUAT: [], sbp.ORIENT_EULER: []}
         self.wrong_attitudes: Counter[str] = Counter()
-        self.headings = 0
+        self.motions: dict[int, _Motion] = {}
+        """By sender."""
         self._gps_ns: int | None = None
         self._utc_ns: int | None = None
         self._residual_ns: dict[float, int] = {}
@@ -164,9 +188,19 @@ class _Log:
             except LeftOutError as reason:
                 self.wrong_attitudes[str(reason)] += 1
         elif kind == sbp.BASELINE_HEADING:
-            self.headings += 1
+            sigma_deg = _HEADING_SIGMA_DEG.get(int(field["flags"]) & 0b111)
+            if sigma_deg is None:
+                self.faults["heading without an RTK solution"] += 1
+            else:
+                self._motion(sender).headings[field["tow"]] = field["heading"] / 1000 % 360.0, sigma_deg
+        elif kind in _VELOCITIES:
+            if int(field["flags"]) & 0b111 and (velocity := _velocity(field)) is not None:
+                self._motion(sender).velocities[kind][field["tow"]] = velocity
         elif int(field["flags"]) & 0b111:  # else the receiver calls its time invalid
             self._take_time(kind, field)
+
+    def _motion(self, sender: int) -> _Motion:
+        return self.motions.setdefault(sender, _Motion({kind: {} for kind in _VELOCITIES}, {}))
 
     def _take_time(self, kind: int, field: Mapping[str, float]) -> None:
         tow_ns = round(field["tow"]) * _MS_NS
@@ -185,17 +219,17 @@ class _Log:
 
 def _fixes(log: _Log, antenna: str, where: str, order: Sequence[int]) -> FixesRead:
     clock, faults = log.clock(), log.faults
-    faults["heading, which twin takes from the antennas or the track"] = log.headings
     rows: list[Fix] = []
     warnings: list[str] = []
     for kind in order:
-        by_sender = sorted(log.positions[kind].values(), key=len)
+        by_sender = sorted(log.positions[kind].items(), key=lambda item: len(item[1]))
         if not by_sender:
             continue
-        faults["position of another sender"] += sum(map(len, by_sender[:-1]))
-        rows = _rows(by_sender[-1], clock, faults)
+        faults["position of another sender"] += sum(len(positions) for _, positions in by_sender[:-1])
+        sender, positions = by_sender[-1]
+        rows = _rows(positions, _said(log.motions.get(sender), kind), clock, faults)
         if rows:
-            warnings = _warnings(by_sender[-1], kind, where)
+            warnings = _warnings(positions, kind, where)
             break
     if clock is not None and clock.moved:
         warnings.append(rollover_warning(where, clock.moved))
@@ -219,11 +253,48 @@ def _position(field: Mapping[str, float]) -> _Position:
     )
 
 
-def _rows(positions: Sequence[_Position], clock: _Clock | None, faults: Counter[str]) -> list[Fix]:
+def _velocity(
+    field: Mapping[str, float],
+) -> tuple[tuple[float, float, float], tuple[float, float]] | None:
+    """East, north, up and two sigmas, m/s; None for what no car does."""
+    north, east, down = (field[axis] / 1000 for axis in "ned")  # mm/s
+    if math.hypot(north, east, down) > MAX_SPEED_MPS:
+        return None
+    if "cov_n_n" in field:
+        horizontal = math.sqrt(max(field["cov_n_n"] + field["cov_e_e"], 0.0) / 2)
+        vertical = math.sqrt(max(field["cov_d_d"], 0.0))
+    else:
+        horizontal, vertical = field["h_accuracy"] / 1000, field["v_accuracy"] / 1000
+    return (east, north, -down), (sigma_or_nan(horizontal), sigma_or_nan(vertical))
+
+
+def _said(motion: _Motion | None, kind: int) -> Callable[[float], dict[str, Any]]:
+    """What is said of heading and velocity at the time of week of a position, as arguments of a `Fix`."""
+    if motion is None:
+        return lambda _: {}
+    velocities = next((v for k in _VELOCITY_KINDS[kind] if (v := motion.velocities[k])), {})
+
+    def said(tow_ms: float) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        if tow_ms in velocities:
+            found["velocity_mps"], found["velocity_sigma_mps"] = velocities[tow_ms]
+        if tow_ms in motion.headings:
+            found["heading_deg"], found["heading_sigma_deg"] = motion.headings[tow_ms]
+        return found
+
+    return said
+
+
+def _rows(
+    positions: Sequence[_Position],
+    said: Callable[[float], dict[str, Any]],
+    clock: _Clock | None,
+    faults: Counter[str],
+) -> list[Fix]:
     rows = []
     for position in positions:
         try:
-            rows.append(_fix(position, clock))
+            rows.append(_fix(position, clock)._replace(**said(position.tow_ms)))
         except LeftOutError as reason:
             faults[str(reason)] += 1
     return rows

@@ -2,30 +2,42 @@
 
 from __future__ import annotations
 
-import difflib
-import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any, TypeVar
 
 from geoloc.adjust import POLE_RADIUS_M
 from twin.drives.clock import credible
+from twin.drives.toml_values import (
+    SETTINGS_FILE,
+    choice_of,
+    document_of,
+    flag_of,
+    names_of,
+    number_of,
+    refuse_unknown,
+    table_of,
+    text_of,
+    wrong_value,
+)
 from twin.errors import DriveError
 
-SETTINGS_FILE = "drive.toml"
+__all__ = ["DATUMS", "SETTINGS_FILE", "CameraSettings", "DriveSettings", "FrameSettings", "read_settings"]
+
 _Default = TypeVar("_Default", float, None)
 DATUMS = ("EUREF89", "ITRF2014", "ITRF2020")
 PITCH_SIGNS = ("nose_down", "nose_up")
 LONGEST_READOUT_MS = 200.0
 """No rolling shutter takes longer than the time between two frames of a slow camera."""
 THICKEST_POLE_M = 0.5
-_LARGEST_NUMBER = 1e15
+LARGEST_GNSS_SIGMA_M = 100.0
+"""Fixes that are worse locate no sign."""
 LONGEST_LEVER_ARM_M = 30.0
 """No car is longer: a larger lever arm is in another unit."""
 
 _TABLES: Mapping[str, tuple[str, ...]] = {
-    "gnss": ("files", "lever_arms", "topics"),
+    "gnss": ("files", "lever_arms", "topics", "sigma_m", "heading_offset_deg", "heading_sigma_deg"),
     "poses": ("file", "lever_arm", "topics"),
 }
 _POSE_TOPICS = ("position", "attitude")
@@ -119,6 +131,10 @@ class DriveSettings:
     gnss_topics : mapping of antenna to topic
         Of ROS recordings.
     lever_arms_m : mapping of antenna to (x, y, z)
+    gnss_sigma_m : float or None
+        Horizontal one sigma, a horizontal axis, of fixes whose recording states none.
+    heading_offset_deg, heading_sigma_deg : float or None
+        How far the car's nose is clockwise from the headings of its receivers, and their one sigma.
     poses : str or None
     pose_topics : mapping
         ``position`` and ``attitude``: topics of a ROS recording.
@@ -144,6 +160,9 @@ class DriveSettings:
     gnss: Mapping[str, str] | None = None
     gnss_topics: Mapping[str, str] = field(default_factory=dict)
     lever_arms_m: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    gnss_sigma_m: float | None = None
+    heading_offset_deg: float | None = None
+    heading_sigma_deg: float | None = None
     poses: str | None = None
     pose_topics: Mapping[str, str] = field(default_factory=dict)
     pose_lever_arm_m: tuple[float, float, float] | None = None
@@ -161,98 +180,46 @@ def read_settings(content: bytes) -> DriveSettings:
         If it is not TOML, has an unknown key (the nearest known one is named), a value of the wrong type, or
         names both GNSS files and a pose file.
     """
-    document = _document(content)
-    _refuse_unknown(document, _KEYS, "")
-    gnss, poses = _table(document, "gnss"), _table(document, "poses")
+    document = document_of(content)
+    refuse_unknown(document, _KEYS, "")
+    gnss, poses = table_of(document, "gnss"), table_of(document, "poses")
     for key, table in (("gnss", gnss), ("poses", poses)):
-        _refuse_unknown(table, _TABLES[key], f"[{key}] ")
-    files = _files(gnss, "files", "gnss.files") if "files" in gnss else None
-    track = _text(poses, "file", "poses.file")
+        refuse_unknown(table, _TABLES[key], f"[{key}] ")
+    files = names_of(gnss, "files", "gnss.files") if "files" in gnss else None
+    track = text_of(poses, "file", "poses.file")
     if files and track:
         raise DriveError(
             f"{SETTINGS_FILE} names both GNSS files and the pose file {track}: keep the one that says best"
             " where the car was."
         )
-    annotations = _table(document, "annotations")
-    pose_topics = _files(poses, "topics", "poses.topics")
-    _refuse_unknown(pose_topics, _POSE_TOPICS, "[poses] topics.")
+    annotations = table_of(document, "annotations")
+    pose_topics = names_of(poses, "topics", "poses.topics")
+    refuse_unknown(pose_topics, _POSE_TOPICS, "[poses] topics.")
     return DriveSettings(
-        name=_text(document, "name"),
-        rig=_text(document, "rig"),
-        cameras=_cameras(_table(document, "cameras")),
-        annotations_complete=_flag(document, "annotations_complete"),
-        detections_complete=_flag(document, "detections_complete"),
-        frames_by_number=_flag(document, "frames_by_number"),
+        name=text_of(document, "name"),
+        rig=text_of(document, "rig"),
+        cameras=_cameras(table_of(document, "cameras")),
+        annotations_complete=flag_of(document, "annotations_complete"),
+        detections_complete=flag_of(document, "detections_complete"),
+        frames_by_number=flag_of(document, "frames_by_number"),
         datum=_datum(document),
-        camera_offset_ns=round(_number(document.get("camera_offset_ms", 0.0), "camera_offset_ms") * 1e6),
+        camera_offset_ns=round(number_of(document.get("camera_offset_ms", 0.0), "camera_offset_ms") * 1e6),
         rolling_shutter_ms=_between(document, "rolling_shutter_ms", None, LONGEST_READOUT_MS),
         pole_radius_m=_between(document, "pole_radius_m", POLE_RADIUS_M, THICKEST_POLE_M),
-        pitch_nose_up=_choice(document, "pitch_positive", PITCH_SIGNS) == "nose_up",
+        pitch_nose_up=choice_of(document, "pitch_positive", PITCH_SIGNS) == "nose_up",
         gnss=files,
-        gnss_topics=_files(gnss, "topics", "gnss.topics"),
-        lever_arms_m=_lever_arms(_table(gnss, "lever_arms", "gnss.lever_arms")),
+        gnss_topics=names_of(gnss, "topics", "gnss.topics"),
+        lever_arms_m=_lever_arms(table_of(gnss, "lever_arms", "gnss.lever_arms")),
+        gnss_sigma_m=_gnss_sigma(gnss),
+        heading_offset_deg=_degrees(gnss, "heading_offset_deg", -360.0, 360.0),
+        heading_sigma_deg=_degrees(gnss, "heading_sigma_deg", 0.01, 30.0),
         poses=track,
         pose_topics=pose_topics,
         pose_lever_arm_m=_lever_arm(poses["lever_arm"], "poses.lever_arm") if "lever_arm" in poses else None,
-        timestamps=_files(document, "timestamps", "timestamps"),
-        frames=_frames(_table(document, "frames")) if "frames" in document else None,
+        timestamps=names_of(document, "timestamps", "timestamps"),
+        frames=_frames(table_of(document, "frames")) if "frames" in document else None,
         annotations=_file_lists(annotations) if "annotations" in document else None,
     )
-
-
-def _document(content: bytes) -> dict[str, Any]:
-    try:
-        return tomllib.loads(content.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise DriveError(f"{SETTINGS_FILE} is not UTF-8 text: save it as UTF-8.") from error
-    except (ValueError, RecursionError) as error:  # not TOML, or a number of thousands of digits
-        raise DriveError(f"{SETTINGS_FILE} is not valid TOML ({error}): correct that line.") from error
-
-
-def _refuse_unknown(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    for key in table:
-        if key not in known:
-            nearest = difflib.get_close_matches(key, list(known), n=1, cutoff=0.0)[0]
-            raise DriveError(
-                f"{SETTINGS_FILE} has the unknown key {where}{key}: the nearest known one is"
-                f" {where}{nearest}."
-            )
-
-
-def _wrong(key: str, value: object, wanted: str) -> DriveError:
-    try:
-        shown = repr(value)
-    except ValueError:  # a hexadecimal number of thousands of digits
-        shown = "a very long number"
-    return DriveError(f"{SETTINGS_FILE} gives {key:.80} = {shown:.80}: it must be {wanted}.")
-
-
-def _table(parent: Mapping[str, Any], key: str, name: str = "") -> Mapping[str, Any]:
-    table = parent.get(key, {})
-    if not isinstance(table, dict):
-        raise _wrong(name or key, table, "a table of keys and values")
-    return table
-
-
-def _text(table: Mapping[str, Any], key: str, name: str = "") -> str | None:
-    value = table.get(key)
-    if value is not None and (not isinstance(value, str) or not value.strip()):
-        raise _wrong(name or key, value, "a text in quotation marks")
-    return value
-
-
-def _flag(table: Mapping[str, Any], key: str) -> bool:
-    value = table.get(key, False)
-    if not isinstance(value, bool):
-        raise _wrong(key, value, "true or false")
-    return value
-
-
-def _choice(table: Mapping[str, Any], key: str, choices: tuple[str, ...]) -> str:
-    value = table.get(key, choices[0])
-    if value not in choices:
-        raise _wrong(key, value, " or ".join(f'"{choice}"' for choice in choices))
-    return str(value)
 
 
 def _datum(document: Mapping[str, Any]) -> str:
@@ -262,33 +229,37 @@ def _datum(document: Mapping[str, Any]) -> str:
             '"EUREF89" (with Norwegian corrections, such as CPOS), "ITRF2014" or "ITRF2020" (without, such as'
             " PPP); WGS84 alone does not say which of them (docs/datum-and-heights.md)"
         )
-        raise _wrong("datum", value, wanted)
+        raise wrong_value("datum", value, wanted)
     return str(value)
-
-
-def _number(value: object, key: str) -> float:
-    # The comparison is false for NaN too, and whole numbers may be larger than any float.
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _LARGEST_NUMBER:
-        raise _wrong(key, value, "a number")
-    return float(value)
 
 
 def _between(document: Mapping[str, Any], key: str, default: _Default, most: float) -> float | _Default:
     """A number from 0 to `most`, or the default where the file does not say."""
     if key not in document:
         return default
-    value = _number(document[key], key)
+    value = number_of(document[key], key)
     if not 0.0 <= value <= most:
-        raise _wrong(key, value, f"a number from 0 to {most:g}")
+        raise wrong_value(key, value, f"a number from 0 to {most:g}")
     return value
 
 
-def _files(parent: Mapping[str, Any], key: str, name: str) -> dict[str, str]:
-    table = _table(parent, key, name)
-    for sensor, file in table.items():
-        if not isinstance(file, str) or not file.strip():
-            raise _wrong(f"{name}.{sensor}", file, "a file name in quotation marks")
-    return dict(table)
+def _gnss_sigma(gnss: Mapping[str, Any]) -> float | None:
+    if "sigma_m" not in gnss:
+        return None
+    value = number_of(gnss["sigma_m"], "gnss.sigma_m")
+    if not 0.0 < value <= LARGEST_GNSS_SIGMA_M:
+        wanted = f"the horizontal one sigma of a fix in metres, above 0 and up to {LARGEST_GNSS_SIGMA_M:g}"
+        raise wrong_value("gnss.sigma_m", value, wanted)
+    return value
+
+
+def _degrees(gnss: Mapping[str, Any], key: str, least: float, most: float) -> float | None:
+    if key not in gnss:
+        return None
+    value = number_of(gnss[key], f"gnss.{key}")
+    if not least <= value <= most:
+        raise wrong_value(f"gnss.{key}", value, f"a number of degrees from {least:g} to {most:g}")
+    return value
 
 
 def _file_lists(table: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
@@ -296,7 +267,7 @@ def _file_lists(table: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
     for camera, value in table.items():
         files = value if isinstance(value, list) else [value]
         if not files or not all(isinstance(file, str) and file.strip() for file in files):
-            raise _wrong(f"annotations.{camera}", value, "a file name or a list of file names")
+            raise wrong_value(f"annotations.{camera}", value, "a file name or a list of file names")
         lists[camera] = tuple(files)
     return lists
 
@@ -306,8 +277,8 @@ def _cameras(table: Mapping[str, Any]) -> dict[str, CameraSettings]:
     cameras = {}
     for camera in table:
         name = f"cameras.{camera}"
-        entry = _table(table, camera, name)
-        _refuse_unknown(entry, _CAMERA_KEYS, f"[{name}] ")
+        entry = table_of(table, camera, name)
+        refuse_unknown(entry, _CAMERA_KEYS, f"[{name}] ")
         if ("position" in entry) != ("roll_pitch_yaw" in entry):
             raise DriveError(
                 f"{SETTINGS_FILE} gives only one of position and roll_pitch_yaw under [{name}]: give both."
@@ -315,7 +286,7 @@ def _cameras(table: Mapping[str, Any]) -> dict[str, CameraSettings]:
         posed = "position" in entry
         position = _lever_arm(entry["position"], f"{name}.position") if posed else None
         angles = _angles(entry["roll_pitch_yaw"], f"{name}.roll_pitch_yaw") if posed else (0.0, 0.0, 0.0)
-        intrinsics, mask = (_text(entry, key, f"{name}.{key}") for key in ("intrinsics", "mask"))
+        intrinsics, mask = (text_of(entry, key, f"{name}.{key}") for key in ("intrinsics", "mask"))
         cameras[camera] = CameraSettings(intrinsics, position, angles, mask)
     return cameras
 
@@ -323,10 +294,10 @@ def _cameras(table: Mapping[str, Any]) -> dict[str, CameraSettings]:
 def _angles(value: object, name: str) -> tuple[float, float, float]:
     wanted = "[roll, pitch, yaw] in degrees: right side down, nose down and left are positive"
     if not isinstance(value, list) or len(value) != 3:
-        raise _wrong(name, value, wanted)
-    roll, pitch, yaw = (_number(part, name) for part in value)
+        raise wrong_value(name, value, wanted)
+    roll, pitch, yaw = (number_of(part, name) for part in value)
     if max(abs(roll), abs(pitch), abs(yaw)) > 360.0:
-        raise _wrong(name, value, wanted)
+        raise wrong_value(name, value, wanted)
     return roll, pitch, yaw
 
 
@@ -336,12 +307,14 @@ def _frames(table: Mapping[str, Any]) -> dict[str, FrameSettings]:
     for camera, value in table.items():
         name = f"frames.{camera}"
         entry = value if isinstance(value, dict) else {"file": value}
-        _refuse_unknown(entry, _FRAME_KEYS, f"[{name}] ")
-        file, offset = _text(entry, "file", name), entry.get("utc_offset_hours")
+        refuse_unknown(entry, _FRAME_KEYS, f"[{name}] ")
+        file, offset = text_of(entry, "file", name), entry.get("utc_offset_hours")
         if file is None:
-            raise _wrong(name, value, "a video or a folder of images, or a table with file = …")
-        if offset is not None and not -14.0 <= _number(offset, f"{name}.utc_offset_hours") <= 14.0:
-            raise _wrong(f"{name}.utc_offset_hours", offset, "a number from -14 to 14, 2 in Norwegian summer")
+            raise wrong_value(name, value, "a video or a folder of images, or a table with file = …")
+        if offset is not None and not -14.0 <= number_of(offset, f"{name}.utc_offset_hours") <= 14.0:
+            raise wrong_value(
+                f"{name}.utc_offset_hours", offset, "a number from -14 to 14, 2 in Norwegian summer"
+            )
         start_ns = _moment(entry["start"], f"{name}.start") if "start" in entry else None
         frames[camera] = FrameSettings(file, start_ns, None if offset is None else float(offset))
     return frames
@@ -353,13 +326,13 @@ def _moment(value: object, name: str) -> int:
         try:
             value = datetime.fromisoformat(value)
         except ValueError as error:
-            raise _wrong(name, value, _INSTANT) from error
+            raise wrong_value(name, value, _INSTANT) from error
     if not isinstance(value, datetime) or value.tzinfo is None:
-        raise _wrong(name, str(value), _INSTANT)
+        raise wrong_value(name, str(value), _INSTANT)
     whole_s = (value.replace(microsecond=0) - datetime.fromtimestamp(0, UTC)) // timedelta(seconds=1)
     epoch_ns = whole_s * 1_000_000_000 + value.microsecond * 1000
     if not credible(epoch_ns):
-        raise _wrong(name, str(value), "an instant in the years 2000–2099")
+        raise wrong_value(name, str(value), "an instant in the years 2000–2099")
     return epoch_ns
 
 
@@ -370,8 +343,8 @@ def _lever_arms(table: Mapping[str, Any]) -> dict[str, tuple[float, float, float
 def _lever_arm(value: object, name: str) -> tuple[float, float, float]:
     wanted = "[x forward, y left, z up] in metres from the middle of the rear axle on the ground"
     if not isinstance(value, list) or len(value) != 3:
-        raise _wrong(name, value, wanted)
-    x, y, z = (_number(part, name) for part in value)
+        raise wrong_value(name, value, wanted)
+    x, y, z = (number_of(part, name) for part in value)
     if max(abs(x), abs(y), abs(z)) > LONGEST_LEVER_ARM_M:
-        raise _wrong(name, value, wanted)
+        raise wrong_value(name, value, wanted)
     return x, y, z

@@ -7,7 +7,7 @@ from pathlib import PureWindowsPath
 
 import numpy as np
 
-from twin.drives.clock import credible
+from twin.drives.clock import credible, unit_hint
 from twin.drives.drive import IntArray, Skipped
 from twin.drives.ordering import longest_increasing
 from twin.errors import DriveError
@@ -17,6 +17,9 @@ NO_STAMP = np.iinfo(np.int64).min
 
 MAX_FRAME = 20_000_000
 """Highest frame number that is taken seriously: a week at 30 frames a second."""
+
+_HEADINGS = ("frame", "image", "time", "stamp")
+_MICROSECONDS, _NANOSECONDS = "microseconds", "nanoseconds"
 
 LONGEST_HEADER = 10_000
 """Characters of a header that are looked at."""
@@ -49,7 +52,7 @@ def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped
         If no line can be used.
     """
     faults: Counter[str] = Counter()
-    frame, stamp_ns = _rows(content.decode("utf-8-sig", errors="replace"), where, faults)
+    frame, stamp_ns, hint = _rows(content.decode("utf-8-sig", errors="replace"), where, faults)
     order = np.argsort(frame, kind="stable")
     frame, stamp_ns = frame[order], stamp_ns[order]
     first = np.concatenate(([True], np.diff(frame) > 0))[: len(frame)]
@@ -62,10 +65,8 @@ def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped
     frame, stamp_ns = frame[keep], stamp_ns[keep]
     skipped = tuple(Skipped("time stamps", where, n, reason) for reason, n in sorted(faults.items()) if n)
     if not len(frame):
-        raise DriveError(
-            f"{where} holds no usable time stamp ({_listed(skipped)}): it should have a line"
-            " '<frame> <unix microseconds>' for every frame."
-        )
+        cure = hint or "it should have a line '<frame> <unix microseconds>' for every frame"
+        raise DriveError(f"{where} holds no usable time stamp ({_listed(skipped)}): {cure}.")
     epoch_ns = np.full(int(frame[-1]) + 1, NO_STAMP, dtype=np.int64)
     epoch_ns[frame] = stamp_ns
     return epoch_ns, skipped
@@ -94,26 +95,30 @@ def read_image_times(content: bytes, where: str) -> tuple[dict[str, int], tuple[
     lines = [line for line in content.decode("utf-8-sig", errors="replace").splitlines() if line.strip()]
     header = _columns(lines[0][:LONGEST_HEADER]) if lines else []
     if not {"image", "time_ns"} <= set(header):
-        raise DriveError(f"{where} has the columns {', '.join(header)[:200]}: it needs image and time_ns.")
+        raise DriveError(_columns_missing(header, where))
     image, time = header.index("image"), header.index("time_ns")
     times: dict[str, int] = {}
     faults: Counter[str] = Counter()
+    unusable: list[str] = []
     for line in lines[1:]:
         fields = line.split(",")
         try:
             name, stamp_ns = PureWindowsPath(fields[image].strip(' "')).name, int(fields[time])
         except (ValueError, IndexError):
             faults["not an image and a stamp"] += 1
+            unusable += fields[time : time + 1]
             continue
         if not credible(stamp_ns):
             faults["stamp outside the years 2000–2099"] += 1
+            unusable.append(fields[time])
         elif not name or name in times:
             faults["image without a name, or given before"] += 1
         else:
             times[name] = stamp_ns
     skipped = tuple(Skipped("time stamps", where, n, reason) for reason, n in sorted(faults.items()))
     if not times:
-        raise DriveError(f"{where} holds no usable time stamp ({_listed(skipped)}): one line an image.")
+        cure = unit_hint("".join(unusable[:1]), _NANOSECONDS) or "one line an image"
+        raise DriveError(f"{where} holds no usable time stamp ({_listed(skipped)}): {cure}.")
     return times, skipped
 
 
@@ -139,33 +144,51 @@ def _columns(header: str) -> list[str]:
     return [name.strip(' "\r').lower() for name in header.split(",")]
 
 
-def _rows(text: str, where: str, faults: Counter[str]) -> tuple[IntArray, IntArray]:
-    """Frame numbers and stamps (ns) of all readable lines, in file order; the others are counted."""
+def _columns_missing(header: list[str], where: str) -> str:
+    first = "image" if "image" in header else "frame"
+    return (
+        f"{where} has the columns {', '.join(header)[:200]}: call them {first},time_ns, with UTC in"
+        " nanoseconds since 1970 (1781078400078496000)."
+    )
+
+
+def _is_header(line: str) -> bool:
+    """Whether a line names columns, rightly or not."""
+    return any(name.startswith(_HEADINGS) for name in _columns(line[:LONGEST_HEADER]))
+
+
+def _rows(text: str, where: str, faults: Counter[str]) -> tuple[IntArray, IntArray, str]:
+    """Frame numbers and stamps (ns) of all readable lines, in file order; the others are counted.
+
+    The text says which unit the first unusable stamp seems to be in (:func:`twin.drives.clock.unit_hint`).
+    """
     lines = [line for line in text.splitlines() if line.strip()]
     columns, unit_ns, separator = (0, 1), 1_000, None
-    if lines and "frame" in lines[0].lower():
+    if lines and _is_header(lines[0]):
         header = _columns(lines.pop(0)[:LONGEST_HEADER])
         if "frame" not in header or "time_ns" not in header:
-            raise DriveError(
-                f"{where} has the columns {', '.join(header)[:200]}: it needs frame and time_ns."
-            )
+            raise DriveError(_columns_missing(header, where))
         columns, unit_ns, separator = (header.index("frame"), header.index("time_ns")), 1, ","
-    frames, stamps = [], []
+    wanted = _NANOSECONDS if separator else _MICROSECONDS
+    frames, stamps, unusable = [], [], []
     for line in lines:
         fields = line.split(separator)
         try:
             frame, stamp_ns = int(fields[columns[0]]), int(fields[columns[1]]) * unit_ns
         except (ValueError, IndexError):
             faults["not a frame number and a stamp"] += 1
+            unusable += fields[columns[1] : columns[1] + 1]
             continue
         if not 0 <= frame <= MAX_FRAME:
             faults[f"frame number outside 0–{MAX_FRAME}"] += 1
         elif not credible(stamp_ns):
             faults["stamp outside the years 2000–2099"] += 1
+            unusable.append(fields[columns[1]])
         else:
             frames.append(frame)
             stamps.append(stamp_ns)
-    return np.array(frames, dtype=np.int64), np.array(stamps, dtype=np.int64)
+    hint = unit_hint("".join(unusable[:1]), wanted)
+    return np.array(frames, dtype=np.int64), np.array(stamps, dtype=np.int64), hint
 
 
 def _listed(skipped: tuple[Skipped, ...]) -> str:

@@ -35,7 +35,9 @@ class Fix(NamedTuple):
     """One usable fix.
 
     Epochs are nanoseconds UTC, `height_m` is ellipsoidal, `quality` is GGA's. The sigmas are that of a
-    horizontal axis and that of the height, NaN where the recording does not say.
+    horizontal axis and that of the height, NaN where the recording does not say. `heading_deg` is that of the
+    receiver, `velocity_mps` east, north and up, with one sigma of a horizontal axis and of the vertical; NaN
+    for none.
     """
 
     epoch_ns: int
@@ -46,6 +48,10 @@ class Fix(NamedTuple):
     quality: int
     sigma_horizontal_m: float = math.nan
     sigma_vertical_m: float = math.nan
+    heading_deg: float = math.nan
+    heading_sigma_deg: float = math.nan
+    velocity_mps: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    velocity_sigma_mps: tuple[float, float] = (math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +114,8 @@ def fixes_read(
     columns = list(zip(*kept, strict=True))
     epoch_ns, host_ns, quality = (np.array(columns[i], dtype=np.int64) for i in (0, 1, 5))
     latitude, longitude, height = (np.array(columns[i], dtype=np.float64) for i in (2, 3, 4))
-    sigmas = (np.array(columns[i], dtype=np.float64) for i in (6, 7))
-    fixes = GnssFixes(antenna, epoch_ns, host_ns, latitude, longitude, height, quality, *sigmas)
+    optional = (np.array(column, dtype=np.float64) for column in columns[6:])
+    fixes = GnssFixes(antenna, epoch_ns, host_ns, latitude, longitude, height, quality, *optional)
     return FixesRead(fixes, skipped, (*_clock_warnings(fixes, where), *warnings, *_stands(fixes, where)))
 
 
@@ -185,6 +191,13 @@ def check_epoch(epoch_ns: int) -> None:
 def sigma_or_nan(value_m: float) -> float:
     """A sigma as stated, at most `LARGEST_SIGMA_M`; NaN for what is none."""
     return min(value_m, LARGEST_SIGMA_M) if math.isfinite(value_m) and value_m > 0 else math.nan
+
+
+def headings_and_velocities(fixes: GnssFixes) -> list[str]:
+    """How many fixes have a heading and a velocity that will be used: nothing of what none has."""
+    headings = int(np.isfinite(fixes.heading_deg).sum())
+    velocities = int(np.isfinite(fixes.velocity_mps[:, 0]).sum())
+    return [f"{n:,} {what}" for n, what in ((headings, "headings"), (velocities, "velocities")) if n]
 
 
 def fix_rate_hz(fixes: GnssFixes) -> float:

@@ -69,6 +69,17 @@ def exif_needs_zone(head: bytes) -> bool:
     return taken_ns is not None and offset_ns is None
 
 
+def image_size(head: bytes) -> tuple[int, int]:
+    """Width and height of an image as stored, pixels, by its first `HEAD_BYTES`.
+
+    Raises
+    ------
+    UnusableImageError
+        If they cannot be read.
+    """
+    return _header(head)[:2]
+
+
 def decoded_image(content: bytes) -> Image:
     """Decode one image.
 

@@ -115,6 +115,18 @@ def index_video(file: BinaryIO, where: str) -> VideoIndex:
         )
 
 
+def video_size(file: BinaryIO, where: str) -> tuple[int, int]:
+    """Width and height of a video's pictures as stored, pixels, by its header.
+
+    Raises
+    ------
+    DriveError
+        As :func:`index_video`.
+    """
+    with _opened(file, where) as (_, stream):
+        return stream.codec_context.width, stream.codec_context.height
+
+
 def decoded(
     file: BinaryIO, index: VideoIndex, wanted: NDArray[np.bool_], faults: Counter[str]
 ) -> Iterator[tuple[int, Image]]:

@@ -29,6 +29,7 @@ from twin.drives.rig_files import rig_of_folder
 from twin.drives.settings import SETTINGS_FILE, DriveSettings, read_settings
 from twin.errors import TwinError
 from twin.frames.find import Pictures, find_pictures
+from twin.frames.sizes import size_contradictions
 from twin.inspection.recognise import FileSeen, recognised
 from twin.inspection.sensors import (
     SensorSpan,
@@ -156,6 +157,9 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
             lambda: read_annotations(folder, settings, known, notes, image_frames=image_frames)
         )
         stamps = _stamps(folder, settings, known, found, pictures, notes, parts)
+        # Of annotated cameras reading the drive says it, as far as it matters for what was annotated.
+        to_annotate = set(pictures) - set(found.cameras if found else ())
+        notes.warnings += size_contradictions(pictures, to_annotate, known)
     if not parts.refusals:
         parts.tried(lambda: _tell_of_track(read_drive(path), notes))
     notes.say("looking at every file")

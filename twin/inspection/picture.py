@@ -94,6 +94,9 @@ def told(sensor: SensorSpan) -> str:
     if sensor.quality:
         best = max(sensor.quality, key=lambda name: sensor.quality[name])  # type: ignore[index]
         words.append(f"{sensor.quality[best] / sensor.count:.0%} {best}")
+    words += [
+        f"{n:,} {what}" for n, what in ((sensor.headings, "headings"), (sensor.velocities, "velocities")) if n
+    ]
     return ", ".join(words)
 
 

@@ -39,6 +39,11 @@ _TRACKS = {
 }
 _NAMED = {SETTINGS_FILE: "settings of the drive", LABELS_FILE: "what labels mean"}
 _VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".h264", ".264", ".h265", ".265", ".hevc", ".ts")
+_BY_SUFFIX = (
+    dict.fromkeys(IMAGE_SUFFIXES, "image")
+    | dict.fromkeys(_VIDEO_SUFFIXES, "video")
+    | dict.fromkeys((".zip", ".7z", ".rar", ".tar", ".gz", ".tgz"), "archive, not opened")
+)
 _STAMPS = re.compile(rb"\s*(?:frame\s*,\s*time_ns|time_ns\s*,\s*frame|\d{1,9}\s+\d{13,19}\s*$)", re.MULTILINE)
 _JSON_TOOLS: Mapping[str, Callable[[object], bool]] = {
     "DriveWorks rig": looks_like_rig,
@@ -110,8 +115,8 @@ def kind_of(folder: DriveFolder, name: str) -> str:
     try:
         if not _size(folder, name):
             return EMPTY
-        if suffix in IMAGE_SUFFIXES or suffix in _VIDEO_SUFFIXES:
-            return "image" if suffix in IMAGE_SUFFIXES else "video"
+        if suffix in _BY_SUFFIX:
+            return _BY_SUFFIX[suffix]
         head = folder.head(name)
         track = None if suffix == ".json" and calibration_kind(head) else track_format(folder, name)
         if track:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,6 +57,8 @@ class SensorSpan:
         Median of host stamp minus epoch, and half the span that holds the middle 90 %.
     quality : dict of str to int
         Fix quality in words → number of fixes.
+    headings, velocities : int or None
+        Fixes with a heading, or velocity, of the receiver's own that is used; None for none.
     """
 
     name: str
@@ -70,6 +72,8 @@ class SensorSpan:
     delay_ms: float | None = None
     delay_spread_ms: float | None = None
     quality: dict[str, int] | None = None
+    headings: int | None = None
+    velocities: int | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Give everything but the single epochs."""
@@ -83,6 +87,8 @@ class SensorSpan:
             "delay_ms",
             "delay_spread_ms",
             "quality",
+            "headings",
+            "velocities",
         )
         document: dict[str, Any] = {name: getattr(self, name) for name in plain}
         document |= {"first_ns": self.first_ns, "last_ns": self.last_ns}
@@ -104,8 +110,13 @@ def gnss_span(fixes: GnssFixes, file: str) -> SensorSpan:
     """Span of one antenna's fixes, by the epochs in the recording."""
     delay, spread = _delay_ms(fixes)
     quality = quality_counts(fixes.quality)
-    return _span(
+    span = _span(
         fixes.antenna, "GNSS", file, fixes.epoch_ns, delay_ms=delay, delay_spread_ms=spread, quality=quality
+    )
+    return replace(
+        span,
+        headings=int(np.isfinite(fixes.heading_deg).sum()) or None,
+        velocities=int(np.isfinite(fixes.velocity_mps[:, 0]).sum()) or None,
     )
 
 

@@ -194,7 +194,7 @@ def test_fault_of_a_recording_is_said_by_both_commands(
     answer = twin("ingest-drive", drive, "--method", "single-frame", "--store", store, "--json")
     assert answer.code == fault.code, answer.err
     looked = twin("inspect", drive, "--json")
-    assert looked.code == 0
+    assert looked.code == fault.code
     assert looked.json["ready"] is (fault.code == 0)
     if fault.code:
         assert fault.said in answer.err

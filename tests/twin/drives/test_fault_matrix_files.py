@@ -165,7 +165,7 @@ def test_fault_of_a_file_is_refused_by_both_commands(row: Refused, drive: Path, 
     assert len(answer.err.strip().splitlines()) == 1
     assert not store.exists()
     looked = twin("inspect", drive, "--json")
-    assert looked.code == 0
+    assert looked.code == 4
     assert any(row.said in refusal for refusal in looked.json["refusals"])
 
 

@@ -80,6 +80,16 @@ def test_annotations_without_ids_become_the_poles_they_show(tmp_path: Path) -> N
     assert "by position they are 15 objects" in drive.warnings[-1]
 
 
+def test_track_of_ordinary_fixes_gives_each_pole_once(tmp_path: Path) -> None:
+    """One antenna with fixes good to 2 m: still the sample's 15 poles, none of them twice."""
+    bare = without_ids(tmp_path)
+    one = bare.gnss[0]
+    poor = replace(bare, gnss=(replace(one, quality=np.ones_like(one.quality)),))
+    drive = with_objects(poor, trajectory_of(poor))
+    assert "by position they are 15 objects" in drive.warnings[-1]
+    assert np.unique(drive.annotations.object).size == 15
+
+
 def test_slips_of_the_hand_are_left_out_and_counted(tmp_path: Path) -> None:
     """What stands nowhere is in the drive's account of what was left out."""
     bare = without_ids(tmp_path)
@@ -112,9 +122,28 @@ def test_right_ids_give_no_warning() -> None:
     assert id_warnings(*sample_drive()) == ()
 
 
+def test_right_ids_on_a_track_of_ordinary_fixes_give_no_warning() -> None:
+    """Rays that miss one another because the track is off are no doubt about ids."""
+    drive, _ = sample_drive()
+    one = drive.gnss[0]
+    poor = replace(drive, gnss=(replace(one, quality=np.ones_like(one.quality)),))
+    assert id_warnings(poor, trajectory_of(poor)) == ()
+
+
 @pytest.mark.parametrize(
     ("one", "other", "sentence"),
-    [("P02", "P03", "P02 marks two signs"), ("P02", "twin of P02", "P02 .* and twin of P02 .* are one sign")],
+    [
+        (
+            "P02",
+            "P03",
+            r"The id 'P02' marks two signs. One: 32 annotations .skilt 516. in C2_tricam60.xml frames 105 to",
+        ),
+        (
+            "P02",
+            "twin of P02",
+            r"The ids 'P02' and 'twin of P02' are one sign.* frames \d+ to \d+.* Give both the same id",
+        ),
+    ],
 )
 def test_wrong_ids_give_a_warning(one: str, other: str, sentence: str) -> None:
     """A track that jumps to another pole midway, and one that was begun anew, are named in a sentence."""

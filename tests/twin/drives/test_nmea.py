@@ -276,13 +276,6 @@ def test_nmea_gst_gives_the_sigmas_of_its_epoch(maker: Any) -> None:
     assert counts(read.skipped) == {"GST sentence unreadable": 1}
 
 
-def test_nmea_headings_are_counted(maker: Any) -> None:
-    """HDT is not used, which is said."""
-    content = maker.gga(maker.start_ns) + maker.sentence("GNHDT,12.5,T")
-    read = read_nmea(content.encode(), "a", "a.bin")
-    assert counts(read.skipped) == {"heading, which twin takes from the antennas or the track": 1}
-
-
 def test_nmea_leap_second_is_the_next_midnight(maker: Any) -> None:
     """23:59:60 and the 0:00:00 after it are one epoch since 1970: the second of them is left out."""
     midnight = epoch(2017, 1, 1)

@@ -13,7 +13,7 @@ from PIL import Image
 
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.calibration_files.opencv_file import opencv_text
-from geoloc.cameras import FisheyeCamera, FThetaCamera, PinholeCamera
+from geoloc.cameras import FisheyeCamera, FovCamera, FThetaCamera, PinholeCamera
 from geoloc.rig import rig_from_document
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
@@ -97,7 +97,16 @@ def test_camera_of_its_own_name_needs_no_pick(maker: Any, tmp_path: Path) -> Non
     assert drive.rig.camera(WIDE).model == FThetaCamera(1280, 800, 639.5, 399.5, (0.0, 1e-3, 0.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize("model", ["ftheta", "fov"])
+def test_camera_of_a_colmap_file_is_picked_by_its_number(maker: Any, tmp_path: Path) -> None:
+    """Also of a model that only this project's rig files hold, which is kept all the same."""
+    toml = TOML.replace("camchain.yaml#cam1", "cameras.txt#2")
+    lines = "# Camera list\n1 PINHOLE 1280 800 900 900 640 400\n2 FOV 1280 800 600 600 640 400 0.9\n"
+    drive = read_drive(folder(maker, tmp_path, toml, **{"cameras.txt": lines}))
+    assert drive.rig.camera(WIDE).model == FovCamera(1280, 800, 600.0, 600.0, 639.5, 399.5, 0.9)
+    assert_kept(drive)
+
+
+@pytest.mark.parametrize("model", ["ftheta", "mystery"])
 def test_intrinsics_replace_those_of_the_rig_file(maker: Any, tmp_path: Path, model: str) -> None:
     """The rig file's pose stays, also of a camera whose model nobody knows; the other camera stays too."""
     car = maker.rig(maker.camera(WIDE, Model=model), maker.camera(NARROW))
@@ -175,7 +184,7 @@ def test_mask_the_wrong_way_round_is_doubted(maker: Any, tmp_path: Path) -> None
     ("toml", "message"),
     [
         (TOML.replace("#cam1", ""), "holds the cameras cam0, cam1: say which of them is C3_wide"),
-        (TOML.replace("#cam1", "#cam7"), "holds the cameras cam0, cam1: say which"),
+        (TOML.replace("#cam1", "#cam7"), r"has no camera cam7 \(its cameras: cam0, cam1; the nearest"),
         (TOML.replace("camchain", "other"), r"other\.yaml is not in the drive folder"),
         (TOML.replace("camchain.yaml#cam1", "../camchain.yaml"), "lies outside the drive folder"),
         (TOML.replace("camchain", "c" * 300), "is no file name"),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from sbp.msg import SBP
 from sbp.navigation import MsgGPSTime, MsgPosLLHCov, MsgPosLLHGnss
-from sbp.orientation import MsgBaselineHeading, MsgOrientEuler, MsgOrientQuat
+from sbp.orientation import MsgOrientEuler, MsgOrientQuat
 from sbp.table import dispatch
 from track_writers import S, sbp_clock, sbp_position, sbp_time
 
@@ -155,16 +155,12 @@ def test_sbp_positions_of_an_ins_are_told() -> None:
     assert "receiver's INS" in read_sbp(recording(mode=4 | 1 << 3), "a", "a.sbp").warnings[0]
 
 
-def test_sbp_headings_are_counted_and_the_base_is_no_rover() -> None:
-    """BASELINE_HEADING is not used; positions of another sender are not mixed in."""
-    heading = MsgBaselineHeading(tow=0, heading=90_000, n_sats=9, flags=4).to_binary()
+def test_sbp_base_is_no_rover() -> None:
+    """Positions of another sender are not mixed in."""
     base = _from_sender(sbp_position(START_NS + S // 10, 60.0, 10.0, 0.0), 7)
-    read = read_sbp(recording() + heading + base, "a", "a.sbp")
+    read = read_sbp(recording() + base, "a", "a.sbp")
     assert set(read.fixes.latitude_deg.tolist()) == {63.42}
-    assert counts(read.skipped) == {
-        "heading, which twin takes from the antennas or the track": 1,
-        "position of another sender": 1,
-    }
+    assert counts(read.skipped) == {"position of another sender": 1}
 
 
 @pytest.mark.parametrize("wrapped", [False, True])
