@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.adjustment.build import Placed, model_of, on_terrain, scene_of
+from geoloc.adjustment.corrected import corrected_poses
 from geoloc.adjustment.covariance import Spread, spread
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.scene import bodies_at, rays_of, sigma_px_of
@@ -27,6 +28,7 @@ from geoloc.budget import LIKELY_READOUT_MS, ErrorBudget
 from geoloc.combine import ellipse
 from geoloc.geodesy import geographic_from_enu
 from geoloc.locate import Sightings
+from geoloc.poses import Poses
 from geoloc.rig import Rig
 from geoloc.terrain import Terrain
 from geoloc.trajectory import Trajectory
@@ -92,6 +94,8 @@ class Adjusted:
         Horizontal distance from the camera to the object's place.
     eye_m : float64 (n, 3)
         The camera's place when it saw, east and north of the object's place and above the ellipsoid.
+    poses : Poses (n,)
+        The rig's pose at each sighting, as corrected; sigmas are the trajectory's.
     noise : float
         Factor on the stated sigma of a pixel that the residuals ask for.
     time_offset_ms, readout_ms : Correction
@@ -115,6 +119,7 @@ class Adjusted:
     residual_px: FloatArray
     range_m: FloatArray
     eye_m: FloatArray
+    poses: Poses
     noise: float
     time_offset_ms: Correction
     readout_ms: Correction
@@ -200,7 +205,7 @@ def adjust(
     scene = scene_of(rig, sightings.camera, placed)
     rejected[np.setdiff1d(rows, scene.row)] = NO_CROSSING
     if scene.point.size == 0:
-        return _nothing(objects, rejected)
+        return _nothing(objects, rejected, poses)
     stated = budget if readout_ms is None else replace(budget, readout_ms=_STATED_READOUT_MS)
     likely = LIKELY_READOUT_MS if readout_ms is None else readout_ms
 
@@ -223,7 +228,10 @@ def adjust(
             " positions before camera_offset_ms is right, and frames and fixes are both UTC."
         )
     rejected[scene.row[~solution.inlier]] = OUTLIER
-    return _adjusted(objects, rejected, model, solution, found, budget, track_sigma_m, tuple(notes))
+    corrected = corrected_poses(model, solution.x, poses)
+    return _adjusted(
+        objects, rejected, corrected, model, solution, found, budget, track_sigma_m, tuple(notes)
+    )
 
 
 def _clock_of_the_rays(solution: Solution, found: Spread, budget: ErrorBudget) -> Correction:
@@ -256,6 +264,7 @@ def _doubts(model: Model, solution: Solution, terrain: Terrain | None) -> Iterat
 def _adjusted(
     objects: IntArray,
     rejected: TextArray,
+    poses: Poses,
     model: Model,
     solution: Solution,
     found: Spread,
@@ -309,6 +318,7 @@ def _adjusted(
         residual_px=columns["residual"],
         range_m=np.hypot(columns["eye"][:, 0], columns["eye"][:, 1]),
         eye_m=columns["eye"],
+        poses=poses,
         noise=solution.noise,
         time_offset_ms=Correction(1e3 * float(solution.x[TIME]), 1e3 * float(shared[TIME])),
         readout_ms=Correction(
@@ -354,7 +364,7 @@ def _of_the_track(model: Model, budget: ErrorBudget, track_sigma_m: float) -> di
     return {"gnss": mean[:, None, None] * np.eye(2), "lever arm": lever[:, None, None] * np.eye(2)}
 
 
-def _nothing(objects: IntArray, rejected: TextArray) -> Adjusted:
+def _nothing(objects: IntArray, rejected: TextArray, poses: Poses) -> Adjusted:
     """The answer where no sighting can be used."""
     n, g = rejected.size, objects.size
     nan = np.full(g, np.nan)
@@ -373,6 +383,7 @@ def _nothing(objects: IntArray, rejected: TextArray) -> Adjusted:
         np.full((n, 2), np.nan),
         np.full(n, np.nan),
         np.full((n, 3), np.nan),
+        poses,
         1.0,
         unknown,
         unknown,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.adjust import adjust
 from geoloc.association.bearings import AssociationRules, bearings_from_sightings
 from geoloc.association.ids import IdFinding, contradictions
 from geoloc.association.joining import faces_on_feet, strays
@@ -17,13 +18,27 @@ from geoloc.association.tracking import numbered, track
 from geoloc.locate import Sightings
 from geoloc.poses import Poses
 from geoloc.rig import Rig
+from geoloc.trajectory import Trajectory
 
-__all__ = ["AssociatedObject", "Association", "AssociationRules", "IdFinding", "associate", "check_ids"]
+__all__ = [
+    "AssociatedObject",
+    "Association",
+    "AssociationRules",
+    "IdFinding",
+    "associate",
+    "associate_drive",
+    "check_ids",
+    "poses_by_objects",
+]
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _DEFAULT_RULES = AssociationRules()
+# By which share of the poses' own sigma directions are widened in the passes before the last: narrow gates on
+# a poor track let sightings go to the neighbour, and what is wrongly put together spoils the correction.
+_WIDENED = (2.0 / 3.0, 2.0 / 9.0)
 
 
 class AssociatedObject(NamedTuple):
@@ -129,6 +144,88 @@ def associate(
     for row, (other, off_deg) in slips.items():
         reason[seen.row[row]] = f"{off_deg:.1f}° off object {group[other]}, which its picture lacks"
     return Association(found, _objects(group, label[seen.row], merged, split), reason)
+
+
+def associate_drive(
+    rig: Rig,
+    sightings: Sightings,
+    trajectory: Trajectory,
+    kind: NDArray[np.str_],
+    label: NDArray[np.str_],
+    epoch_ns: IntArray,
+    rules: AssociationRules = _DEFAULT_RULES,
+) -> Association:
+    """Find out which sightings of a drive show the same object, whatever its fixes are worth.
+
+    `associate` takes poses as they are. On a track of ordinary fixes, metres and degrees off and otherwise
+    every second, the rays to one pole miss one another, and it is found twice. But all poles of a moment
+    share these errors: an adjustment of the objects found first tells them, and on the track so corrected the
+    sightings are associated anew, twice. Directions are first widened by what the poses' sigmas say.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    rig, sightings, kind, label, epoch_ns, rules
+        As in `associate`.
+
+    Returns
+    -------
+    Association
+
+    Raises
+    ------
+    CalibrationError
+        If the rig lacks one of the cameras, or cannot compute with it.
+    """
+    poses = trajectory.poses_at(epoch_ns)
+    if not _shaky(poses, rules):
+        return associate(rig, sightings, poses, kind, label, epoch_ns, rules)
+    sigma_deg = float(np.nanmedian(_angle_deg(poses)))
+    for share in _WIDENED:
+        wide = replace(rules, angle_deg=float(np.hypot(rules.angle_deg, share * sigma_deg)))
+        found = associate(rig, sightings, poses, kind, label, epoch_ns, wide)
+        poses = poses_by_objects(rig, sightings, trajectory, kind, found.object, epoch_ns, rules)
+    return associate(rig, sightings, poses, kind, label, epoch_ns, rules)
+
+
+def poses_by_objects(
+    rig: Rig,
+    sightings: Sightings,
+    trajectory: Trajectory,
+    kind: NDArray[np.str_],
+    object_index: IntArray,
+    epoch_ns: IntArray,
+    rules: AssociationRules = _DEFAULT_RULES,
+) -> Poses:
+    """Give the poses at a drive's sightings, good enough to compare their rays.
+
+    Parameters
+    ----------
+    object_index : int64 (n,)
+        Which object a sighting is held for; negative: none.
+    rig, sightings, trajectory, kind, epoch_ns, rules
+        As in `associate_drive`.
+
+    Returns
+    -------
+    Poses (n,)
+        Those of the trajectory where it is known as well as `rules` take for granted, else corrected by an
+        adjustment of the objects.
+    """
+    poses = trajectory.poses_at(epoch_ns)
+    if not _shaky(poses, rules):
+        return poses
+    return adjust(rig, sightings, kind, object_index, epoch_ns, trajectory).poses
+
+
+def _shaky(poses: Poses, rules: AssociationRules) -> bool:
+    """Whether some pose is worse than the rules take for granted."""
+    return bool(np.any((_angle_deg(poses) > rules.angle_deg) | (poses.sigma_horizontal_m > rules.place_m)))
+
+
+def _angle_deg(poses: Poses) -> FloatArray:
+    """One sigma of the direction ahead."""
+    return np.asarray(np.fmax(poses.sigma_heading_deg, poses.sigma_pitch_deg))
 
 
 def check_ids(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +15,10 @@ from numpy.typing import NDArray
 from geoloc.accuracy import ellipse_coverage, error_stats, stats_by_range
 from twin import schema
 from twin.errors import TruthError
+from twin.evaluate_pairing import Pairing, by_id, by_position, nearest_m
 from twin.folders import make_folder
 from twin.store import Store
+from twin.truth import Truth, read_truth
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,19 +26,14 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]
 
-_REQUIRED = ("object", "easting", "northing")
+__all__ = ["BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "plot", "read_truth"]
+
+BY = ("auto", "id", "position")
+"""Ways to find out which surveyed object an estimate is of."""
+WITHIN_M = 5.0
+"""An estimate farther from every surveyed position is of another object, if they are paired by position."""
 ONE_FRAME = ("single-frame", "paper")
 """Methods whose single sightings are positions of their own; `adjusted` only ever places whole objects."""
-
-
-@dataclass(frozen=True, slots=True)
-class Truth:
-    """One surveyed object, EPSG:25833. `drive_id` is "" where the file does not tell drives apart."""
-
-    object: str
-    drive_id: str
-    east_m: float
-    north_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +52,10 @@ class MethodResult:
         ``from_m``, ``to_m`` (None: no limit), n … rmse, ``coverage95``.
     not_estimated : tuple of str
         Truth objects that this method has no estimate of.
+    not_in_truth : int
+        Estimates of this method that are of no truth object.
+    paired_by : str
+        ``id`` or ``position``.
     """
 
     method: str
@@ -64,6 +64,8 @@ class MethodResult:
     objects_by_range: list[dict[str, Any]]
     sightings_by_range: list[dict[str, Any]]
     not_estimated: tuple[str, ...]
+    not_in_truth: int
+    paired_by: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,102 +85,98 @@ class Evaluation:
         return [asdict(result) for result in self.methods]
 
 
-def read_truth(path: Path | str) -> list[Truth]:
-    """Read surveyed positions: CSV with the columns object, label, easting, northing (EPSG:25833).
-
-    A column ``drive_id`` is optional; without it an object's truth holds for every drive in the store.
-
-    Raises
-    ------
-    TruthError
-        No such file, a missing column, or a number that is none: file, line and cure.
-    """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise TruthError(f"The truth file {path} cannot be read ({error}): name a CSV file.") from error
-    reader = csv.DictReader(text.splitlines())
-    missing = [name for name in _REQUIRED if name not in (reader.fieldnames or ())]
-    if missing:
-        raise TruthError(
-            f"The truth file {path} lacks the column {', '.join(missing)}: it needs object, label, easting, "
-            "northing (EPSG:25833), separated by commas."
-        )
-    truths = [_truth(row, path, number) for number, row in enumerate(reader, start=2)]
-    if not truths:
-        raise TruthError(f"The truth file {path} has no rows: give one a surveyed object.")
-    return truths
-
-
-def _truth(row: Mapping[str, str | None], path: Path, line: int) -> Truth:
-    try:
-        east, north = float(row["easting"] or ""), float(row["northing"] or "")
-    except ValueError as error:
-        raise TruthError(f"{path}, line {line}: easting and northing must be numbers ({error}).") from error
-    if not (-200_000 < east < 1_200_000 and 6_300_000 < north < 8_100_000):
-        raise TruthError(
-            f"{path}, line {line}: easting {east} and northing {north} are not in Norway in EPSG:25833: "
-            "check the coordinate system and that the columns are not swapped."
-        )
-    return Truth((row["object"] or "").strip(), (row.get("drive_id") or "").strip(), east, north)
-
-
-def evaluate(store: Store, truths: Sequence[Truth]) -> Evaluation:
+def evaluate(
+    store: Store, truths: Sequence[Truth], *, by: str = BY[0], within_m: float = WITHIN_M
+) -> Evaluation:
     """Compare every method in the store with the truth.
+
+    Parameters
+    ----------
+    by : {"auto", "id", "position"}
+        How estimates find their truth. By position they are paired one-to-one, a drive and method at a time,
+        where both know sign codes only if they share one. Default: by id, or by position if no id fits.
+    within_m : float
+        Farther apart than this nothing is paired by position.
 
     Raises
     ------
     TruthError
         None of the truth's objects has an estimate.
     """
-    known = {(truth.drive_id, truth.object): truth for truth in truths}
     estimates = store.rows(sa.select(schema.estimate).order_by(schema.estimate.c.estimate_id))
+    if not estimates:
+        raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
+    find, paired_by = _pairing(store, estimates, truths, by, within_m)
     sightings = store.rows(sa.select(schema.sighting).where(schema.sighting.c.rejected == ""))
     speed = _mean_speeds(sightings)
     results: list[MethodResult] = []
     sighting_arrays: dict[str, dict[str, FloatArray]] = {}
     estimate_arrays: dict[str, dict[str, FloatArray]] = {}
     for method in store.methods():
-        own = [
-            ({**e, "speed_mps": speed.get(_key(e))}, t)
-            for e in estimates
-            if e["method"] == method and (t := _find(known, e)) is not None
-        ]
+        mine = [{**row, "speed_mps": speed.get(_key(row))} for row in estimates if row["method"] == method]
+        own = _paired(mine, find)
         if not own:
             continue
-        seen = [
-            (s, t)
-            for s in sightings
-            if s["method"] == method in ONE_FRAME
-            and s["east_m"] is not None
-            and (t := _find(known, s)) is not None
-        ]
+        placed = (s for s in sightings if s["method"] == method in ONE_FRAME and s["east_m"] is not None)
+        seen = _paired(placed, find)
         objects, singles = _errors(own, "range_min_m"), _errors(seen, "range_m")
         estimate_arrays[method] = objects.arrays()
         if seen:
             sighting_arrays[method] = singles.arrays()
-        found = {row["object"] for row, _ in own}
-        results.append(
-            MethodResult(
-                method=method,
-                objects=asdict(error_stats(objects.error_m)),
-                coverage95=float(ellipse_coverage(objects.offset_m, objects.covariance_m2)),
-                objects_by_range=objects.by_range(),
-                sightings_by_range=singles.by_range(),
-                not_estimated=tuple(sorted({t.object for t in truths} - found)),
-            )
-        )
-    if not estimates:
-        raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
-    if not results:
-        names = ", ".join(sorted({t.object for t in truths})[:3])
-        held = ", ".join(sorted({row["object"] for row in estimates})[:3])
+        missed = {truth.object for truth in truths} - {truth.object for _, truth in own}
+        results.append(_result(method, objects, singles, sorted(missed), len(mine) - len(own), paired_by))
+    return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
+
+
+def _result(
+    method: str, objects: _Errors, singles: _Errors, missed: list[str], not_in_truth: int, paired_by: str
+) -> MethodResult:
+    return MethodResult(
+        method=method,
+        objects=asdict(error_stats(objects.error_m)),
+        coverage95=float(ellipse_coverage(objects.offset_m, objects.covariance_m2)),
+        objects_by_range=objects.by_range(),
+        sightings_by_range=singles.by_range(),
+        not_estimated=tuple(missed),
+        not_in_truth=not_in_truth,
+        paired_by=paired_by,
+    )
+
+
+def _pairing(
+    store: Store, estimates: Sequence[Row], truths: Sequence[Truth], by: str, within_m: float
+) -> tuple[Pairing, str]:
+    """How estimates find their truth, and which way that is.
+
+    Raises
+    ------
+    TruthError
+        No estimate finds any.
+    """
+    if by not in BY:
+        raise TruthError(f"Estimates cannot be paired by {by!r}: use one of {', '.join(BY)}.")
+    ways = {"id": by_id(truths), "position": by_position(estimates, truths, within_m)}
+    for way in ways if by == "auto" else (by,):
+        if any(ways[way](row) is not None for row in estimates):
+            return ways[way], way
+    names = ", ".join(sorted({t.object for t in truths})[:3])
+    held = ", ".join(sorted({row["object"] for row in estimates})[:3])
+    if by == "id":
         raise TruthError(
             f"No estimate in {store.path} belongs to an object of the truth file ({names}, …): the column "
-            f"object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them."
+            f"object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them; "
+            "or pair them by position (--by position)."
         )
-    return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
+    raise TruthError(
+        f"No estimate in {store.path} ({held}, …) has the id of an object of the truth file ({names}, …), or "
+        f"stands within {within_m:g} m of one; the nearest is {nearest_m(estimates, truths):.1f} m away: is "
+        "it the right file, and in EPSG:25833? --within allows more."
+    )
+
+
+def _paired(rows: Iterable[Row], find: Pairing) -> list[tuple[Row, Truth]]:
+    """Rows that have a truth, with it."""
+    return [(row, truth) for row in rows if (truth := find(row)) is not None]
 
 
 def _key(row: Row) -> tuple[str, str, str]:
@@ -192,10 +190,6 @@ def _mean_speeds(sightings: Sequence[Row]) -> dict[tuple[str, str, str], float]:
         if row["speed_mps"] is not None:
             speeds.setdefault(_key(row), []).append(row["speed_mps"])
     return {key: float(np.mean(values)) for key, values in speeds.items()}
-
-
-def _find(known: Mapping[tuple[str, str], Truth], row: Row) -> Truth | None:
-    return known.get((row["drive_id"], row["object"])) or known.get(("", row["object"]))
 
 
 @dataclass(frozen=True, slots=True)

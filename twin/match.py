@@ -27,6 +27,7 @@ from twin.matching.evidence import Passage, Views, evidence_of_absence, still_se
 from twin.matching.nearby import mirror_near
 from twin.matching.observed import ObservedPole, observed_poles
 from twin.matching.sites import Site, along_the_road, sites_from_mirror
+from twin.matching.twice import Picture, each_pole_once, may_be_one
 from twin.matching.verdict import VERDICTS, Change, judge
 from twin.store import Snapshot, Store, utc_now
 from twin.vegnett.network import FACT as VEGNETT
@@ -99,7 +100,9 @@ def match(
         known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
         has_network = store.fact(VEGNETT) is not None
         seen_from = _seen_from(view, estimates, method) if has_network else {}
-        poles = observed_poles(estimates, [drive.drive_id for drive in drives], config, known, seen_from)
+        pairs = may_be_one(estimates, config)
+        once = each_pole_once(estimates, pairs, _pictures(view, pairs, method))
+        poles = observed_poles(once, [drive.drive_id for drive in drives], config, known, seen_from)
         points, plates = mirror_near(view, _places(drives, poles), config)
     sites = _sites(store, points, plates, config, has_network=has_network)
     say("finding which signs were in view")
@@ -274,6 +277,20 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
             )
         )
     return drives
+
+
+def _pictures(view: Snapshot, pairs: Sequence[tuple[str, str]], method: str) -> dict[str, frozenset[Picture]]:
+    """In which pictures the objects of pairs were marked, and as what."""
+    t = schema.sighting
+    wanted = {tuple(member.split(":", 1)) for pair in pairs for member in pair}
+    found: dict[str, set[Picture]] = {}
+    for drive_id in sorted({drive_id for drive_id, _ in wanted}):
+        mine = (t.c.drive_id == drive_id, t.c.method == method, t.c.rejected == "")
+        for row in view.rows(sa.select(t.c.object, t.c.camera, t.c.frame, t.c.kind).where(*mine)):
+            if (drive_id, row["object"]) in wanted:
+                picture = row["camera"], row["frame"], row["kind"]
+                found.setdefault(f"{drive_id}:{row['object']}", set()).add(picture)
+    return {member: frozenset(pictures) for member, pictures in found.items()}
 
 
 def _seen_from(view: Snapshot, estimates: Sequence[Row], method: str) -> dict[str, frozenset[float]]:

@@ -199,6 +199,19 @@ class Model:
         width = derivative.shape[2]
         return Linear(residual.ravel(), derivative.reshape(-1, width), np.repeat(self._ray_columns(), 2, 0))
 
+    def corrections(self, x: FloatArray) -> FloatArray:
+        """What the trajectory's pose lacks at each sighting (n, 6).
+
+        A rotation vector about the rig's axes (rad), and a shift of its origin east, north and up (m).
+        """
+        body, late = self.scene.body, self._late(x)
+        slow = self._slow(x, self.left, self.share)
+        turn = self._attitude(x, slow)
+        turn[:, 2] += late * body.yaw_rate_radps
+        return np.concatenate(
+            [turn, late[:, None] * body.velocity_mps + self._shift(slow, body.enu_R_rig)], axis=1
+        )
+
     def _ray_columns(self) -> IntArray:
         """Which unknowns a sighting depends on, in the order of `rays`."""
         layout, scene = self.layout, self.scene
@@ -223,7 +236,7 @@ class Model:
     def _seen(self, x: FloatArray) -> _Seen:
         """From the unknowns to the unit ray on which each point should be seen."""
         scene, layout, body = self.scene, self.layout, self.scene.body
-        late = x[TIME] + scene.readout * (self.readout_s + x[READOUT])
+        late = self._late(x)
         slow = self._slow(x, self.left, self.share)
         origin = self.origin_m + late[:, None] * body.velocity_mps + self._shift(slow, body.enu_R_rig)
         delta = self.points_m(x)[scene.point] - origin
@@ -232,8 +245,7 @@ class Model:
         delta[:, :2] -= (self.radius_m / away)[:, None] * sight
         turn = late * body.yaw_rate_radps
         in_rig = _turned_back(_into(body.enu_R_rig, delta), turn)
-        attitude = slow[:, :3] + x[layout.bounce(scene.instant)]
-        attitude[:, 2] += x[SLIP] * body.lateral_mps2
+        attitude = self._attitude(x, slow)
         back = _rotation_matrix_back(attitude)
         q = (back @ in_rig[:, :, None])[:, :, 0]
         # A handful of cameras: their matrices are made once and handed out.
@@ -290,6 +302,16 @@ class Model:
         residual = np.where(inside, above / t.sigma_m, 0.0)
         derivative = np.where(inside[:, None], derivative / t.sigma_m[:, None], 0.0)
         return Linear(residual, derivative, self.layout.point(t.point))
+
+    def _late(self, x: FloatArray) -> FloatArray:
+        """How much later than its epoch each sighting was exposed (n,), seconds."""
+        return np.asarray(x[TIME] + self.scene.readout * (self.readout_s + x[READOUT]))
+
+    def _attitude(self, x: FloatArray, slow: FloatArray) -> FloatArray:
+        """Rotation vectors (n, 3) of the body at each sighting: slow errors, bounce and slip."""
+        attitude = slow[:, :3] + x[self.layout.bounce(self.scene.instant)]
+        attitude[:, 2] += x[SLIP] * self.scene.body.lateral_mps2
+        return np.asarray(attitude)
 
     def _shift(self, slow: FloatArray, enu_R_rig: FloatArray) -> FloatArray:
         """How far the rig's origin moves (n, 3): with its place, and below an antenna that stays."""

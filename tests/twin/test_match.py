@@ -95,6 +95,39 @@ def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) 
     assert verdicts == AS_MADE
 
 
+def renamed(trip: Path, name: str, new: str, *, both: bool) -> None:
+    """Give an object another id in the second half of its pictures; or in all, beside the first one."""
+    for path in trip.glob("*.xml"):
+        text = path.read_text()
+        for track in re.findall(r"<track .*?</track>", text, flags=re.DOTALL):
+            if f">{name}<" not in track:
+                continue
+            parts = re.split(r"(?=<points )", track)
+            half = 0 if both else len(parts) // 2
+            anew = parts[0] + "".join(p.replace(f">{name}<", f">{new}<") for p in parts[1:][half:])
+            kept = track if both else "".join(parts[: half + 1]) + "</track>"
+            text = text.replace(track, kept + anew)
+        path.write_text(text)
+
+
+def test_match_takes_a_track_that_was_begun_anew_for_one_sign(synced: Path, trip: Path) -> None:
+    """A pole of three plates that has another id in half of its pictures has no new plates for that."""
+    renamed(trip, "P06", "P06b", both=False)
+    with Store.open(synced) as store:
+        assert ingest_drive(store, trip).n_estimates == 16
+        assert match(store).verdicts == AS_MADE
+        keys = {row["member"].split(":")[1]: row["pole"] for row in store.rows(sa.select(schema.pole_key))}
+    assert keys["P06"] == keys["P06b"]
+
+
+def test_match_finds_a_second_plate_new_where_a_picture_shows_both(synced: Path, trip: Path) -> None:
+    """What is marked twice in one picture hangs there twice: each plate more than NVDB has is new."""
+    renamed(trip, "P06", "P06b", both=True)
+    with Store.open(synced) as store:
+        assert ingest_drive(store, trip).n_estimates == 16
+        assert match(store).verdicts["new"] == AS_MADE["new"] + 3
+
+
 def test_match_compares_the_texts_of_plates(synced: Path, trip: Path) -> None:
     """From the attribute and from NVDB's property to the finding: another text is said, and is no verdict."""
     for path in trip.glob("*.xml"):

@@ -40,11 +40,11 @@ def with_joined_tracks(drive: Drive, trajectory: Trajectory) -> Drive:
     notes = drive.annotations
     if not notes.frame.size:
         return drive
-    findings = check_ids(*association_input(drive, trajectory), notes.object)
+    findings = check_ids(*association_input(drive, trajectory, notes.object), notes.object)
     name = _split(notes.object, findings)
     if any(finding.kind == "split" for finding in findings):
         split = replace(drive, annotations=replace(notes, object=name))
-        findings = check_ids(*association_input(split, trajectory), name)
+        findings = check_ids(*association_input(split, trajectory, name), name)
     name = _merged(name, notes, [finding.ids for finding in findings if finding.kind == "merge"])
     before, after = (np.unique(names).size for names in (notes.object, name))
     if np.array_equal(name, notes.object):

@@ -83,6 +83,9 @@ class MatchConfig:
     """How far away a pole counts as in view."""
     same_pole_m: float = 0.4
     """Objects of one drive and camera closer than this share a pole: plates annotated one by one."""
+    seen_twice_m: float = 3.0
+    """Objects of one drive with the same plates, never marked in one picture, are one pole within this
+    distance, if the measurement cannot tell their places apart."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

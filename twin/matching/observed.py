@@ -124,6 +124,7 @@ def observed_poles(
     Parameters
     ----------
     estimates : rows of the ``estimate`` table, of one method
+        Or of several objects at once, with their ``members``: see :mod:`twin.matching.twice`.
     drive_order : drive ids in time order
     known_keys : mapping of member to key, optional
         Keys that poles got in earlier runs: a pole keeps the key of its first member that has one.
@@ -177,11 +178,11 @@ def _pole_of_estimate(row: Mapping[str, Any], seen_from_deg: Mapping[str, frozen
     covariance = np.array(
         [[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]], dtype=np.float64
     )
-    member = f"{row['drive_id']}:{row['object']}"
+    members = tuple(row.get("members", (f"{row['drive_id']}:{row['object']}",)))
     codes = split_codes(row["skiltnummer"])
     return ObservedPole(
-        members=(member,),
-        key=member,
+        members=members,
+        key=members[0],
         east_m=row["east_m"],
         north_m=row["north_m"],
         covariance_m2=covariance,
@@ -191,7 +192,7 @@ def _pole_of_estimate(row: Mapping[str, Any], seen_from_deg: Mapping[str, frozen
         n_sightings=row["n_sightings"],
         first_ns=row.get("first_ns", 0),
         last_ns=row.get("last_ns", 0),
-        seen_from_deg=seen_from_deg.get(member, frozenset()),
+        seen_from_deg=frozenset().union(*(seen_from_deg.get(member, ()) for member in members)),
         texts=split_texts(row.get("text"), codes),
     )
 

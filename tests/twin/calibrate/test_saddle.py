@@ -77,19 +77,19 @@ def test_coarse_corner_that_is_wrong_is_found_by_its_neighbours() -> None:
 
 
 def test_what_is_no_corner_is_not_found() -> None:
-    """Even grey, a plain edge, and the image's border hold no corner."""
+    """A corner under grey tape, one on a plain edge, and one at the image's border are left out."""
     image = drawn()
-    image[:, :75] = 90
-    image[45:, 140:] = 40
-    image[45:, 150:] = 200
-    found, good = refined(image, GRID, PLACE, 0.5)
-    whole = (PLACE[:, 0] > 85.0) & ((PLACE[:, 1] < 35.0) | (PLACE[:, 0] < 128.0))
-    assert good[whole].all()
-    assert not good[PLACE[:, 0] < 68.0].any()
-    assert not good[(PLACE[:, 1] > 55.0) & (PLACE[:, 0] > 160.0)].any()
+    for number, (left, right) in ((9, (90, 90)), (25, (40, 200))):
+        u, v = np.rint(PLACE[number]).astype(int)
+        image[v - 11 : v + 12, u - 11 : u + 1] = left
+        image[v - 11 : v + 12, u + 1 : u + 12] = right
     top = int(PLACE[0, 1]) - 1
-    assert not refined(image[top:], GRID, PLACE - (0.0, top), 0.5)[1][0]
-    np.testing.assert_allclose(found[whole], PLACE[whole], atol=0.02)
+    moved = PLACE - (0.0, top)
+    found, good = refined(image[top:], GRID, moved, 0.5)
+    assert not good[[0, 9, 25]].any()
+    apart = np.linalg.norm(PLACE[:, np.newaxis] - PLACE[[0, 9, 25]], axis=-1).min(axis=1)
+    assert good[apart > 25.0].all()
+    np.testing.assert_allclose(found[apart > 25.0], moved[apart > 25.0], atol=0.02)
 
 
 def test_corners_in_one_line_tell_no_map() -> None:
@@ -102,7 +102,7 @@ def test_corners_in_one_line_tell_no_map() -> None:
 def test_local_maps_are_the_derivatives_of_the_grid() -> None:
     """On a plane that is bent by a parabola, slopes and curvature come out to a hundredth of a pixel."""
     bent = PLACE + 0.05 * GRID[:, :1] ** 2 * np.array([[1.0, -2.0]])
-    maps = local_maps(GRID, bent, np.ones(len(GRID), dtype=bool))
+    maps = local_maps(GRID, bent, np.ones(len(GRID), dtype=bool), 9)
     middle = 17
     np.testing.assert_allclose(maps[middle, 0], bent[middle], atol=0.01)
     np.testing.assert_allclose(
