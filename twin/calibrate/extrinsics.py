@@ -30,7 +30,6 @@ from twin.calibrate.mounting_files import drive_tables, kalibr_rig, opencv_mount
 from twin.calibrate.pictures import IMAGE_SUFFIXES, pictures
 from twin.calibrate.tag_corners import TagsFound, find_tags
 from twin.drives.camera_names import named_in
-from twin.errors import ConfigError
 from twin.export.atomic import replace_file
 from twin.folders import make_folder
 
@@ -138,7 +137,7 @@ def calibrate_rig(
 
     Raises
     ------
-    ConfigError, CalibrationError, RefusedError
+    CalibrationError, RefusedError
         If an input cannot be used; nothing is written then.
     """
     layout = read_layout(_content(tags, "layout"), Path(tags).name)
@@ -199,13 +198,17 @@ def _content(path: Path | str, what: str) -> bytes:
     try:
         return Path(path).read_bytes()
     except OSError as error:
-        raise ConfigError(f"The {what} {path} cannot be read ({error.strerror}): check its name.") from error
+        raise CalibrationError(
+            f"The {what} {path} cannot be read ({error.strerror}): check its name."
+        ) from error
 
 
 def _hand_model(path: Path) -> CameraModel:
     cameras = read_cameras(_content(path, "calibration of the carried camera"), path.name)
     if len(cameras) != 1:
-        raise ConfigError(f"{path} holds {len(cameras)} cameras: give the file of the one that was carried.")
+        raise CalibrationError(
+            f"{path} holds {len(cameras)} cameras: give the file of the one that was carried."
+        )
     return next(iter(cameras.values())).model
 
 
@@ -220,7 +223,7 @@ class _PictureFile(NamedTuple):
 def _by_camera(folder: Path, rig: Rig, hand: bool) -> list[_PictureFile]:
     """Every picture of the folder and its sub-folders with the camera that its name names."""
     if not folder.is_dir():
-        raise ConfigError(f"{folder} is no folder: give the one that holds the pictures.")
+        raise CalibrationError(f"{folder} is no folder: give the one that holds the pictures.")
     files = [*folder.iterdir(), *(f for sub in folder.iterdir() if sub.is_dir() for f in sub.iterdir())]
     found = []
     for file in sorted(f for f in files if f.suffix.lower() in IMAGE_SUFFIXES):
@@ -229,14 +232,14 @@ def _by_camera(folder: Path, rig: Rig, hand: bool) -> list[_PictureFile]:
         if not names and not hand and len(rig.cameras) == 1:
             names = list(rig.cameras)
         if len(names) > 1 or not (names or hand):
-            raise ConfigError(
+            raise CalibrationError(
                 f"{inside} names {' and '.join(names) or 'no camera'} of the rig ({', '.join(rig.cameras)}):"
                 " put the camera's name into the name of the picture or its folder, or give the file of"
                 " the carried camera's calibration with --hand."
             )
         found.append(_PictureFile(names[0] if names else HAND, file, inside.as_posix() + file.suffix))
     if not found:
-        raise ConfigError(f"There are no pictures in {folder}: name the folder they are in.")
+        raise CalibrationError(f"There are no pictures in {folder}: name the folder they are in.")
     return found
 
 
