@@ -1,20 +1,20 @@
 """Measures `twin calibrate intrinsics`: boards rendered through known lenses, calibrated, compared.
 
 Usage: python benchmarks/calibration.py [--views 40] [--rig RIG.json] [--only NAME] [--keep FOLDER]
-       python benchmarks/calibration.py --detectors
+       python benchmarks/calibration.py --detectors | --own-noise 20
 
 Without --rig the simulated car's lenses; with it the named cameras of a DriveWorks rig. Boards are rendered
 by the lens's inverse (rays), with blur, uneven light and grey-level noise; to every detected corner 0.1 px of
-noise is added, in 15 draws. The error is the angle between the true and the calibrated ray of a pixel, over
+noise is added, in 60 draws. The error is the angle between the true and the calibrated ray of a pixel, over
 every eighth covered pixel: as it is, and after the one rotation that an extrinsic calibration takes up.
 NEES is the squared error of the parameters over what their covariance promises, each: 1 if sigmas hold.
 --detectors compares the corners of OpenCV's detectors, as they come and refined, with where they truly are.
+--own-noise adds nothing to corners: it draws the noise of the pictures' grey values anew, and detects again.
 """
 
 from __future__ import annotations
 
 import argparse
-import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,19 +26,19 @@ from geoloc.calibration.fit import Fit, fit
 from geoloc.calibration.intrinsics import Intrinsics, calibrate_intrinsics
 from geoloc.calibration.radial_lenses import FThetaLens
 from geoloc.calibration.start import angle_between
-from geoloc.calibration.views import View
+from geoloc.calibration.views import View, corners_of
 from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera
 from geoloc.rig import read_rig
 from geoloc.simulation.board_views import draw_board_poses
 from geoloc.simulation.car import CAMERAS
 from geoloc.simulation.render import Plane, render_planes
-from twin.calibrate.boards import board_from_text
+from twin.calibrate.boards import Board, ByteArray, board_from_text
 from twin.calibrate.detect import detect
-from twin.calibrate.example import EXAMPLE_BOARD, example_camera, rendered
+from twin.calibrate.example import EXAMPLE_BOARD, N_PICTURES, example_camera, rendered
 from twin.cli.output import console, print_table
 
-NOISE_PX = 0.1
-DRAWS = 15
+NOISE_PX, GREY_NOISE = 0.1, 2.0
+DRAWS = 60
 FINEST, FINE = "charuco:36x25:0.03:0.0225:DICT_5X5_1000", "charuco:24x17:0.05:0.037"
 SMALL = "checkerboard:9x6:0.08"
 NARROW_BARS_DEG, WIDE_BARS_DEG = (0.003, 0.02), (0.01, 0.05)
@@ -75,24 +75,32 @@ def cases(rig: Path | None) -> Iterator[Case]:
     yield Case("a Kannala-Brandt lens", fisheye, FINE, (0.7, 1.4), (10.0, 50.0), 0.55, WIDE_BARS_DEG)
 
 
-def detected(case: Case, n: int, keep: Path | None) -> list[View]:
-    """Render and detect; detections are kept in a folder, if one is given, for another run."""
-    path = None if keep is None else keep / f"{case.name}-{case.board.split(':')[1]}-{n}.pickle"
-    if path is not None and path.exists():
-        return pickle.loads(path.read_bytes())  # type: ignore[no-any-return]
+def pictures(case: Case, n: int, keep: Path | None) -> Iterator[ByteArray]:
+    """Render n pictures; if a folder is given, they are kept there for another run."""
+    import cv2
+
+    folder = None if keep is None else keep / f"{case.name}-{case.board.split(':')[1]}-{n}"
+    if folder is not None and (folder / f"{n - 1}.png").exists():
+        for number in range(n):
+            yield np.asarray(cv2.imread(str(folder / f"{number}.png"), cv2.IMREAD_GRAYSCALE))
+        return
     board, rng = board_from_text(case.board), np.random.default_rng(1)
-    views = []
-    pictures = rendered(
-        case.camera, board, n, rng, fill=case.fill, tilt_deg=case.tilt_deg, inside=case.inside
-    )
-    for number, picture in enumerate(pictures):
+    made = rendered(case.camera, board, n, rng, fill=case.fill, tilt_deg=case.tilt_deg, inside=case.inside)
+    for number, picture in enumerate(made):
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            cv2.imwrite(str(folder / f"{number}.png"), picture)
+        yield picture
+
+
+def detected(case: Case, n: int, keep: Path | None) -> list[View]:
+    """Corners in n pictures."""
+    board, views = board_from_text(case.board), []
+    for number, picture in enumerate(pictures(case, n, keep)):
         seen = detect(picture, board, f"{case.name} {number}")
         if seen is not None:
             views.append(seen.view)
         console(stderr=True).print(f"{case.name}: {number + 1} of {n}", end="\r")
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(pickle.dumps(views))
     return views
 
 
@@ -149,56 +157,82 @@ def _known(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "–"
 
 
-def corner_errors(text: str, n: int, *, refine: bool) -> np.ndarray:
-    """Errors (k, 2) of detected corners in n rendered pictures of a board, in pixels."""
+def opencv_corners(image: ByteArray, board: Board, half_window_px: int) -> np.ndarray:
+    """Corners (k, 2) of OpenCV's detector, refined by `cornerSubPix` if a window is given."""
     import cv2
 
+    if board.kind == "checkerboard":
+        _, corners = cv2.findChessboardCornersSB(image, (board.columns, board.rows))
+    else:
+        corners, *_ = cv2.aruco.CharucoDetector(board.aruco()).detectBoard(image)
+    if corners is not None and half_window_px:
+        size = (half_window_px, half_window_px)
+        corners = cv2.cornerSubPix(image, corners.astype(np.float32), size, (-1, -1), (3, 50, 1e-4))
+    return np.reshape([] if corners is None else corners, (-1, 2)).astype(np.float64)
+
+
+def corner_errors(text: str, n: int) -> dict[str, np.ndarray]:
+    """Errors (k, 2) of corners in n rendered pictures of a board, in pixels, detector by detector."""
     board, camera, rng = board_from_text(text), example_camera(), np.random.default_rng(11)
     texture, size = board.texture()
-    errors = []
+    errors: dict[str, list[np.ndarray]] = {}
+    name = "findChessboardCornersSB" if board.kind == "checkerboard" else "CharucoDetector"
     for rotation, position in draw_board_poses(camera, size, n, rng, fill=(0.4, 0.7)):
         image = render_planes(camera, [Plane(texture, size, rotation, position)], rng=rng)
-        if refine:
-            seen = detect(image, board, "picture")
-            ids, pixel = (seen.ids, seen.view.pixel_px) if seen else (np.empty(0, int), np.empty((0, 2)))
-        elif board.kind == "checkerboard":
-            found, corners = cv2.findChessboardCornersSB(image, (board.columns, board.rows))
-            ids, pixel = (
-                np.arange(board.n_corners),
-                np.reshape(corners, (-1, 2)) if found else np.empty((0, 2)),
-            )
-        else:
-            corners, numbers, _, _ = cv2.aruco.CharucoDetector(board.aruco()).detectBoard(image)
-            ids, pixel = np.ravel(numbers), np.reshape(corners, (-1, 2))
-        if not len(pixel):
-            continue
-        place = board.corners_m(ids) + board.texture_offset_m
-        true = camera.pixel_from_camera_point(np.column_stack([place, 0.0 * ids]) @ rotation.T + position)[0]
-        # Counted from any corner of a checkerboard, the nearest true corner is the one that is meant.
-        nearest = np.linalg.norm(pixel[:, None] - true, axis=-1).argmin(axis=1)
-        errors.append(pixel - true[nearest])
-    return np.concatenate(errors)
+        place = board.corners_m(np.arange(board.n_corners)) + board.texture_offset_m
+        point = np.column_stack([place, np.zeros(len(place))]) @ rotation.T + position
+        true, seen = camera.pixel_from_camera_point(point)[0], detect(image, board, "picture")
+        found = {f"{text}, {name}": opencv_corners(image, board, 0)}
+        for half in (3, 5):
+            found[f"the same, cornerSubPix, half window {half}"] = opencv_corners(image, board, half)
+        found["the same, fitted saddle"] = np.empty((0, 2)) if seen is None else seen.view.pixel_px
+        for what, pixel in found.items():
+            # Counted from any corner of a checkerboard, the nearest true corner is the one that is meant.
+            nearest = np.linalg.norm(pixel[:, None] - true, axis=-1).argmin(axis=1)
+            errors.setdefault(what, []).append(pixel - true[nearest])
+    return {what: np.concatenate(parts) for what, parts in errors.items()}
 
 
 def compare_detectors() -> None:
     """Print bias and spread of the detectors' corners."""
     rows = []
     for text in (SMALL, EXAMPLE_BOARD):
-        for refine in (False, True):
-            off = corner_errors(text, 20, refine=refine)
-            name = "findChessboardCornersSB" if text == SMALL else "CharucoDetector"
+        for what, off in corner_errors(text, 20).items():
             bias = " / ".join(f"{value:+.4f}" for value in off.mean(axis=0))
             worst = np.linalg.norm(off, axis=1)
-            rows.append(
-                (
-                    f"{name}{', cornerSubPix' if refine else ''}",
-                    len(off),
-                    bias,
-                    f"{np.sqrt((off**2).mean()):.3f}",
-                    f"{np.quantile(worst, 0.99):.2f}",
-                )
+            spread = (
+                f"{np.sqrt((off**2).mean()):.4f}",
+                *(f"{np.quantile(worst, q):.3f}" for q in (0.99, 1.0)),
             )
-    print_table("Detected corners [px]", ["detector", "corners", "bias u / v", "RMS", "99 %"], rows)
+            rows.append((what, len(off), bias, *spread))
+    columns = ["corners from", "corners", "bias u / v", "RMS", "99 %", "largest"]
+    print_table("Detected corners [px]", columns, rows)
+
+
+def own_noise(n: int) -> None:
+    """Print NEES over n draws of the grey values' noise, in the pictures of `twin calibrate example`."""
+    camera, board, rng = example_camera(), board_from_text(EXAMPLE_BOARD), np.random.default_rng(0)
+    clean = [image.astype(np.float64) for image in rendered(camera, board, N_PICTURES, rng, noise=0.0)]
+    case, found, spread, start = (
+        Case("example", camera, EXAMPLE_BOARD, (0, 0), (0, 0), 0, (0, 0)),
+        [],
+        [],
+        None,
+    )
+    for _ in range(n):
+        drawn = [np.clip(np.rint(i + rng.normal(scale=GREY_NOISE, size=i.shape)), 0, 255) for i in clean]
+        seen = [detect(image.astype(np.uint8), board, str(k)) for k, image in enumerate(drawn)]
+        views = [s.view for s in seen if s is not None]
+        if start is None:
+            start = calibrate_intrinsics(views, camera.width_px, camera.height_px, models=("ftheta",)).fit
+        again = fit(start.lens, corners_of(views), start.curve(), start.adjusted.state.poses)
+        found.append(nees(case, again))
+        spread.append(again.adjusted.sigma_px)
+    uncertain = np.std(found, ddof=1) / np.sqrt(n)
+    print(
+        f"The pictures' own noise, {n} draws: one corner {np.mean(spread):.4f} px, "
+        f"NEES {np.mean(found):.2f} ± {uncertain:.2f}"
+    )
 
 
 def main() -> None:
@@ -208,12 +242,16 @@ def main() -> None:
     parser.add_argument("--rig", type=Path)
     parser.add_argument("--only", help="Cases whose name contains this.")
     parser.add_argument(
-        "--keep", type=Path, help="Folder for detections, so that another run need not render."
+        "--keep", type=Path, help="Folder for the pictures, so that another run need not render."
     )
     parser.add_argument("--detectors", action="store_true", help="Compare the corners of the detectors.")
+    parser.add_argument("--own-noise", type=int, metavar="DRAWS", help="NEES for the pictures' noise alone.")
     options = parser.parse_args()
     if options.detectors:
         compare_detectors()
+        return
+    if options.own_noise:
+        own_noise(options.own_noise)
         return
     rows, models = [], []
     for case in cases(options.rig):

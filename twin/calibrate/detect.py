@@ -9,16 +9,11 @@ from numpy.typing import NDArray
 
 from geoloc.calibration.views import MIN_CORNERS, View
 from twin.calibrate.boards import Board, ByteArray
+from twin.calibrate.saddle import refined
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_WINDOW_PX = (2, 10)
-"""Half sizes of the window in which a corner is refined."""
-_WINDOW_PART = 0.35
-"""… as part of the distance of neighbouring corners, where the board has no markers."""
-_SUBPIX = (3, 50, 1e-4)
-"""OpenCV's criteria: at most 50 rounds, until a corner moves by less than 1e-4 px."""
 _PROFILE_SAMPLES = 33
 _GAUSS_WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0))
 
@@ -47,8 +42,8 @@ class Seen:
 def detect(image: ByteArray, board: Board, name: str) -> Seen | None:
     """Find the board in a grey picture; None if it is not there, or too little of it.
 
-    Coarse corners come from OpenCV's detectors; every corner is then refined by `cv2.cornerSubPix`, which on
-    rendered boards is unbiased; `findChessboardCornersSB` alone is off by 0.02 px (docs/calibration.md).
+    Coarse corners come from OpenCV's detectors; each is then fitted to the grey values around it (`saddle`).
+    What is no corner in those is left out.
     """
     find = _checkerboard if board.kind == "checkerboard" else _charuco
     found, scale = find(image, board), 1
@@ -59,14 +54,10 @@ def detect(image: ByteArray, board: Board, name: str) -> Seen | None:
         return None
     ids, pixel, marker_part = found
     pixel = scale * (pixel + 0.5) - 0.5
-    spacing = _spacing_px(board, ids, pixel)
-    pixel = _refined(image, board, pixel, spacing)
-    height, width = image.shape
-    inside = ((pixel >= 0.0) & (pixel <= (width - 1.0, height - 1.0))).all(axis=1)
-    if inside.sum() < MIN_CORNERS:
-        return None
-    ids, pixel = ids[inside], pixel[inside]
-    if min(np.ptp(ids % board.columns), np.ptp(ids // board.columns)) < 1:
+    grid = np.column_stack([ids % board.columns, ids // board.columns]).astype(np.float64)
+    pixel, good = refined(image, grid, pixel, board.clear_part)
+    ids, pixel = ids[good], pixel[good]
+    if len(ids) < MIN_CORNERS or np.ptp(grid[good], axis=0).min() < 1.0:
         return None
     view = View(name, board.corners_m(ids), pixel)
     return Seen(view, ids, edge_width_px(image, board, ids, pixel), marker_part)
@@ -139,23 +130,6 @@ def _neighbours(board: Board, ids: IntArray) -> tuple[IntArray, IntArray]:
     second = np.concatenate([grid[:, 1:].ravel(), grid[1:].ravel()])
     both = (first >= 0) & (second >= 0)
     return first[both], second[both]
-
-
-def _spacing_px(board: Board, ids: IntArray, pixel: FloatArray) -> float:
-    """Distance of neighbouring corners, nearly the smallest in the picture."""
-    first, second = _neighbours(board, ids)
-    apart = np.linalg.norm(pixel[first] - pixel[second], axis=1)
-    return float(np.quantile(apart, 0.1)) if apart.size else 0.0
-
-
-def _refined(image: ByteArray, board: Board, pixel: FloatArray, spacing_px: float) -> FloatArray:
-    import cv2
-
-    part = min(_WINDOW_PART, 0.9 * board.clear_part)
-    half = int(np.clip(part * spacing_px, *_WINDOW_PX))
-    corners = pixel.reshape(-1, 1, 2).astype(np.float32)
-    refined = cv2.cornerSubPix(image, corners, (half, half), (-1, -1), _SUBPIX)
-    return np.asarray(refined, dtype=np.float64).reshape(-1, 2)
 
 
 def edge_width_px(image: ByteArray, board: Board, ids: IntArray, pixel: FloatArray) -> float:

@@ -100,6 +100,7 @@ def rendered(
     inside: float = 0.75,
     sagitta_m: float = 0.0,
     blur_px: float = 0.6,
+    noise: float = 2.0,
     supersample: int = 2,
 ) -> Iterator[ByteArray]:
     """Render n pictures of a board: poses as in `draw_board_poses`, a bend as in `Plane`."""
@@ -108,4 +109,4 @@ def rendered(
         camera, size_m, n, rng, fill=fill, tilt_deg=tilt_deg, inside=inside
     ):
         plane = Plane(texture, size_m, rotation, position, sagitta_m)
-        yield render_planes(camera, [plane], rng=rng, blur_px=blur_px, supersample=supersample)
+        yield render_planes(camera, [plane], rng=rng, blur_px=blur_px, noise=noise, supersample=supersample)

@@ -85,7 +85,7 @@ def curve_picture(made: Intrinsics) -> bytes:
     """Draw θ(r) of the chosen model, and how far every other model that fits is from it (PNG)."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.2, 5.2), facecolor="white", layout="constrained")
+    figure = Figure(figsize=(8.4, 5.2), facecolor="white", layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     radius, theta = _curve(made.camera, made.fit.values[:2])
     seen = made.fit.bundle.corners.pixel_px[made.fit.adjusted.inlier] - made.fit.values[:2]
@@ -106,7 +106,7 @@ def curve_picture(made: Intrinsics) -> bytes:
         axes.axvspan(farthest, float(radius[-1]), color=_OUTSIDE, zorder=0)
         axes.grid(alpha=0.3)
         axes.margins(x=0.0)
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.4)
     upper.set_title("The lens: angle over radius; grey: beyond all corners", loc="left", fontsize=9.5)
     return _png(figure)
 
