@@ -85,6 +85,26 @@ def with_rotation_correction(
     return changed
 
 
+def with_unknown_poses(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Give cameras of a rig document that have no pose the one that stands for an unknown one: all zeros.
+
+    Parameters
+    ----------
+    document : mapping
+        A parsed DriveWorks rig file; it is not changed. What is no rig comes back as it is.
+    """
+    changed: dict[str, Any] = copy.deepcopy(dict(document))
+    if not looks_like_rig(changed):
+        return changed
+    for sensor in changed["rig"]["sensors"]:
+        if not isinstance(sensor, dict):
+            continue
+        is_camera = str(sensor.get("protocol")).strip().lower().startswith("camera")
+        if is_camera and all(sensor.get(key) is None for key in _TRANSFORMS):
+            sensor["nominalSensor2Rig_FLU"] = {"roll-pitch-yaw": [0.0, 0.0, 0.0], "t": [0.0, 0.0, 0.0]}
+    return changed
+
+
 def _copied(document: Mapping[str, Any], camera: str, source: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """A deep copy of the document, and the camera's entry in it."""
     if not looks_like_rig(document):

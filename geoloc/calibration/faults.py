@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from geoloc.calibration.consistency import TwoCameras, alikeness, square_m, two_cameras, unlike_noise
 from geoloc.calibration.coverage import Coverage
 from geoloc.calibration.fit import Fit
 from geoloc.calibration.lens import FloatArray
-from geoloc.calibration.views import Corners
+from geoloc.errors import CalibrationError
 
 ENOUGH_VIEWS = 10
 """With fewer, the comparison of models and the uncertainties rest on little."""
@@ -21,6 +23,8 @@ _SMALLEST_PART = 1e-3
 _ENOUGH_COVERED = 0.6
 _WEAK_DEG = 0.05
 _DISTANCE_PART, _DISTANCE_M = 0.02, 0.01
+_NO_CAMERA_PX = 0.5
+_NAMES = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,42 +35,98 @@ class Fault:
     sentence: str
 
 
+def some(names: Sequence[str]) -> str:
+    """The first five names, and how many more there are."""
+    more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
+    return ", ".join(names[:_NAMES]) + more
+
+
+def _two_cameras(found: TwoCameras, names: Sequence[str]) -> CalibrationError:
+    x, y = found.shift_px
+    return CalibrationError(
+        f"The views do not fit one camera: {some([names[n] for n in found.other])} "
+        f"({len(found.other)} of {len(names)}) look like another camera, another zoom or focus, or turned "
+        f"pictures (focal length {found.zoom:.3f} times that of the others, principal point moved by "
+        f"{x:.1f}, {y:.1f} px): calibrate them apart."
+    )
+
+
+def misfit_faults(made: Fit, names: Sequence[str]) -> list[Fault]:
+    """Residuals that are no noise: the model does not fit; `names` are those of the views.
+
+    Raises
+    ------
+    CalibrationError
+        If the views are two cameras', or the residuals larger than half a pixel.
+    """
+    if not unlike_noise(made):
+        return []
+    found = two_cameras(made)
+    if found is not None:
+        raise _two_cameras(found, names)
+    sigma, alike = made.adjusted.sigma_px, alikeness(made)
+    if sigma > _NO_CAMERA_PX:
+        raise CalibrationError(
+            f"The views do not fit one camera: the best model, {made.label}, leaves {sigma:.2f} px a corner, "
+            f"and neighbouring corners are off alike (correlation {alike:.2f}). See that all pictures are of "
+            "one camera with fixed zoom and focus, not scaled or cropped, and of one flat board."
+        )
+    return [
+        Fault(
+            "misfit",
+            f"The model {made.label} does not fit: it leaves {sigma:.3f} px a corner, and neighbouring "
+            f"corners are off alike (correlation {alike:.2f}; noise has 0). The error bars are too small; "
+            "try --model auto, a fixed focus and a flatter board.",
+        )
+    ]
+
+
 def shape_findings(trial: Fit) -> tuple[str, ...]:
-    """Which parts of the board's shape a fit with all of them free is sure of: ``stretch``, ``bend``."""
+    """Which parts of the board's shape, of those left free, a fit is sure of: ``stretch``, ``bend``."""
     found = []
-    stretch, stretch_sigma = trial.shape["stretch"]
-    if abs(stretch) > max(_SURE * stretch_sigma, _SMALLEST_PART):
+    if "stretch" in trial.bundle.free_shape and _sure(*trial.shape["stretch"]):
         found.append("stretch")
-    bend, bend_sigma = _bend(trial)
-    if abs(bend) > max(_SURE * bend_sigma, _SMALLEST_PART):
+    if "bend_xx" in trial.bundle.free_shape and _sure(*_bend(trial)):
         found.append("bend")
     return tuple(found)
 
 
+def _sure(value: float, sigma: float) -> bool:
+    return abs(value) > max(_SURE * sigma, _SMALLEST_PART)
+
+
 def shape_faults(made: Fit) -> list[Fault]:
     """Sentences about the shape that was adjusted with the camera."""
-    faults, half_m = [], made.bundle.corners.half_size_m
-    if "bend_xx" in made.bundle.free_shape:
+    faults, half_m, found = [], made.bundle.corners.half_size_m, shape_findings(made)
+    if "bend" in found:
         bend, sigma = _bend(made)
+        size = _plus_minus(1e3 * half_m * abs(bend), 1e3 * half_m * sigma)
         faults.append(
             Fault(
                 "bent_board",
-                f"The board is bent: its edges stand {1e3 * half_m * abs(bend):.1f} ± "
-                f"{1e3 * half_m * sigma:.1f} mm {'behind' if bend > 0.0 else 'before'} its middle. The bend "
-                "was estimated with the camera; better glue the print to a stiff, flat plate.",
+                f"The board is bent: its edges stand {size} mm {'behind' if bend > 0.0 else 'before'} its "
+                "middle. The bend was estimated with the camera; better glue the print to a stiff, flat "
+                "plate.",
             )
         )
-    if "stretch" in made.bundle.free_shape:
+    if "stretch" in found:
         stretch, sigma = made.shape["stretch"]
         faults.append(
             Fault(
                 "stretched_board",
-                f"The board's squares are not square: {100 * abs(stretch):.2f} ± {100 * sigma:.2f} % "
+                "The board is stretched, its squares are not square: "
+                f"{_plus_minus(100 * abs(stretch), 100 * sigma)} % "
                 f"{'higher' if stretch > 0.0 else 'lower'} than wide. The ratio was estimated with the "
                 "camera; measure the print, and print it at 100 % in both directions.",
             )
         )
     return faults
+
+
+def _plus_minus(value: float, sigma: float) -> str:
+    """Write both with the digits that show the sigma's first."""
+    digits = max(1, -math.floor(math.log10(max(sigma, 1e-4))))
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
 def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Fault]:
@@ -143,12 +203,6 @@ def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, 
             f"{seen:.3f} m: they are rather {square * metres / seen:.4f} m; measure the print.",
         )
     ]
-
-
-def square_m(corners: Corners) -> float:
-    """Side of the board's squares: the smallest distance of two rows of corners."""
-    across = np.unique(np.round(corners.board_m[:, 0], 9))
-    return float(np.diff(across).min())
 
 
 def _bend(made: Fit) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from geoloc.calibration.faults import (
     Fault,
     distance_faults,
     domain_fault,
+    misfit_faults,
     shape_faults,
     shape_findings,
     view_faults,
@@ -98,7 +99,7 @@ def calibrate_intrinsics(
     Raises
     ------
     CalibrationError
-        Too few views, a mirrored board, no model that fits.
+        Too few views, a mirrored board, views of two cameras, no model that fits.
 
     Notes
     -----
@@ -118,6 +119,7 @@ def calibrate_intrinsics(
     sigma_deg = _sigma_deg(made, coverage)
     names = tuple(view.name for view in kept)
     faults = [
+        *misfit_faults(made, names),
         *shape_faults(made),
         *distance_faults(made, names, distances_m or {}),
         *view_faults(made, coverage, sigma_deg),
@@ -167,18 +169,24 @@ def _sound_views(
             if part < _BAD_VIEW:
                 left_out[view.name] = (
                     f"{1 - part:.0%} of its corners fit no camera that the other views fit: was the board, "
-                    "or the camera, moving?"
+                    "or the camera, moving, or is its zoom another?"
                 )
         views = _enough([view for view, keep in zip(views, good, strict=True) if keep])
 
 
 def _shape(lens: Lens, corners: Corners, curve: RadialCurve, poses: Poses) -> tuple[str, ...]:
     """Unknowns of the board's shape that the views are sure of; none if they cannot tell."""
-    try:
-        found = shape_findings(fit(lens, corners, curve, poses, free_shape=SHAPE))
-    except CalibrationError:
-        return ()
-    return (*(("stretch",) if "stretch" in found else ()), *(_BENDS if "bend" in found else ()))
+    free: tuple[str, ...] = SHAPE
+    before: tuple[str, ...] = ()
+    # One part may stand in for another that is free as well: what is left must be sure by itself.
+    while free and free != before:
+        try:
+            found = shape_findings(fit(lens, corners, curve, poses, free_shape=free))
+        except CalibrationError:
+            return ()
+        before = free
+        free = (*(("stretch",) if "stretch" in found else ()), *(_BENDS if "bend" in found else ()))
+    return free
 
 
 def _sigma_deg(made: Fit, coverage: Coverage) -> FloatArray:

@@ -12,6 +12,9 @@ from geoloc.calibration.views import FloatArray, View
 _BLUR_FACTOR, _BLUR_SLACK_PX = 1.6, 1.0
 _SPREAD = np.array([0.3, 0.3, 0.4, 0.2, 0.2])
 """Differences that count alike: place (parts of the image), logarithms of size and of foreshortening."""
+_SAME_PLACE, _SAME_FORM = 0.01, 0.01
+"""Views are the same that differ by less: in place (part of the image's width), and in form (RMS of corners'
+shifts but for the mean one, as part of the board's size in the image: 0.6° of turn, 1 % of distance)."""
 
 
 def sharp(edge_px: FloatArray) -> NDArray[np.bool_]:
@@ -23,6 +26,41 @@ def sharp(edge_px: FloatArray) -> NDArray[np.bool_]:
     known = edge_px[np.isfinite(edge_px)]
     limit = _BLUR_FACTOR * float(np.median(known)) + _BLUR_SLACK_PX if known.size else np.inf
     return np.asarray(~(edge_px > limit))
+
+
+def alike(views: Sequence[View], width_px: int, edge_px: FloatArray) -> dict[int, int]:
+    """Views that show the board just as another one does: their number → the number of the one to keep.
+
+    Of views that are the same, the sharpest (by `edge_px`, see `sharp`) is kept: the others have its errors
+    too, and would only make everything look surer than it is.
+    """
+    kept: list[int] = []
+    same: dict[int, int] = {}
+    for number in np.argsort(edge_px, kind="stable").tolist():
+        like = next((k for k in kept if _same(views[number], views[k], width_px)), None)
+        if like is None:
+            kept.append(number)
+        else:
+            same[number] = like
+    return same
+
+
+def _same(a: View, b: View, width_px: int) -> bool:
+    number_of = {tuple(corner): n for n, corner in enumerate(np.round(b.board_m, 9).tolist())}
+    pairs = [
+        (n, number_of[tuple(corner)])
+        for n, corner in enumerate(np.round(a.board_m, 9).tolist())
+        if tuple(corner) in number_of
+    ]
+    # Less than most of the corners in common: the image's edge cuts the board elsewhere.
+    if len(pairs) < 0.8 * max(len(a.board_m), len(b.board_m)):
+        return False
+    first, second = np.array(pairs).T
+    one, off = a.pixel_px[first], b.pixel_px[second] - a.pixel_px[first]
+    moved = off.mean(axis=0)
+    size = float(np.sqrt(np.mean(np.sum((one - one.mean(axis=0)) ** 2, axis=1))))
+    changed = float(np.sqrt(np.mean(np.sum((off - moved) ** 2, axis=1))))
+    return bool(np.linalg.norm(moved) < _SAME_PLACE * width_px and changed < _SAME_FORM * size)
 
 
 def spread(views: Sequence[View], width_px: int, height_px: int, n: int) -> NDArray[np.intp]:

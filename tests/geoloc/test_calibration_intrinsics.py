@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -187,6 +188,7 @@ def test_bent_board_is_named_measured_and_taken_into_account() -> None:
     assert "bent_board" in kinds(made)
     value, sigma = made.fit.shape["bend_xx"]
     assert abs(value - bend) < 4.0 * sigma < 0.3 * bend
+    assert any(re.search(r"stand [34]\.\d+ ± 0\.0*[1-9] mm", fault.sentence) for fault in made.faults)
     off, covered = rays_off_deg(made, WIDE)
     assert off[covered].mean() < 0.01
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoloc.calibration.selection import sharp, spread
+from geoloc.calibration.selection import alike, sharp, spread
 from geoloc.calibration.views import View
 
 BOARD = np.argwhere(np.ones((5, 4))).astype(np.float64) * 0.1
@@ -46,3 +46,15 @@ def test_spread_keeps_all_views_if_there_are_no_more() -> None:
     """Fewer views than may be used are all used, in their order."""
     views = [view(str(i), (100.0 * i, 50.0)) for i in range(4)]
     assert spread(views, 1920, 1208, 10).tolist() == [0, 1, 2, 3]
+
+
+def test_views_that_are_the_same_count_once() -> None:
+    """Of views that show the board alike the sharpest is kept; place, size and form make others of them."""
+    views = [
+        view("blurred", (500.0, 500.0)),
+        view("sharp", (503.0, 499.0)),
+        view("larger", (500.0, 500.0), scale=310.0),
+        view("aside", (530.0, 500.0)),
+        view("tilted", (500.0, 500.0), squeeze=0.96),
+    ]
+    assert alike(views, 1920, np.array([3.0, 2.0, 2.0, 2.0, 2.0])) == {0: 1}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geoloc.calibration.verify import KnownSightings, camera_turns, rig_turned, turned
+from geoloc.calibration.verify import KnownSightings, camera_turns, mounting_part, rig_turned, turned
 from geoloc.simulation.car import simulated_rig
 
 RIG = simulated_rig()
@@ -83,3 +83,30 @@ def test_camera_with_too_few_sightings_is_left_alone() -> None:
     known = sightings((0.3, 0.0, 0.0))
     few = KnownSightings(known.camera[:2], known.pixel_px[:2], known.rig_point_m[:2], known.object[:2])
     assert camera_turns(RIG, few) == {}
+
+
+AHEAD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+RIGHT = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]])
+
+
+def test_roll_of_the_drive_is_not_the_cameras() -> None:
+    """1.6° about the rig's x in cameras ahead and to the right go; the 0.3° by which one differs stay."""
+    cameras = np.array([AHEAD, RIGHT])
+    common = np.array([1.6, 0.0, 0.0])
+    turn = np.swapaxes(cameras, 1, 2) @ common + [[0.0, 0.3, 0.0], [0.0, 0.0, 0.0]]
+    noise = np.tile(0.02**2 * np.eye(3), (2, 1, 1))
+    found = mounting_part(cameras, turn, noise, np.array([1.2, 0.2, 0.01]))
+    assert found.common_deg[0] == pytest.approx(1.6, abs=1e-9)
+    assert found.is_known.tolist() == [False, False, True]
+    assert found.turn_deg == pytest.approx(np.array([[0.0, 0.3, 0.0], [0.0, 0.0, 0.0]]), abs=1e-9)
+    # The drive's roll is a camera's roll ahead, and its pitch to the right.
+    sigma = np.sqrt(np.diagonal(found.total_covariance_deg2, axis1=1, axis2=2))
+    assert (sigma[0, 2], sigma[1, 0]) == pytest.approx((1.2, 1.2), abs=0.01)
+
+
+def test_turn_of_one_camera_alone_needs_a_drive_that_knows() -> None:
+    """0.3° of pitch are the camera's where the drive knows its own to 0.1°, and nobody's where to 0.2°."""
+    turn, noise = np.array([[0.3, 0.0, 0.0]]), 0.02**2 * np.eye(3)[np.newaxis]
+    for sigma, pitch in ((0.1, 0.3), (0.2, 0.0)):
+        found = mounting_part(AHEAD[np.newaxis], turn, noise, np.full(3, sigma))
+        assert found.turn_deg[0, 0] == pytest.approx(pitch, abs=1e-9)

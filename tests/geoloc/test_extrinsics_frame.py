@@ -145,7 +145,7 @@ def test_pictures_that_do_not_fit_are_refused_by_camera() -> None:
     corners = covered.corners_px[:1].copy()
     corners[0, 0] += 15.0
     covered = replace(covered, tag_ids=covered.tag_ids[:1], corners_px=corners)
-    with pytest.raises(CalibrationError, match=rf"corners of {covered.camera} are off by \d+ px"):
+    with pytest.raises(CalibrationError, match=rf"corners of {covered.camera} are off by \d+\.\d px"):
         calibrate_extrinsics(MODELS, [covered, *others], yard.tags)
 
 

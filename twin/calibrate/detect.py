@@ -14,6 +14,8 @@ from twin.calibrate.saddle import refined
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+BLURRED_PX = 5.0
+"""Width of edges at which corners lose their sub-pixels."""
 _PROFILE_SAMPLES = 33
 _GAUSS_WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0))
 
@@ -107,11 +109,13 @@ def _marker_part(board: Board, ids: IntArray, pixel: FloatArray, markers: FloatA
     squares = squares[np.isfinite(squares).all(axis=(1, 2))]
     if not len(squares) or not len(markers):
         return float("nan")
+    # Contours run through the middles of a marker's outermost pixels: half a pixel inside, all around.
+    side = np.sqrt(_area(markers)) + 1.0
     apart = np.linalg.norm(squares.mean(axis=1)[:, None] - markers.mean(axis=1), axis=-1)
     nearest = apart.argmin(axis=1)
     area = _area(squares)
     mine = apart.min(axis=1) < 0.1 * np.sqrt(area)
-    parts = np.sqrt(_area(markers[nearest]) / area)[mine]
+    parts = (side[nearest] / np.sqrt(area))[mine]
     return float(np.median(parts)) if parts.size else float("nan")
 
 

@@ -138,18 +138,21 @@ def calibrate_rig(
     Raises
     ------
     CalibrationError, RefusedError
-        If an input cannot be used; nothing is written then.
+        If an input cannot be used, or no camera's pose is settled; nothing is written then.
     """
     layout = read_layout(_content(tags, "layout"), Path(tags).name)
     given = read_given_rig(rig)
     models: dict[str, CameraModel] = {name: camera.model for name, camera in given.rig.cameras.items()}
     if hand is not None:
         models[HAND] = _hand_model(Path(hand))
-    files = _by_camera(Path(images), given.rig, hand is not None)
+    files, strangers = _by_camera(Path(images), given.rig, hand is not None)
     shown, notes = _tag_pictures(files, models, layout, progress)
     found = calibrate_extrinsics(models, shown, layout.tags, nominal=given.nominal, sigmas=layout.sigmas)
     document = given.document
+    doubtful = doubts(found)
     settled = [name for name, camera in found.cameras.items() if is_determined(camera)]
+    if not settled:
+        raise CalibrationError(f"No camera was calibrated, and nothing is written. {' '.join(doubtful)}")
     for name in settled:
         pose = found.cameras[name].rig_T_camera
         document = with_extrinsics(document, name, pose.R, pose.t_m, given.rig.source)
@@ -157,8 +160,8 @@ def calibrate_rig(
     names = (RIG_NAME, *texts, REPORT_NAME, PICTURE_NAME)
     report = ExtrinsicsReport(
         cameras=tuple(_found(found, name, given) for name in found.cameras),
-        doubts=doubts(found),
-        notes=(*given.warnings, *notes, *_left_alone(given, settled)),
+        doubts=doubtful,
+        notes=(*given.warnings, *strangers, *notes, *_left_alone(given, settled)),
         n_pictures=len(shown),
         files=tuple(Path(out) / name for name in names),
         drive=given.drive,
@@ -220,27 +223,37 @@ class _PictureFile(NamedTuple):
     name: str
 
 
-def _by_camera(folder: Path, rig: Rig, hand: bool) -> list[_PictureFile]:
-    """Every picture of the folder and its sub-folders with the camera that its name names."""
+def _by_camera(folder: Path, rig: Rig, hand: bool) -> tuple[list[_PictureFile], list[str]]:
+    """Every picture of the folder and its sub-folders with the camera that its name names; notes.
+
+    Of a rig with one camera all pictures are that one's where none names it.
+    """
     if not folder.is_dir():
         raise CalibrationError(f"{folder} is no folder: give the one that holds the pictures.")
     files = [*folder.iterdir(), *(f for sub in folder.iterdir() if sub.is_dir() for f in sub.iterdir())]
-    found = []
-    for file in sorted(f for f in files if f.suffix.lower() in IMAGE_SUFFIXES):
-        inside = file.relative_to(folder).with_suffix("")
-        names = named_in(str(inside), rig.cameras)
-        if not names and not hand and len(rig.cameras) == 1:
-            names = list(rig.cameras)
+    inside = {f: f.relative_to(folder) for f in sorted(files) if f.suffix.lower() in IMAGE_SUFFIXES}
+    if not inside:
+        raise CalibrationError(f"There are no pictures in {folder}: name the folder they are in.")
+    named = {f: list(named_in(str(name.with_suffix("")), rig.cameras)) for f, name in inside.items()}
+    notes = []
+    if len(rig.cameras) == 1 and not hand:
+        (only,) = rig.cameras
+        others = [f for f, names in named.items() if not names]
+        if len(others) == len(named):
+            named = {f: [only] for f in named}
+        elif others:
+            listed = ", ".join(inside[f].as_posix() for f in others)
+            notes.append(f"{listed}: left out, since other pictures name {only}, the only camera of the rig.")
+            named = {f: names for f, names in named.items() if names}
+    for file, names in named.items():
         if len(names) > 1 or not (names or hand):
             raise CalibrationError(
-                f"{inside} names {' and '.join(names) or 'no camera'} of the rig ({', '.join(rig.cameras)}):"
-                " put the camera's name into the name of the picture or its folder, or give the file of"
-                " the carried camera's calibration with --hand."
+                f"{inside[file].with_suffix('')} names {' and '.join(names) or 'no camera'} of the rig"
+                f" ({', '.join(rig.cameras)}): put the camera's name into the name of the picture or its"
+                " folder, or give the file of the carried camera's calibration with --hand."
             )
-        found.append(_PictureFile(names[0] if names else HAND, file, inside.as_posix() + file.suffix))
-    if not found:
-        raise CalibrationError(f"There are no pictures in {folder}: name the folder they are in.")
-    return found
+    shown = [_PictureFile(n[0] if n else HAND, f, inside[f].as_posix()) for f, n in named.items()]
+    return shown, notes
 
 
 def _tag_pictures(

@@ -15,6 +15,7 @@ from geoloc.calibration.extrinsics.observed import Pose
 from geoloc.calibration_files.document import json_document
 from geoloc.calibration_files.read import calibration_kind, read_cameras
 from geoloc.rig import Rig, rig_from_document
+from geoloc.rig_edit import with_unknown_poses
 from twin.calibrate.camera_files import new_rig_document
 from twin.drives.driveworks import find_rig
 from twin.drives.folder import DriveFolder
@@ -59,8 +60,8 @@ def read_given_rig(path: Path | str) -> GivenRig:
     Parameters
     ----------
     path : Path or str
-        A DriveWorks rig file; a drive folder, or its ``drive.toml``; or any calibration file of intrinsics
-        (Kalibr, OpenCV, OCamCalib, OpenSfM).
+        A DriveWorks rig file, whose cameras need no pose; a drive folder, or its ``drive.toml``; or any
+        calibration file of intrinsics (Kalibr, OpenCV, OCamCalib, OpenSfM).
 
     Raises
     ------
@@ -78,7 +79,7 @@ def read_given_rig(path: Path | str) -> GivenRig:
             " drive folder."
         ) from error
     if calibration_kind(content[:_HEAD_BYTES]) == "driveworks":
-        document = json_document(content, path.name)
+        document = with_unknown_poses(json_document(content, path.name))
     else:
         cameras = read_cameras(content, path.name)
         document = new_rig_document({name: camera.model for name, camera in cameras.items()})

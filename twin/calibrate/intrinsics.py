@@ -8,22 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
-from geoloc.calibration.faults import Fault
+from geoloc.calibration.faults import ENOUGH_VIEWS, Fault, some
 from geoloc.calibration.fit import MODELS
 from geoloc.calibration.intrinsics import MIN_VIEWS, Intrinsics
 from geoloc.calibration.intrinsics import calibrate_intrinsics as calibrate_views
-from geoloc.calibration.selection import sharp, spread
+from geoloc.calibration.selection import alike, sharp, spread
 from geoloc.errors import CalibrationError
+from twin.calibrate.absent import Absent, absent_faults
 from twin.calibrate.boards import Board, board_from_text
-from twin.calibrate.detect import Seen, detect
-from twin.calibrate.pictures import Picture, count, files_of, pictures
+from twin.calibrate.detect import BLURRED_PX, Seen, detect
+from twin.calibrate.pictures import count, files_of, pictures
 from twin.errors import ConfigError
 
 MAX_VIEWS = 60
-_BLURRED_PX = 5.0
-"""Width of edges at which corners lose their sub-pixels."""
 _MARKER_TOLERANCE = 0.06
-_MIRROR_TRIALS = 5
+_SAME, _LIKE = "shows the board just as another view does", "not needed: other views are like it"
 
 Progress = Callable[[str, int, int | None], None]
 """What is being done, how much of it is done, and how much there is."""
@@ -109,7 +108,7 @@ def calibrate_intrinsics(
         If the board or the model is not known.
     """
     printed, models = board_from_text(board), models_from_text(model)
-    seen, n_pictures, size = _looked_at(files_of(sources), printed, every, progress)
+    seen, absent, size = _looked_at(files_of(sources), printed, every, progress)
     edge_px = {s.view.name: s.edge_px for s in seen}
     kept, left_out = _chosen(seen, size, max_views)
     steps = iter(range(1, 1000))
@@ -121,52 +120,40 @@ def calibrate_intrinsics(
         distances_m=_measured(distances_m or {}, edge_px),
         progress=lambda text: progress(text, next(steps), None),
     )
-    faults = (*_picture_faults(kept, printed), *made.faults)
-    made = replace(made, left_out={**left_out, **made.left_out})
+    n_pictures = len(seen) + len(absent.reasons)
+    faults = (*absent_faults(absent, n_pictures), *_picture_faults(kept, left_out, printed), *made.faults)
+    made = replace(made, left_out={**absent.reasons, **left_out, **made.left_out})
     return Calibrated(made, printed, n_pictures, len(seen), edge_px, faults)
 
 
 def _looked_at(
     files: Sequence[Path], board: Board, every: int | None, progress: Progress
-) -> tuple[list[Seen], int, tuple[int, int]]:
-    """Boards found, number of pictures, and their width and height."""
-    total, seen, first = count(files, every), list[Seen](), list[Picture]()
-    n_pictures = 0
-    for picture in pictures(files, every):
+) -> tuple[list[Seen], Absent, tuple[int, int]]:
+    """Boards found, pictures without one, and the pictures' width and height."""
+    total, seen, absent = count(files, every), list[Seen](), Absent(board)
+    size = (0, 0)
+    for number, picture in enumerate(pictures(files, every)):
         found = detect(picture.grey, board, picture.name)
         if found is not None:
             seen.append(found)
-        n_pictures += 1
-        first = [*first, picture][:_MIRROR_TRIALS]
-        progress("looking for the board", n_pictures, total)
+        else:
+            absent.add(picture)
+        height, width = picture.grey.shape
+        size = (width, height)
+        progress("looking for the board", number + 1, total)
     if len(seen) < MIN_VIEWS:
-        raise CalibrationError(_why_so_few(len(seen), n_pictures, first, board))
-    height, width = first[0].grey.shape
-    return seen, n_pictures, (width, height)
-
-
-def _why_so_few(n_seen: int, n_pictures: int, first: Sequence[Picture], board: Board) -> str:
-    """Sentence about pictures that do not show the board, with the likeliest cause."""
-    what = f"The board {board.text} was found in {n_seen} of {n_pictures} pictures"
-    if n_seen == 0 and board.kind == "charuco":
-        mirrored = [p for p in first if detect(np.ascontiguousarray(p.grey[:, ::-1]), board, p.name)]
-        if mirrored:
-            return (
-                f"The pictures are mirrored: {mirrored[0].name} shows the board only when it is flipped. "
-                "Switch mirroring off in the camera, or flip the pictures back."
-            )
-    if n_pictures < MIN_VIEWS:
-        return f"{what}, and {MIN_VIEWS} are the least that give a camera: take 30 or more."
-    counted = "inner corners" if board.kind == "checkerboard" else "squares and the dictionary of the markers"
-    whole = "whole and " if board.kind == "checkerboard" else ""
-    return (
-        f"{what}, and {MIN_VIEWS} are the least: count its {counted} again, and see that pictures show it "
-        f"{whole}sharp, with a white margin."
-    )
+        raise CalibrationError(absent.why_so_few(len(seen)))
+    return seen, absent, size
 
 
 def _chosen(seen: Sequence[Seen], size: tuple[int, int], max_views: int) -> tuple[list[Seen], dict[str, str]]:
-    """Sharp and well spread views, and why not the others."""
+    """Sharp, different and well spread views, and why not the others.
+
+    Raises
+    ------
+    CalibrationError
+        If there are too few that differ.
+    """
     widths = np.array([s.edge_px for s in seen])
     good = sharp(widths)
     usual = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
@@ -176,10 +163,17 @@ def _chosen(seen: Sequence[Seen], size: tuple[int, int], max_views: int) -> tupl
         if not keep
     }
     kept = [s for s, keep in zip(seen, good, strict=True) if keep]
+    same = alike([s.view for s in kept], size[0], np.array([s.edge_px for s in kept]))
+    left_out |= {kept[n].view.name: _SAME for n in same}
+    kept = [s for number, s in enumerate(kept) if number not in same]
+    if same and len(kept) < MIN_VIEWS:
+        raise CalibrationError(
+            f"The views are too similar: {len(same)} of {len(seen)} show the board just as another one does, "
+            f"which leaves {len(kept)} that differ, and {MIN_VIEWS} are the least: move and tilt the "
+            "board between pictures."
+        )
     taken = set(spread([s.view for s in kept], *size, max_views).tolist())
-    for number, s in enumerate(kept):
-        if number not in taken:
-            left_out[s.view.name] = "not needed: other views are like it"
+    left_out |= {s.view.name: _LIKE for number, s in enumerate(kept) if number not in taken}
     return [s for number, s in enumerate(kept) if number in taken], left_out
 
 
@@ -192,11 +186,20 @@ def _measured(distances_m: Mapping[str, float], found: Mapping[str, float]) -> M
     return distances_m
 
 
-def _picture_faults(kept: Sequence[Seen], board: Board) -> list[Fault]:
-    """Blur that all pictures have, and markers that are not as large as the board's text says."""
+def _picture_faults(kept: Sequence[Seen], left_out: Mapping[str, str], board: Board) -> list[Fault]:
+    """Pictures alike, blur that all have, and markers that are not as large as the board's text says."""
     faults, widths = [], np.array([s.edge_px for s in kept])
+    same = [name for name, reason in left_out.items() if reason == _SAME]
+    if same and len(kept) < ENOUGH_VIEWS:
+        faults.append(
+            Fault(
+                "similar_views",
+                f"{len(same)} views ({some(same)}) show the board just as others do and were left out: move "
+                "and tilt it between pictures.",
+            )
+        )
     usual = float(np.nanmedian(widths)) if np.isfinite(widths).any() else 0.0
-    if usual > _BLURRED_PX:
+    if usual > BLURRED_PX:
         faults.append(
             Fault(
                 "blurred_camera",

@@ -33,7 +33,7 @@ def residual_picture(made: Intrinsics) -> bytes:
     figure, axes = _image_axes(fit.camera)
     adjusted, pixel = fit.adjusted, fit.bundle.corners.pixel_px
     used = adjusted.inlier
-    scale = _ARROW_PART * fit.camera.width_px / max(adjusted.sigma_px, 1e-9) / 1.2
+    scale = _round(_ARROW_PART * fit.camera.width_px / max(adjusted.sigma_px, 1e-9) / 1.2)
     angle_deg = np.degrees(fit.residuals_rad())
     arrows = axes.quiver(
         *pixel[used].T,
@@ -49,16 +49,22 @@ def residual_picture(made: Intrinsics) -> bytes:
     )
     axes.plot(*pixel[~used].T, "x", color=_REJECTED, ms=5, label=f"rejected ({(~used).sum()})")
     figure.colorbar(arrows, ax=axes, label="angle [°]", fraction=0.03, pad=0.02)
-    length = 1.2 * adjusted.sigma_px
+    length = _ARROW_PART * fit.camera.width_px / scale
     axes.set_title(
-        f"Residuals: {used.sum():,} corners, {len(made.views)} views; arrows {scale:.0f} times enlarged, "
+        f"Residuals: {used.sum():,} corners, {len(made.views)} views; arrows {scale:,.4g} times enlarged, "
         f"{length:.3f} px is {_ARROW_PART:.0%} of the width",
         loc="left",
         fontsize=9,
     )
     if not used.all():
-        axes.legend(fontsize=8, loc="upper right")
+        figure.legend(fontsize=8, loc="outside lower left")
     return _png(figure)
+
+
+def _round(value: float) -> float:
+    """Take the nearest of 1, 2, 5, 10 and so on."""
+    ten = 10.0 ** np.floor(np.log10(value))
+    return float(ten * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(np.log(value / ten / step))))
 
 
 def coverage_picture(made: Intrinsics) -> bytes:
@@ -68,7 +74,7 @@ def coverage_picture(made: Intrinsics) -> bytes:
     rows, columns = made.coverage.covered.shape
     extent = (-0.5, columns * CELL_PX - 0.5, rows * CELL_PX - 0.5, -0.5)
     axes.set_facecolor(_OUTSIDE)
-    shown = axes.imshow(made.sigma_deg, extent=extent, cmap="viridis_r", interpolation="nearest")
+    shown = axes.imshow(made.sigma_deg, extent=extent, cmap="viridis_r", vmin=0.0, interpolation="nearest")
     axes.plot(*made.fit.bundle.corners.pixel_px.T, ".", color="black", ms=1.2, alpha=0.5)
     axes.set(xlim=(-0.5, camera.width_px - 0.5), ylim=(camera.height_px - 0.5, -0.5))
     figure.colorbar(shown, ax=axes, label="one sigma of a ray [°]", fraction=0.03, pad=0.02)

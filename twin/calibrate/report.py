@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.calibration.faults import some
 from geoloc.calibration.fit import Fit
 from geoloc.calibration.start import angle_between
 from geoloc.rig_models import model_properties
@@ -143,7 +144,7 @@ def _finite(value: float | np.floating[Any]) -> float | None:
 def report_markdown(document: Mapping[str, Any], pictures: Sequence[str]) -> str:
     """Write the document for people, with its pictures."""
     faults = [f"- {fault['sentence']}" for fault in document["faults"]] or ["None found."]
-    left_out = [f"- {name}: {reason}" for name, reason in document["left_out"].items()]
+    left_out = [f"- {line}" for line in left_out_lines(document["left_out"])]
     parts = {
         "Faults": faults,
         "Parameters": _parameter_table(document["parameters"]),
@@ -157,6 +158,14 @@ def report_markdown(document: Mapping[str, Any], pictures: Sequence[str]) -> str
     for title, content in parts.items():
         lines += ["", f"## {title}", *content]
     return "\n".join(lines) + "\n"
+
+
+def left_out_lines(left_out: Mapping[str, str]) -> list[str]:
+    """Names of up to five views a reason, and how many more there are."""
+    names: dict[str, list[str]] = {}
+    for name, reason in left_out.items():
+        names.setdefault(reason, []).append(name)
+    return [f"{some(views)}: {reason}" for reason, views in names.items()]
 
 
 def _parameter_table(parameters: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -9,18 +9,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.calibrate.from_drives import AXES, Histories
+from twin.calibrate.from_drives import AXES, DriveTurn, Histories
 from twin.calibrate.verify import Verification
 from twin.errors import ConfigError
 from twin.export.atomic import replace_file
 from twin.folders import make_folder
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.figure import Figure
 
 _NOW, _TURNED = "#c8553d", "#1f6f8b"
 _COLOURS = ("#1f6f8b", "#c8553d", "#6a994e")
 _MOVED = "#b08900"
+_BESIDE = 0.012
+"""Marks of one distance stand side by side, this share of it to the left and right."""
+_FLOOR_M = 0.01
 
 
 def draw_verification(found: Verification, path: Path) -> None:
@@ -34,17 +39,22 @@ def draw_verification(found: Verification, path: Path) -> None:
     figure, n = _figure(path, len(found.errors_at))
     grid = figure.subplots(1, n, squeeze=False, sharey=True)[0]
     for axes, (camera, at) in zip(grid, found.errors_at.items(), strict=True):
-        axes.plot(at[:, 0], at[:, 1], ".", ms=4, color=_NOW, alpha=0.5, label="now")
-        axes.plot(at[:, 0], at[:, 2], ".", ms=4, color=_TURNED, alpha=0.5, label="turned")
-        for row in (e for e in found.errors if e.camera == camera):
-            axes.plot(row.distance_m, row.before_m, "D", ms=7, mfc="none", mec=_NOW, mew=1.6)
-            axes.plot(row.distance_m, row.after_m, "D", ms=7, mfc="none", mec=_TURNED, mew=1.6)
+        for column, colour, shift in ((1, _NOW, -_BESIDE), (2, _TURNED, _BESIDE)):
+            error = np.maximum(at[:, column], _FLOOR_M)
+            axes.plot(at[:, 0] * (1.0 + shift), error, ".", ms=3, color=colour, alpha=0.25, mew=0)
+        rows = [e for e in found.errors if e.camera == camera]
+        distance = np.array([e.distance_m for e in rows])
+        before, after = [e.before_m for e in rows], [e.after_m for e in rows]
+        axes.plot(distance * (1.0 - _BESIDE), before, "-D", ms=7, color=_NOW, mec="white", label="now")
+        axes.plot(distance * (1.0 + _BESIDE), after, "-o", ms=7, color=_TURNED, mec="white", label="turned")
         axes.set(title=camera, xlabel="distance [m]")
         axes.grid(color="#eeeeee")
     largest = max((e.before_m for e in found.errors), default=1.0)
+    # Errors grow with the square of the distance: only a logarithm shows near and far ones in one picture.
     # Slips of the annotator would press everything that matters to the floor.
-    grid[0].set(ylabel="horizontal error [m]", ylim=(0.0, 2.5 * max(largest, 0.1)))
-    grid[0].legend(frameon=False, title="diamonds: medians")
+    grid[0].set(ylabel="horizontal error [m]", yscale="log", ylim=(_FLOOR_M, 4.0 * max(largest, 0.1)))
+    grid[0].yaxis.set_major_formatter("{x:g}")
+    grid[0].legend(frameon=False, title="medians")
     _save(figure, path)
 
 
@@ -59,10 +69,9 @@ def draw_histories(found: Histories, path: Path) -> None:
     figure, n = _figure(path, len(found.cameras))
     grid = figure.subplots(1, n, squeeze=False, sharey=True)[0]
     for axes, history in zip(grid, found.cameras, strict=True):
-        moment = [dt.datetime.fromtimestamp(d.started_ns / 1e9, tz=dt.UTC) for d in history.drives]
         turn = np.array([d.turn_deg for d in history.drives])
         sigma = np.array([d.sigma_deg for d in history.drives])
-        place = np.arange(len(moment))
+        place = np.arange(len(turn))
         for axis, colour in enumerate(_COLOURS):
             shift = 0.12 * (axis - 1)
             axes.errorbar(
@@ -70,12 +79,18 @@ def draw_histories(found: Histories, path: Path) -> None:
             )
         if history.since:
             axes.axvline(history.since - 0.5, color=_MOVED, ls="--", lw=1.2)
-        axes.set_xticks(place, [f"{day:%Y-%m-%d}" for day in moment], rotation=60, fontsize=7)
+        axes.set_xticks(place, tick_labels(history.drives), rotation=60, fontsize=7)
         axes.set(title=history.camera, xlim=(-0.6, len(place) - 0.4))
         axes.grid(color="#eeeeee")
     grid[0].set(ylabel="against the newest rig file [°]")
     grid[0].legend(frameon=False)
     _save(figure, path)
+
+
+def tick_labels(drives: Sequence[DriveTurn]) -> list[str]:
+    """Days, or where two drives were on one day the drives' names."""
+    days = [f"{dt.datetime.fromtimestamp(d.started_ns / 1e9, tz=dt.UTC):%Y-%m-%d}" for d in drives]
+    return days if len(set(days)) == len(days) else [d.name for d in drives]
 
 
 def _figure(path: Path, n: int) -> tuple[Figure, int]:

@@ -74,7 +74,7 @@ def intrinsics(
 ) -> None:
     """Calibrate one camera from pictures of a board: model, uncertainty, coverage, and what is wrong."""
     from twin.calibrate.intrinsics import calibrate_intrinsics
-    from twin.calibrate.report import report_document
+    from twin.calibrate.report import left_out_lines, report_document
     from twin.calibrate.write import check_rig, write_calibration
 
     distances_m = _distances(distance or [])
@@ -99,6 +99,8 @@ def intrinsics(
     print_paths("Written:", files)
     for fault in made.faults:
         warn(fault.sentence)
+    for line in left_out_lines(document["left_out"]):
+        note(f"Left out: {line}")
     new = files[0]
     another = "" if rig is not None and not add else " --add"
     note(

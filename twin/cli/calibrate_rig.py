@@ -63,10 +63,7 @@ def extrinsics(
     if report.drive_tables:
         typer.echo(f"For drive.toml, over its tables of these names:\n{report.drive_tables}", nl=False)
     print_paths("Written:", report.files)
-    if any(camera.determined for camera in report.cameras):
-        note(f"Next: {_to_ingest(report.drive, report.rig_file, report.files)}")
-    else:
-        note("Next: measure or add what the warnings name, and calibrate again.")
+    note(f"Next: {_to_ingest(report.drive, report.rig_file, report.files)}")
 
 
 def _to_ingest(drive: Path | None, rig_file: str, files: Sequence[Path]) -> str:
@@ -141,6 +138,15 @@ def verify(
     apply: Annotated[
         Path | None, typer.Option(help="Write the drive's rig here, with the corrections that are certain.")
     ] = None,
+    level: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            max=5.0,
+            help="The ground at the objects is plane with that below the car to so many degrees, as a yard's "
+            "floor is: 0.1.",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="PNG of the errors by distance, before and after.")
     ] = None,
@@ -151,7 +157,7 @@ def verify(
     from twin.calibrate.verify import verify_drive
 
     with steps(quiet=json_output) as say:
-        found = verify_drive(drive, known, apply=apply, progress=say)
+        found = verify_drive(drive, known, apply=apply, level_deg=level, progress=say)
     if plot is not None:
         draw_verification(found, plot)
     if json_output:
@@ -161,15 +167,18 @@ def verify(
     _print_verification(found)
     if plot is not None:
         note(f"wrote {plot}")
-    note(f"Next: {_after_verify(found, drive, known)}")
+    note(f"Next: {_after_verify(found, drive, known, level)}")
 
 
-def _after_verify(found: Verification, drive: Path, known: Path) -> str:
+def _after_verify(found: Verification, drive: Path, known: Path, level: float | None) -> str:
+    if found.doubt:
+        return f"look at {known} and the rig file, then twin calibrate verify {drive} --known {known}"
     if found.rig is not None and found.advised:
         files = [found.rig] if found.tables is None else [found.rig, found.tables]
         return _to_ingest(drive, found.rig_file, files)
     if found.advised:
-        return f"twin calibrate verify {drive} --known {known} --apply rig_corrected.json"
+        given = "" if level is None else f" --level {level:g}"
+        return f"twin calibrate verify {drive} --known {known}{given} --apply rig_corrected.json"
     return f"twin ingest-drive {drive}"
 
 
@@ -196,7 +205,7 @@ def _print_verification(found: Verification) -> None:
             for turn in found.turns.values()
         ],
     )
-    for warning in found.warnings:
+    for warning in (*found.warnings, *filter(None, [found.doubt])):
         warn(warning)
     if found.not_seen:
         note(f"Not annotated in this drive: {', '.join(found.not_seen)}.")
@@ -205,10 +214,16 @@ def _print_verification(found: Verification) -> None:
 
 
 def _print_correction(found: Verification) -> None:
-    if not found.advised:
+    for name in found.advised:
+        turn = found.certain[name]
+        parts = ("pitch", turn.pitch_deg), ("yaw", turn.yaw_deg), ("roll", turn.roll_deg)
+        note(f"{name} is off for certain: {', '.join(f'{a} {v:+.2f}°' for a, v in parts if v)}.")
+    if found.doubt:
+        note("Nothing of this can be applied.")
+    elif not found.advised:
         note("No camera needs a correction: none is off by more than two sigmas and 0.02°.")
     elif found.rig is None:
-        note(f"Off in this drive: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+        note("--apply FILE writes the corrected rig.")
     if found.drive_tables:
         typer.echo(f"For drive.toml, over its tables of these names:\n{found.drive_tables}", nl=False)
     if found.rig is not None:

@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.calibration.extrinsics.bend import bends
-from geoloc.calibration.extrinsics.calibrate import MISTAPED_SIGMAS, CameraPose, Extrinsics
+from geoloc.calibration.extrinsics.calibrate import CameraPose, Extrinsics
+from geoloc.calibration.extrinsics.cleaned import MISTAPED_SIGMAS
+from geoloc.calibration.extrinsics.whole import FAIR_PX
 
 FloatArray = NDArray[np.float64]
 
@@ -17,7 +19,8 @@ _LEAST_SCALE = 0.003
 _MISFIT = 3.0
 """Residuals of one tag, or of one camera, this many times the usual ones."""
 _SOFT_DEG, _SOFT_M = 0.05, 0.02
-_LEAST_MISFIT_PX = 0.3
+_LEAST_MISFIT_PX = 0.15
+"""Three times what the sharpest pictures are counted as (0.05 px)."""
 
 
 def is_determined(camera: CameraPose) -> bool:
@@ -87,16 +90,17 @@ def _sigmas(camera: CameraPose) -> str:
 
 
 def _blurred(result: Extrinsics) -> list[str]:
-    if len(result.sigma_px) < 2:
-        return []
+    """Cameras whose corners fit badly against the others', or by themselves."""
     found = []
     for camera, sigma in result.sigma_px.items():
-        others = float(np.median([px for name, px in result.sigma_px.items() if name != camera]))
-        if sigma > max(_MISFIT * others, _LEAST_MISFIT_PX):
+        others = [px for name, px in result.sigma_px.items() if name != camera]
+        usual = float(np.median(others)) if others else np.inf
+        if sigma > min(max(_MISFIT * usual, _LEAST_MISFIT_PX), FAIR_PX):
+            against = f", those of the other cameras by {usual:.2f}" if others else ""
             found.append(
-                f"{camera}: its corners are uncertain by {sigma:.2f} px, those of the other cameras by"
-                f" {others:.2f}: its pictures are blurred, or its intrinsics wrong; take them again from a"
-                " standing car, or calibrate its intrinsics anew."
+                f"{camera}: its corners are uncertain by {sigma:.2f} px{against}: its pictures are blurred or"
+                " another camera's, or its intrinsics are wrong; do not trust its sigmas, take the pictures"
+                " again from a standing car, or calibrate its intrinsics anew."
             )
     return found
 
@@ -139,11 +143,18 @@ def _named(result: Extrinsics, tag: int) -> str:
 
 
 def _mistaped(result: Extrinsics) -> list[str]:
-    return [
+    swapped = [
+        f"{_named(result, first)} and {result.network.tags[second].name} are swapped: each stands where the"
+        " layout has the other. Neither place was used: exchange their ids in the layout."
+        for first, second in result.swapped
+    ]
+    slips = [
         f"{_named(result, tag)} stands {off_m:.3f} m from the place in the layout, more than"
         f" {MISTAPED_SIGMAS:g} sigmas of that measurement: it was not used; measure it again."
         for tag, off_m in result.mistaped.items()
+        if not any(tag in pair for pair in result.swapped)
     ]
+    return [*swapped, *slips]
 
 
 def _scale(result: Extrinsics) -> list[str]:
@@ -170,8 +181,9 @@ def _floor(result: Extrinsics) -> list[str]:
         )
     if result.floor is not None and result.floor.leans:
         found.append(
-            f"The floor leans by {result.floor.lean_deg:.2f}° ± {result.floor.sigma_deg:.2f}° against"
-            " what the other tags say, so it was not used: find a flat floor, or measure the heights of the"
-            " tags on it instead of calling them floor."
+            f"The floor leans by {result.floor.lean_deg:.2f}° ± {result.floor.sigma_deg:.2f}° against what"
+            " the other tags say, or the measured heights are wrong; the floor was not used. Measure heights"
+            " from the ground below the rear axle, find a flat floor, or measure the heights of the tags on"
+            " it instead of calling them floor."
         )
     return found

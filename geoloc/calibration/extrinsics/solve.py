@@ -71,6 +71,37 @@ def solved(network: Network, state: State) -> State:
     return state
 
 
+def angle_step(network: Network, state: State, cameras: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """How much larger each camera's angles from its optical axis should be, all else free.
+
+    One step of Gauss and Newton with a factor a camera beside the network's own unknowns: what a wrong
+    focal length does.
+
+    Returns
+    -------
+    part, sigma : float64 (n_cameras,)
+        Part of the angle, one sigma.
+    """
+    equations = network.equations(state)
+    columns = np.zeros((len(equations.residual), len(cameras)))
+    for row, sighting in enumerate(network.sightings):
+        slope = np.einsum("kij,kj->ki", sighting.px_from_ray, _by_angle(sighting.ray))
+        at = slice(8 * row, 8 * row + 8)
+        columns[at, cameras.index(sighting.camera)] = -slope.ravel() / network.corner_px[sighting.camera]
+    whole = sparse.csr_matrix(sparse.hstack([equations.jacobian, sparse.csr_matrix(columns)]))
+    normal, gradient = _normal(Equations(equations.residual, whole), network)
+    covariance = np.linalg.inv(normal)
+    n = len(cameras)
+    return -(covariance @ gradient)[-n:], np.sqrt(np.diag(covariance)[-n:])
+
+
+def _by_angle(ray: FloatArray) -> FloatArray:
+    """Derivative (k, 3) of unit rays by the relative error of their angle from the optical axis."""
+    across = np.linalg.norm(ray[:, :2], axis=1, keepdims=True)
+    outward = ray[:, :2] / np.maximum(across, 1e-12)
+    return np.asarray(np.arctan2(across, ray[:, 2:]) * np.hstack([ray[:, 2:] * outward, -across]))
+
+
 def _weights(equations: Equations, network: Network) -> FloatArray:
     """Huber's weights of the corners by their distance in sigmas; priors count whole."""
     n = 8 * len(network.sightings)

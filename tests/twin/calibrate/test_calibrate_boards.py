@@ -69,7 +69,7 @@ def test_edges_tell_the_blur(text: str) -> None:
 def test_markers_are_measured_against_squares() -> None:
     """The side of a ChArUco board's markers comes out as the part of the square that was printed."""
     (seen, _), *_ = seen_and_true(board_from_text(BOARDS[1]), 1)
-    assert seen.marker_part == pytest.approx(0.75, abs=0.03)
+    assert seen.marker_part == pytest.approx(0.75, abs=0.01)
 
 
 @pytest.mark.parametrize("text", BOARDS)

@@ -203,6 +203,42 @@ def test_blurred_view_is_left_out_by_name(example: Path, tmp_path: Path) -> None
     assert "blurred: its edges are" in left_out["board_05.png"]
 
 
+def test_pictures_without_a_board_are_named_with_the_reason(example: Path, tmp_path: Path) -> None:
+    """Of eight pictures one is mirrored and two are blurred: each is named, with why it was left out."""
+
+    def spoilt(number: int, picture: np.ndarray) -> np.ndarray:
+        if number == 2:
+            return picture[:, ::-1]
+        return cv2.GaussianBlur(picture, (0, 0), 3.5) if number in (4, 5) else picture
+
+    pictures = copied(example, tmp_path / "pictures", spoilt)
+    made = calibrate_intrinsics([pictures], EXAMPLE_BOARD, model="ftheta")
+    assert made.intrinsics.left_out["board_03.png"].startswith("mirrored: ")
+    assert made.intrinsics.left_out["board_05.png"].startswith("blurred: ")
+    assert "1 of 8 pictures are mirrored (board_03.png)" in faults(made)["mirrored_pictures"]
+    assert "2 of 8 pictures are blurred (board_05.png, board_06.png)" in faults(made)["blurred_pictures"]
+
+
+def test_blur_is_named_before_squares_are_counted(example: Path, tmp_path: Path) -> None:
+    """Where no board is found because all is blurred, the sentence says so."""
+    pictures = copied(example, tmp_path / "pictures", lambda _n, p: cv2.GaussianBlur(p, (0, 0), 3.5))
+    with pytest.raises(CalibrationError, match=r"in 0 of 8 pictures, and 8 are blurred \(board_01.png"):
+        calibrate_intrinsics([pictures], EXAMPLE_BOARD)
+
+
+def test_copies_of_one_picture_are_too_similar(example: Path, tmp_path: Path) -> None:
+    """Eight noisy copies of one picture are one view, and one view gives no camera."""
+    one = cv2.imread(str(example / "pictures" / "board_02.png"), cv2.IMREAD_GRAYSCALE)
+    rng = np.random.default_rng(0)
+
+    def copy(_number: int, _picture: np.ndarray) -> np.ndarray:
+        return np.clip(one + rng.normal(scale=2.0, size=one.shape), 0, 255).astype(np.uint8)
+
+    pictures = copied(example, tmp_path / "pictures", copy)
+    with pytest.raises(CalibrationError, match="too similar: 7 of 8 show the board just as another"):
+        calibrate_intrinsics([pictures], EXAMPLE_BOARD)
+
+
 def test_blurred_camera_is_named(tmp_path: Path) -> None:
     """A camera out of focus is calibrated, and its blur named."""
     text = "checkerboard:9x6:0.08"

@@ -178,18 +178,47 @@ def test_layout_of_the_documentation_is_read() -> None:
     assert layout.tags[2].mark_places_m.tolist() == [[7.10, 0.31, 1.25]]
 
 
-def test_camera_that_is_left_open_stays_as_it_was(yard: Path, tmp_path: Path, twin: Twin) -> None:
-    """One tag settles no camera: told, shown as open, and the rig file keeps what it had."""
+def test_layout_that_settles_no_camera_is_refused(yard: Path, tmp_path: Path, twin: Twin) -> None:
+    """One tag settles no camera: refused with what is open of each, and nothing is written."""
     (tmp_path / "layout.toml").write_text("size_m = 0.6\n[[tag]]\nid = 9\ncentre = [8.93, -1.02, 1.36]\n")
     command = arguments(yard, tmp_path / "out")
     command[command.index("--tags") + 1] = tmp_path / "layout.toml"
     answer = twin(*command)
-    assert answer.code == 0, answer.err
-    assert "open, open, open" in answer.out
+    assert answer.code == 4
+    assert "No camera was calibrated" in answer.err
     assert "C3_tricam120: roll, pitch, yaw, x, y, z are not determined" in answer.err
-    assert "Next: measure or add what the warnings name" in answer.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_camera_that_is_left_open_stays_as_it_was(yard: Path, tmp_path: Path, twin: Twin) -> None:
+    """A camera that sees one tag, and no other does, is shown as open; its entry in the rig is kept."""
+    shutil.copytree(yard / "pictures", tmp_path / "pictures")
+    alone = None
+    for name, camera in read_rig(yard / "true_rig.json").cameras.items():
+        path = tmp_path / "pictures" / f"{name}.png"
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        tags = find_tags(image, camera.model)
+        alone = int(tags.ids[0]) if alone is None else alone
+        for tag, corners in zip(tags.ids.tolist(), tags.corners_px, strict=True):
+            # The first camera keeps that tag alone, the others all but it.
+            if (tag == alone) == (name != "C1_front60Single"):
+                (left, top), (right, bottom) = (
+                    corners.min(axis=0).astype(int),
+                    corners.max(axis=0).astype(int),
+                )
+                image[top : bottom + 1, left : right + 1] = 150
+        cv2.imwrite(str(path), image)
+    command = arguments(yard, tmp_path / "out")
+    command[2] = tmp_path / "pictures"
+    answer = twin(*command)
+    assert answer.code == 0, answer.err
+    assert "open" in answer.out
+    assert "C1_front60Single: " in answer.err
+    assert " not determined" in answer.err
+    assert "C1_front60Single: not calibrated, and in rig.json as before" in answer.err
     before, after = (json.loads(p.read_text()) for p in (yard / "drawn_rig.json", tmp_path / "out/rig.json"))
-    assert after == before
+    assert after["rig"]["sensors"][0] == before["rig"]["sensors"][0]
+    assert after["rig"]["sensors"][1] != before["rig"]["sensors"][1]
 
 
 BOARD = "charuco:8x6:0.32:0.24"
@@ -235,13 +264,11 @@ def test_board_on_the_floor_with_its_corners_is_enough(tmp_path: Path, twin: Twi
 
 
 def test_board_on_the_floor_without_its_corners_leaves_yaw_open(tmp_path: Path, twin: Twin) -> None:
-    """A board of which the middle alone was measured tells how the camera stands over it, and no more."""
+    """A board of which the middle alone was measured settles no yaw: refused, and nothing is written."""
     answer = board_on_floor(twin, tmp_path, "centre = [5.5, 0.1, 0.0]\n")
-    assert answer.code == 0, answer.err
-    (wide,) = answer.json["cameras"]
-    true = simulated_rig().cameras["C3_tricam120"]
-    assert wide["position_m"][2] == pytest.approx(true.rig_t_camera_m[2], abs=0.01)
-    assert any("yaw" in text and "not determined" in text for text in answer.json["doubts"])
+    assert answer.code == 4
+    assert "C3_tricam120: yaw, x, y are not determined" in answer.err
+    assert not (tmp_path / "out").exists()
 
 
 def test_bent_board_on_the_floor_is_named(tmp_path: Path, twin: Twin) -> None:
@@ -271,3 +298,37 @@ def test_mirrored_board_is_named(tmp_path: Path, twin: Twin) -> None:
     assert answer.code == 4
     assert "shows its tags mirrored" in answer.err
     assert not (tmp_path / "out").exists()
+
+
+def test_rig_without_poses_is_a_start(yard: Path, tmp_path: Path, twin: Twin) -> None:
+    """Cameras of a rig file that says nothing of where they sit are found from the tags alone."""
+    document = json.loads((yard / "drawn_rig.json").read_text())
+    for sensor in document["rig"]["sensors"]:
+        if sensor["protocol"].startswith("camera"):
+            del sensor["nominalSensor2Rig_FLU"]
+    (tmp_path / "rig.json").write_text(json.dumps(document))
+    command = arguments(yard, tmp_path / "out")
+    command[command.index("--rig") + 1] = tmp_path / "rig.json"
+    answer = twin(*command, "--json")
+    assert answer.code == 0, answer.err
+    assert all(camera["moved_m"] is None for camera in answer.json["cameras"])
+    found, true = read_rig(tmp_path / "out" / "rig.json"), read_rig(yard / "true_rig.json")
+    for name, camera in true.cameras.items():
+        assert np.abs(found.cameras[name].rig_t_camera_m - camera.rig_t_camera_m).max() < 0.005
+
+
+def test_one_camera_takes_only_the_pictures_that_name_it(yard: Path, tmp_path: Path, twin: Twin) -> None:
+    """Pictures of other cameras in the folder are left out by name where one names the rig's only camera."""
+    document = json.loads((yard / "drawn_rig.json").read_text())
+    sensors = document["rig"]["sensors"]
+    document["rig"]["sensors"] = [s for s in sensors if s["name"] == "C3_tricam120"]
+    (tmp_path / "rig.json").write_text(json.dumps(document))
+    command = arguments(yard, tmp_path / "out")
+    command[command.index("--rig") + 1] = tmp_path / "rig.json"
+    answer = twin(*command, "--json")
+    assert answer.code == 0, answer.err
+    assert [camera["camera"] for camera in answer.json["cameras"]] == ["C3_tricam120"]
+    assert any(
+        text.startswith("C1_front60Single.png, C2_tricam60.png: left") for text in answer.json["notes"]
+    )
+    assert answer.json["doubts"] == []

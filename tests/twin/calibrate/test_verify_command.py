@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from pyproj import Transformer
 
 from geoloc.calibration.verify import turned
 from geoloc.rig import read_rig
 from twin import schema
+from twin.calibrate.from_drives import DriveTurn
 from twin.calibrate.mounting_files import drive_tables
+from twin.calibrate.rig_plots import tick_labels
 from twin.drives.settings import CameraSettings
 from twin.simulate import simulate
 from twin.store import Store
@@ -54,6 +57,71 @@ def test_applied_rig_beats_the_paper_at_each_distance(still: Path, tmp_path: Pat
         assert len(errors) == 3
         assert all(e["before_m"] < bar for e, bar in zip(errors, bars, strict=True))
     assert again["advised"] == []
+
+
+def known(drive: Path, path: Path, moved: Callable[[str, float, float], tuple[float, float]]) -> Path:
+    """Copy a drive's truth with its positions moved."""
+    lines = [line.split(",") for line in (drive / "truth.csv").read_text().splitlines()]
+    place = {name: lines[0].index(name) for name in ("object", "easting", "northing")}
+    rows = ["object,easting,northing"]
+    for line in lines[1:]:
+        name, east, north = (line[place[n]] for n in ("object", "easting", "northing"))
+        east_m, north_m = moved(name, float(east), float(north))
+        rows.append(f"{name},{east_m:.3f},{north_m:.3f}")
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_survey_in_the_next_zone_is_refused(still: Path, tmp_path: Path, twin: Twin) -> None:
+    """Positions in EPSG:25832 end with how far they are and the system that they fit."""
+    zone_32 = Transformer.from_crs("EPSG:25833", "EPSG:25832", always_xy=True)
+    survey = known(still, tmp_path / "32.csv", lambda _, east, north: zone_32.transform(east, north))
+    answer = twin("calibrate", "verify", still, "--known", survey, "--apply", tmp_path / "rig.json")
+    assert answer.code == 4
+    assert "its numbers fit as EPSG:25832 (zone 32); convert them to EPSG:25833" in answer.err
+    assert not (tmp_path / "rig.json").exists()
+
+
+def test_shifted_survey_writes_no_rig(urban: Path, tmp_path: Path, twin: Twin) -> None:
+    """All objects 3 m off ask for turns that no mounting has: told, and refused to be written."""
+    survey = known(urban, tmp_path / "shifted.csv", lambda _, east, north: (east + 3.0, north - 3.0))
+    command = ("calibrate", "verify", urban, "--known", survey)
+    told = twin(*command, "--json").json
+    assert "that is no mounting" in told["doubt"]
+    assert told["advised"] == []
+    refused = twin(*command, "--apply", tmp_path / "rig.json")
+    assert refused.code != 0
+    assert "is not written" in refused.err
+    assert not (tmp_path / "rig.json").exists()
+
+
+def test_object_a_metre_off_is_named_and_left_out(urban: Path, tmp_path: Path, twin: Twin) -> None:
+    """One of thirteen objects, surveyed 1.5 m beside its place, is named and does not count."""
+    right = twin("calibrate", "verify", urban, "--known", urban / "truth.csv", "--json").json
+    assert right["misplaced"] == {}
+
+    def moved(name: str, east: float, north: float) -> tuple[float, float]:
+        return (east + 1.5, north) if name == "P05" else (east, north)
+
+    survey = known(urban, tmp_path / "one.csv", moved)
+    found = twin("calibrate", "verify", urban, "--known", survey, "--json").json
+    assert list(found["misplaced"]) == ["P05"]
+    assert found["misplaced"]["P05"] == pytest.approx(1.5, abs=0.7)
+    assert found["turns"]["C3_tricam120"]["n_objects"] == right["turns"]["C3_tricam120"]["n_objects"] - 1
+
+
+def test_roll_that_the_drive_does_not_know_is_not_written(urban: Path, tmp_path: Path, twin: Twin) -> None:
+    """Signs along a road that falls make all cameras roll: the rig that is written has their own roll."""
+    found = twin(
+        *("calibrate", "verify", urban, "--known", urban / "truth.csv"),
+        *("--apply", tmp_path / "rig.json", "--json"),
+    ).json
+    assert max(turn["roll_deg"] for turn in found["turns"].values()) > 0.7
+    assert all(turn["sigma_roll_deg"] > 1.0 for turn in found["turns"].values())
+    assert all(abs(turn["roll_deg"]) < 0.5 for turn in found["certain"].values())
+    assert any("of roll together" in warning for warning in found["warnings"])
+    level = twin("calibrate", "verify", urban, "--known", urban / "truth.csv", "--level", 0.1, "--json").json
+    assert all(turn["sigma_roll_deg"] < 0.6 for turn in level["turns"].values())
 
 
 def test_drive_with_cameras_gets_its_corrected_tables(still: Path, tmp_path: Path, twin: Twin) -> None:
@@ -96,14 +164,14 @@ def test_unknown_objects_are_refused(still: Path, tmp_path: Path, twin: Twin) ->
     assert "attribute object with the same names" in answer.err
 
 
-def history(store: Path, pitches_deg: Sequence[float]) -> None:
-    """Repeat the one drive of a store, a week apart, with a wide camera that is seen at these pitches."""
+def history(store: Path, pitches_deg: Sequence[float], roll_deg: float = 0.0) -> None:
+    """Repeat the one drive of a store, a week apart, with a wide camera that is seen at these angles."""
     with Store.open(store) as opened:
         row = dict(opened.rows(sa.select(schema.drive))[0])
         for week, pitch in enumerate(pitches_deg):
             boresight = {
-                axis: {"value": pitch if axis == "pitch" else 0.0, "sigma": 0.03}
-                for axis in ("pitch", "yaw", "roll")
+                axis: {"value": value, "sigma": 0.03}
+                for axis, value in (("pitch", pitch), ("yaw", 0.0), ("roll", roll_deg))
             }
             later = {"name": f"week {week}", "started_ns": row["started_ns"] + week * 7 * 86_400 * 10**9}
             # The first takes the place of the drive that was ingested.
@@ -128,19 +196,32 @@ def test_moved_camera_is_told_and_the_mean_starts_anew(urban: Path, tmp_path: Pa
     assert "C3_tricam120 has turned between week 1 and week 2 (pitch +0.3" in warning
     assert found["advised"] == ["C3_tricam120"]
     before, after = read_rig(urban / "rig.json"), read_rig(tmp_path / "rig.json")
-    right = turned(before.cameras["C3_tricam120"], *camera["turn_deg"]).rig_R_camera
+    assert camera["certain_deg"] == pytest.approx(camera["turn_deg"], abs=1e-4)
+    right = turned(before.cameras["C3_tricam120"], *camera["certain_deg"]).rig_R_camera
     assert after.cameras["C3_tricam120"].rig_R_camera == pytest.approx(right, abs=1e-9)
 
 
 def test_steady_camera_gives_no_warning(urban: Path, tmp_path: Path, twin: Twin) -> None:
-    """Angles that scatter by their sigmas are one mean, more certain than each of them."""
+    """Angles that scatter by their sigmas are one mean; a roll that roads may have made is not applied."""
     store = tmp_path / "twin.db"
     twin("ingest-drive", urban, "--store", store)
-    history(store, (0.02, -0.03, 0.01, 0.04))
+    history(store, (0.02, -0.03, 0.01, 0.04), roll_deg=0.5)
     found = twin("calibrate", "from-drives", "--store", store, "--json").json
     (camera,) = (c for c in found["cameras"] if c["camera"] == "C3_tricam120")
-    assert (camera["since"], found["warnings"], found["advised"]) == (0, [], [])
+    assert (camera["since"], found["advised"]) == (0, [])
+    (warning,) = found["warnings"]
+    assert "+0.5" in warning
+    assert "the roads' crossfall may have made" in warning
     assert camera["sigma_deg"][0] < 0.03
+    assert camera["sigma_deg"][2] > 0.5
+
+
+def test_drives_of_one_day_are_told_by_name() -> None:
+    """The picture's axis has days, and names where two drives share a day."""
+    monday, zero = 1_781_000_000 * 10**9, (0.0, 0.0, 0.0)
+    drives = [DriveTurn(name, name, monday, zero, zero) for name in ("there", "back")]
+    assert tick_labels(drives) == ["there", "back"]
+    assert tick_labels(drives[:1]) == ["2026-06-09"]
 
 
 def test_store_without_adjusted_drives_is_refused(tmp_path: Path, sample: Path, twin: Twin) -> None:
