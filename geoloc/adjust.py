@@ -42,6 +42,9 @@ NO_CROSSING = "its rays meet nowhere within 150 m, or it was seen from one place
 NO_POSITION = "no usable sighting, or its rays meet nowhere"
 TOO_VAGUE = "seen under too small an angle: one sigma is more than 5 m"
 OUTLIER = "does not fit the other sightings of its object"
+CLOCK_NOTE = "The camera clock does not fit the track"
+SHUTTER_NOTE = "The rolling shutter that fits best"
+"""Beginnings of the notes of a drive whose positions cannot be trusted."""
 POLE_RADIUS_M = 0.03
 """The ordinary sign pole in Norway is a steel tube of 60 mm."""
 _DEFAULT_BUDGET = ErrorBudget()
@@ -224,7 +227,7 @@ def adjust(
         model, solution, found = solved(replace(stated, time_ms=_WIDER * abs(clock.value)))
         later = 1e3 * float(solution.x[TIME])
         notes.append(
-            f"The camera clock does not fit the track: {later:+.0f} ms were added to it. Do not trust the"
+            f"{CLOCK_NOTE}: {later:+.0f} ms were added to it. Do not trust the"
             " positions before camera_offset_ms is right, and frames and fixes are both UTC."
         )
     rejected[scene.row[~solution.inlier]] = OUTLIER
@@ -248,7 +251,7 @@ def _doubts(model: Model, solution: Solution, terrain: Terrain | None) -> Iterat
     readout_ms = 1e3 * (model.readout_s + float(solution.x[READOUT]))
     if not _READOUTS_MS[0] < readout_ms < _READOUTS_MS[1]:
         yield (
-            f"The rolling shutter that fits best would take {readout_ms:.0f} ms, which no camera does: check"
+            f"{SHUTTER_NOTE} would take {readout_ms:.0f} ms, which no camera does: check"
             " camera_offset_ms, the frame stamps and the calibration."
         )
     if terrain is None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjust import OUTLIER, Adjusted
+from geoloc.adjust import OUTLIER
 from geoloc.fixes import quality_counts
 from geoloc.geodesy import utm33_from_geographic
 from geoloc.ground import stands_far_away
@@ -29,6 +29,7 @@ from twin.estimates import corrections, estimate_rows, positions_of, sighting_ro
 from twin.match import METHODS, blob_from_poses
 from twin.plausible import annotation_warnings, check_track
 from twin.sighted import SightedObjects, in_euref89, locate_annotations, trajectory_of
+from twin.soundness import absence_gap, clocks_apart, misfits_of, turned_cameras
 from twin.store import Store
 
 if TYPE_CHECKING:
@@ -139,21 +140,30 @@ def ingest_drive(
     estimates = estimate_rows(drive, sighted, positions, method)
     n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
-    doubts = _turned_cameras(sighted.adjusted)
-    if detector is None and not doubts:
+    doubts: tuple[str, ...] = ()
+    # Rays of a turned camera miss one another, which looks as if ids marked two signs.
+    if detector is None and not (sighted.adjusted and any(turned_cameras(sighted.adjusted))):
         say("checking the annotators' ids")
-        doubts = id_warnings(drive, trajectory)
+        doubts = clocks_apart(id_warnings(drive, trajectory), drive, trajectory)
+    misfits = misfits_of(drive, sighted, budget or ErrorBudget(), doubts)
+    gap = absence_gap(drive, sighted)
     line, length_m = _line(trajectory)
     warnings = (
         *drive.warnings,
         *warnings,
         *(sighted.adjusted.notes if sighted.adjusted else ()),
         *doubts,
+        *(misfit.sentence for misfit in misfits),
         *annotation_warnings(drive, n_located),
-        *_unplaced_warning(drive, n_unplaced),
+        *_absence_warning(drive, n_unplaced, gap),
     )
+    warnings = tuple(dict.fromkeys(warnings))
     row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(warnings)}
     found = corrections(sighted.adjusted)
+    if misfits:
+        found["misfits"] = [misfit.what for misfit in misfits]
+    if gap:
+        found["absence_gap"] = gap
     store.save_drive(row, method, sighting_rows(drive, sighted, method), estimates, n_unplaced, found)
     return IngestReport(
         drive_id=drive.drive_id,
@@ -244,27 +254,13 @@ def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
     return len(near - placed)
 
 
-def _turned_cameras(adjusted: Adjusted | None) -> tuple[str, ...]:
-    """Tell of cameras that sit otherwise than their calibration says, far beyond what a mount gives way.
-
-    Such a camera makes rays miss one another, which looks as if ids marked two signs: these are not doubted.
-    """
-    found = []
-    for camera, turns in (adjusted.boresight_deg if adjusted else {}).items():
-        worst = max(turns, key=lambda turn: abs(turn.value))
-        if abs(worst.value) > max(_MOST_TURN_DEG, 5.0 * worst.sigma):
-            found.append(
-                f"{camera} is turned by {abs(worst.value):.1f}° ± {worst.sigma:.1f}° against its stated"
-                " angles: check their signs, units and order (roll_pitch_yaw), or calibrate it anew."
-            )
-    return tuple(found)
-
-
-_MOST_TURN_DEG = 1.0
-
-
-def _unplaced_warning(drive: Drive, n_unplaced: int) -> tuple[str, ...]:
-    if not (n_unplaced and drive.annotations_complete):
+def _absence_warning(drive: Drive, n_unplaced: int, gap: str) -> tuple[str, ...]:
+    """Say why a drive that is declared complete cannot show that a sign is missing."""
+    if not drive.annotations_complete:
+        return ()
+    if gap:
+        return (f"This drive cannot show that a sign is missing: {gap}.",)
+    if not n_unplaced:
         return ()
     missing = (
         f"{n_unplaced} annotated objects have no position (see what was left out), so this drive cannot show"

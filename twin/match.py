@@ -6,7 +6,7 @@ import hashlib
 import io
 import json
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 import sqlalchemy as sa
 from numpy.typing import NDArray
 
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg, utm33_from_geographic
+from geoloc.geodesy import geographic_from_utm33, utm33_from_geographic
 from geoloc.interpolation import metres_per_degree
 from geoloc.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory import Poses
@@ -23,12 +23,14 @@ from twin import __version__, schema
 from twin.errors import StoreError
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
+from twin.matching.doubtful import doubt_of, doubtful_as_review
 from twin.matching.evidence import Passage, Views, evidence_of_absence, still_seen
 from twin.matching.nearby import mirror_near
 from twin.matching.observed import ObservedPole, observed_poles
 from twin.matching.sites import Site, along_the_road, sites_from_mirror
-from twin.matching.twice import Picture, each_pole_once, may_be_one
+from twin.matching.twice import each_pole_once, may_be_one
 from twin.matching.verdict import VERDICTS, Change, judge
+from twin.sighting_queries import pictures_of, seen_from
 from twin.store import Snapshot, Store, utc_now
 from twin.vegnett.network import FACT as VEGNETT
 
@@ -55,6 +57,8 @@ class MatchReport:
         Sites that a completely annotated drive had in view.
     n_outdated : int
         Poles of earlier drives that a later, completely annotated drive passed without seeing them: left out.
+    warnings : tuple of str
+        Drives that do not fit themselves, and complete ones that cannot show that a sign is missing.
     """
 
     method: str
@@ -63,6 +67,7 @@ class MatchReport:
     n_sites: int
     n_in_view: int
     n_outdated: int
+    warnings: tuple[str, ...] = ()
 
 
 def match(
@@ -99,10 +104,10 @@ def match(
         estimates = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign))
         known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
         has_network = store.fact(VEGNETT) is not None
-        seen_from = _seen_from(view, estimates, method) if has_network else {}
+        directions = seen_from(view, estimates, method) if has_network else {}
         pairs = may_be_one(estimates, config)
-        once = each_pole_once(estimates, pairs, _pictures(view, pairs, method))
-        poles = observed_poles(once, [drive.drive_id for drive in drives], config, known, seen_from)
+        once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
+        poles = observed_poles(once, [drive.drive_id for drive in drives], config, known, directions)
         points, plates = mirror_near(view, _places(drives, poles), config)
     sites = _sites(store, points, plates, config, has_network=has_network)
     say("finding which signs were in view")
@@ -120,6 +125,7 @@ def match(
         p_unannotated=seen.p_unannotated,
         passed=seen.passed,
     )
+    changes = doubtful_as_review(changes, {drive.drive_id: drive.doubt for drive in drives if drive.doubt})
     keys = {member: pole.key for pole in poles for member in pole.members}
     measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
     watched = _Cameras.of(current, drives)
@@ -138,6 +144,7 @@ def match(
         n_sites=len(sites),
         n_in_view=int((seen.complete >= config.min_views).sum()),
         n_outdated=len(poles) - len(current),
+        warnings=tuple(warning for drive in drives for warning in drive.warnings()),
     )
 
 
@@ -160,17 +167,33 @@ def choose_method(store: Store, method: str | None) -> str:
 class _Drive:
     """What matching needs of a drive.
 
-    ``is_evidence``: whether a sign that it passed and did not see is gone. It is, if the drive was declared
-    completely annotated and every annotated object found its place: one that did not may be that very sign.
+    ``doubt``: in which way it does not fit itself; "" where it does. ``is_complete``: whether it was declared
+    completely annotated. ``absence_gap``: why a sign that it passed and did not see may stand all the same:
+    an annotated object without a place, for one, may be that very sign.
     """
 
     drive_id: str
+    name: str
     started_ns: int
     content_sha256: str
-    is_evidence: bool
+    doubt: str
+    is_complete: bool
+    absence_gap: str
     rig: Rig
     poses: Poses
     cameras: tuple[str, ...]
+
+    @property
+    def is_evidence(self) -> bool:
+        """Whether a sign that it passed and did not see is gone."""
+        return self.is_complete and not self.absence_gap and not self.doubt
+
+    def warnings(self) -> Iterator[str]:
+        """What to know of its findings."""
+        if self.doubt:
+            yield f"{self.doubt} Until then its findings are for review, and it shows no sign to be missing."
+        elif self.is_complete and self.absence_gap:
+            yield f"The drive {self.name} cannot show that a sign is missing: {self.absence_gap}."
 
     def past(self, places: Sequence[Site] | Sequence[ObservedPole], config: MatchConfig) -> Passage:
         """What the drive had in view of the places."""
@@ -200,6 +223,7 @@ def _settings(
                 "content_sha256": drive.content_sha256,
                 "estimates_sha256": digests[drive.drive_id].hexdigest(),
                 "complete": drive.is_evidence,
+                "doubt": drive.doubt,
             }
             for drive in drives
         },
@@ -257,12 +281,13 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
     """Drives ingested by the method, in time order; only these can have seen or missed a sign."""
     d, m = schema.drive, schema.drive_method
     statement = (
-        sa.select(d, m.c.n_unplaced)
+        sa.select(d, m.c.n_unplaced, m.c.corrections)
         .join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
         .order_by(d.c.started_ns, d.c.drive_id)
     )
     drives = []
     for row in view.rows(statement):
+        unplaced = f"{row['n_unplaced']} annotated objects have no position" if row["n_unplaced"] else ""
         document = json.loads(zlib.decompress(row["rig"]))
         rig, _ = without_template_masks(rig_from_document(document, source=row["name"]))
         drives.append(
@@ -270,53 +295,16 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
                 drive_id=row["drive_id"],
                 started_ns=row["started_ns"],
                 content_sha256=row["content_sha256"],
-                is_evidence=bool(row["annotations_complete"]) and row["n_unplaced"] == 0,
+                name=row["name"],
+                doubt=doubt_of(row["name"], row["corrections"].get("misfits", ())),
+                is_complete=bool(row["annotations_complete"]),
+                absence_gap=row["corrections"].get("absence_gap") or unplaced,
                 rig=rig,
                 poses=poses_from_blob(row["poses"]),
                 cameras=tuple(row["cameras"]),
             )
         )
     return drives
-
-
-def _pictures(view: Snapshot, pairs: Sequence[tuple[str, str]], method: str) -> dict[str, frozenset[Picture]]:
-    """In which pictures the objects of pairs were marked, and as what."""
-    t = schema.sighting
-    wanted = {tuple(member.split(":", 1)) for pair in pairs for member in pair}
-    found: dict[str, set[Picture]] = {}
-    for drive_id in sorted({drive_id for drive_id, _ in wanted}):
-        mine = (t.c.drive_id == drive_id, t.c.method == method, t.c.rejected == "")
-        for row in view.rows(sa.select(t.c.object, t.c.camera, t.c.frame, t.c.kind).where(*mine)):
-            if (drive_id, row["object"]) in wanted:
-                picture = row["camera"], row["frame"], row["kind"]
-                found.setdefault(f"{drive_id}:{row['object']}", set()).add(picture)
-    return {member: frozenset(pictures) for member, pictures in found.items()}
-
-
-def _seen_from(view: Snapshot, estimates: Sequence[Row], method: str) -> dict[str, frozenset[float]]:
-    """From which directions each estimate's object was seen, in steps of 30° from true north."""
-    t = schema.sighting
-    rows = view.rows(
-        sa.select(t.c.drive_id, t.c.object, t.c.eye_east_m, t.c.eye_north_m).where(
-            t.c.method == method, t.c.rejected == "", t.c.eye_east_m.is_not(None)
-        )
-    )
-    foot = {(e["drive_id"], e["object"]): (e["east_m"], e["north_m"]) for e in estimates}
-    kept = [row for row in rows if (row["drive_id"], row["object"]) in foot]
-    if not kept:
-        return {}
-    eye = np.array([(row["eye_east_m"], row["eye_north_m"]) for row in kept])
-    place = np.array([foot[row["drive_id"], row["object"]] for row in kept])
-    east, north = (eye - place).T
-    turn = grid_convergence_deg(*geographic_from_utm33(*place.T))
-    azimuth = np.round((np.rad2deg(np.arctan2(east, north)) + turn) / _STEP_DEG) * _STEP_DEG % 360.0
-    found: dict[str, set[float]] = {}
-    for row, degrees in zip(kept, azimuth.tolist(), strict=True):
-        found.setdefault(f"{row['drive_id']}:{row['object']}", set()).add(degrees)
-    return {member: frozenset(directions) for member, directions in found.items()}
-
-
-_STEP_DEG = 30.0
 
 
 def _sites(

@@ -173,7 +173,7 @@ drive_method = sa.Table(
     sa.Column("method", sa.String, primary_key=True),
     # Annotated objects without a position that may stand near: no sign can be called missing beside them.
     sa.Column("n_unplaced", sa.Integer, nullable=False),
-    sa.Column("corrections", sa.JSON, nullable=False),  # what the adjustment found out about the car
+    sa.Column("corrections", sa.JSON, nullable=False),  # found out; misfits, absence_gap
 )
 
 sighting = sa.Table(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from geoloc.calibration_files.document import CalibratedCamera, Section, built, first_line, text_lines
+from geoloc.calibration_files.document import CalibratedCamera, Section, built, first_lines, text_lines
 from geoloc.cameras import CameraModel, Fisheye624Camera, FisheyeCamera, FovCamera, OmniCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 
@@ -39,7 +39,7 @@ _MOST_WORDS, _MOST_CAMERAS = 40, 1000
 
 def looks_like_colmap(head: bytes) -> bool:
     """Whether a file begins like ``cameras.txt``: after comments, ``1 OPENCV 1920 1080 …``."""
-    return _CAMERA.match(first_line(head)) is not None
+    return _CAMERA.match(first_lines(head, 1)[0]) is not None
 
 
 def read_colmap(content: bytes, where: str) -> dict[str, CalibratedCamera]:

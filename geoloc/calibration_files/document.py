@@ -37,11 +37,14 @@ class CalibratedCamera:
         Turns points of `body` into the camera's frame (RDF), metres; None where the file does not say.
     body : str
         What the pose is against: ``imu``, or the name of the file's first camera. "" without a pose.
+    warning : str
+        One sentence where the file leaves open how it is meant; else "".
     """
 
     model: CameraModel
     camera_T_body: NDArray[np.float64] | None = None
     body: str = ""
+    warning: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,11 +182,12 @@ def text_lines(content: bytes, where: str) -> list[str]:
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def first_line(head: bytes) -> str:
-    """First line that is neither blank nor a comment (#) of a file's beginning; "" where there is none."""
+def first_lines(head: bytes, count: int) -> list[str]:
+    """First lines that are neither blank nor a comment (#) of a file's beginning; "" for those it lacks."""
     text = head[:_HEAD_BYTES].decode("utf-8", errors="replace").lstrip("\ufeff")
     lines = (line.strip() for line in text.splitlines())
-    return next((line for line in lines if line and not line.startswith("#")), "")
+    found = [line for line in lines if line and not line.startswith("#")][:count]
+    return found + [""] * (count - len(found))
 
 
 def _mapping(document: object, where: str) -> Mapping[str, Any]:

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from geoloc.calibration_files.document import CalibratedCamera, Section, built, first_line, text_lines
+from geoloc.calibration_files.document import CalibratedCamera, Section, built, first_lines, text_lines
 from geoloc.cameras import OcamCamera
 from geoloc.errors import CalibrationError
 
@@ -25,11 +25,19 @@ _INVERSE_DEGREES = range(5, 16)
 
 
 def looks_like_ocamcalib(head: bytes) -> bool:
-    """Whether a file begins like ``calib_results.txt``: a count and as many numbers, after comments."""
-    words = first_line(head).split()
-    if not words or not (words[0].isascii() and words[0].isdigit()):
-        return False
-    return words[0] == str(len(words) - 1) != "0"
+    """Whether a file begins like ``calib_results.txt``: a count and as many numbers, after a comment.
+
+    Without the comment both polynomials must be so counted, and the two numbers of the centre follow: a YOLO
+    row of class 7 has seven numbers as well, and so have the rows below it.
+    """
+    direct, inverse, centre = (line.split() for line in first_lines(head, 3))
+    is_commented = head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"#")
+    return _is_counted(direct) and (is_commented or (_is_counted(inverse) and len(centre) == 2))
+
+
+def _is_counted(words: Sequence[str]) -> bool:
+    is_number = bool(words) and words[0].isascii() and words[0].isdigit()
+    return is_number and words[0] == str(len(words) - 1) != "0"
 
 
 def looks_like_ocam_yaml(head: bytes) -> bool:

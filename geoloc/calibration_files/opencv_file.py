@@ -6,9 +6,12 @@ own. They are compared without case and underscores.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
+
+import numpy as np
 
 from geoloc.calibration_files.document import CalibratedCamera, Section, built, json_document, yaml_document
 from geoloc.cameras import CameraModel, FisheyeCamera, PinholeCamera
@@ -36,6 +39,10 @@ _KEY = re.compile(
 )
 
 
+_AS_PINHOLE = (
+    "{} is read as pinhole (k1 k2 p1 p2), as the file names no model: if cv2.fisheye calibrated it, add"
+    " fisheye_model: 1; if not, fisheye_model: 0."
+)
 _UNSAFE = re.compile(r"[^ -~]|[\"\\]")
 
 
@@ -49,7 +56,8 @@ def read_opencv(content: bytes, where: str) -> dict[str, CalibratedCamera]:
 
     Fisheye is what says so: ``fisheye_model: 1``, as OpenCV's calibration program writes it, or a
     ``distortion_model`` (``camera_model``, ``model``) ``equidistant`` or ``fisheye``. Four coefficients alone
-    are k1 k2 p1 p2 of the pinhole model.
+    are k1 k2 p1 p2 of the pinhole model, with a warning where the lens is wide: ``cv2.fisheye`` makes four,
+    and ``cv2.FileStorage`` writes no model of its own accord.
 
     Raises
     ------
@@ -74,7 +82,9 @@ def read_opencv(content: bytes, where: str) -> dict[str, CalibratedCamera]:
         cy_px=cy_px,
         distortion=distortion,
     )
-    return {section.text(_NAME[0]) or "camera": CalibratedCamera(camera)}
+    unsaid = len(numbers) == 4 and any(numbers) and not any(section.text(k) for k in (*_MODEL, _FLAG[0]))
+    warning = _AS_PINHOLE.format(where) if unsaid and _is_wide(camera) else ""
+    return {section.text(_NAME[0]) or "camera": CalibratedCamera(camera, warning=warning)}
 
 
 def opencv_text(model: CameraModel, name: str = "camera") -> str:
@@ -157,6 +167,16 @@ def _model(section: Section, numbers: tuple[float, ...]) -> tuple[type[CameraMod
             " most 12 (rational with a thin prism)."
         )
     return PinholeCamera, numbers[: 12 if any(numbers[8:]) else 8]
+
+
+def _is_wide(camera: CameraModel) -> bool:
+    """Whether the picture spans 90 degrees or more, or reaches where the model folds."""
+    if not isinstance(camera, PinholeCamera):
+        return False
+    corners = [[u, v] for u in (0.0, camera.width_px - 1.0) for v in (0.0, camera.height_px - 1.0)]
+    if not camera.camera_ray_from_pixel(np.array(corners))[1].all():
+        return True
+    return 2.0 * math.atan(0.5 * camera.width_px / camera.fx_px) >= 0.5 * math.pi
 
 
 def _ros_model(distortion: tuple[float, ...]) -> str:

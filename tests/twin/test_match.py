@@ -179,6 +179,42 @@ def test_match_calls_nothing_missing_where_annotations_have_no_place(synced: Pat
         assert sum(match(store).verdicts.values()) == 0
 
 
+def test_match_calls_nothing_missing_without_an_annotation_file(synced: Path, trip: Path) -> None:
+    """A file that holds no sign says that none was seen; where there is no file, nobody looked."""
+    for path in trip.glob("*.xml"):
+        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        assert match(store).verdicts["missing"] > 0
+        for path in trip.glob("*.xml"):
+            path.unlink()
+        ingest_drive(store, trip)
+        found = match(store)
+    assert sum(found.verdicts.values()) == 0
+    assert found.warnings == (
+        "The drive trip cannot show that a sign is missing: it has no annotation file.",
+    )
+
+
+def test_match_asks_for_review_of_a_drive_that_does_not_fit_itself(synced: Path, trip: Path) -> None:
+    """Camera stamps one second late move every sign: none of that is a finding, and the drive is named."""
+    for path in trip.glob("*.timestamps"):
+        pairs = [line.split() for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{i}\t{int(us) + 1_000_000}\n" for i, us in pairs))
+    with Store.open(synced) as store:
+        report = ingest_drive(store, trip)
+        assert any("Do not trust the positions" in warning for warning in report.warnings)
+        found = match(store)
+        reasons = [row["reason"] for row in store.rows(sa.select(schema.change.c.reason))]
+    assert all(found.verdicts[verdict] == 0 for verdict in ("moved", "wrong_type", "new", "missing"))
+    assert found.verdicts["review"] >= 10
+    assert any(
+        re.match(r"The drive trip does not fit itself \(its camera clock .* be moved: ", reason)
+        for reason in reasons
+    )
+    assert "does not fit itself" in found.warnings[0]
+
+
 def test_match_finds_the_same_where_only_boxes_were_drawn(synced: Path, trip: Path) -> None:
     """The adjustment places boxes by where their rays cross: the findings are those of points."""
     boxed(trip)

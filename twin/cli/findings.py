@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from twin.cli.output import note, print_json, print_pairs, print_table, steps
+from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
 
 if TYPE_CHECKING:
@@ -47,6 +47,8 @@ def match(method: str | None, tolerance: float, exit_code: bool, store: Path, js
         report = run(opened, method=method, config=config, progress=progress)
         changes = findings(opened.rows)
     n_open = sum(is_open(change) for change in changes)
+    for warning in report.warnings:
+        warn(warning)
     if json_output:
         print_json({**asdict(report), "n_open": n_open, "changes": changes})
     else:

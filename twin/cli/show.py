@@ -128,7 +128,7 @@ def _print_rejected(e: EstimateExplained) -> None:
 
 
 def _print_corrections(found: Mapping[str, Any]) -> None:
-    if not found:
+    if "boresight_deg" not in found:
         return
 
     def told(correction: Mapping[str, float | None], form: str) -> str:

@@ -16,7 +16,7 @@ Which object it is
 
 Which frame
     The number that the tool gives; else that of the image among the drive's pictures; else the last digits of
-    the image's name.
+    the image's name (:mod:`twin.drives.frame_numbers`).
 
 What it is
     The attribute ``skiltnummer``; else what the drive's ``labels.toml`` says of the label; else a label that
@@ -26,7 +26,6 @@ What it is
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -40,8 +39,10 @@ from geoloc.rig import Rig, RigCamera
 from twin.drives.camera_names import CameraChooser
 from twin.drives.drawn_size import check_reach, check_size
 from twin.drives.drive import Annotations, IntArray, Skipped
+from twin.drives.frame_numbers import NOT_AMONG_PICTURES, frame_of, is_numbered
 from twin.drives.label_map import LabelMap, Meanings
 from twin.drives.labels import codes_from_attribute
+from twin.drives.left_out import NOT_AMONG, FileReading, all_left_out, left_out
 from twin.drives.shapes import AnnotationFile, Shape
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
@@ -49,10 +50,9 @@ from twin.errors import DriveError
 OBJECT_ATTRIBUTES = ("object", "object_id")
 TEXT_ATTRIBUTES = ("text", "tekst")
 _HIGHEST_FRAME = 2**62
+REPEATED = "the same annotation again"
 _LONGEST_TEXT = 200
 """Texts are kept in arrays of one width: a single long one would take its length in every row."""
-_DOWNLOADED = re.compile(r"(?:_(?:jpe?g|png|bmp))?\.rf\.[0-9a-f]+$", re.IGNORECASE)
-"""What Roboflow puts after the name of an image: ``frame_12_jpg.rf.0a1b2c``."""
 
 
 class _Row(NamedTuple):
@@ -86,6 +86,10 @@ class AnnotationsRead:
         Labels that say no sign code and no type.
     unsized : frozenset of str
         Cameras with annotations in pixels that do not say of how large a picture.
+    numbered : mapping of camera to example
+        Cameras whose frames are numbers in a CSV or in names of images, and one of them.
+    warnings : tuple of str
+        Of each camera of a file of whose annotations not one could be used.
     """
 
     annotations: Annotations
@@ -94,6 +98,8 @@ class AnnotationsRead:
     other_objects: Mapping[str, int] = field(default_factory=dict)
     unmapped: Mapping[str, int] = field(default_factory=dict)
     unsized: frozenset[str] = frozenset()
+    numbered: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
 
 
 def gather(
@@ -101,6 +107,7 @@ def gather(
     rig: Rig,
     labels: LabelMap | None = None,
     image_frames: Mapping[str, Mapping[str, int]] | None = None,
+    first_frame: int = 0,
 ) -> AnnotationsRead:
     """Bring the shapes of all annotation files of a drive together.
 
@@ -113,6 +120,8 @@ def gather(
         The drive's own.
     image_frames : mapping of camera to frame number by image name, optional
         Of cameras whose pictures are files.
+    first_frame : int
+        Number of the first frame in a CSV and in names of images.
 
     Returns
     -------
@@ -129,21 +138,24 @@ def gather(
     unsized: set[str] = set()
     skipped: list[Skipped] = []
     meanings = Meanings(labels)
+    numbered: dict[str, str] = {}
+    warnings: list[str] = []
     for file, declared in files:
         skipped += file.skipped
         chooser = CameraChooser(file, declared, rig)
         cameras |= chooser.of_empty_file() if not file.shapes else set()
-        context = _Context(rig.source, meanings, image_frames or {}, Counter(), Counter(), Counter())
+        context = FileReading(rig.source, meanings, image_frames or {}, first_frame, numbered)
         rows += _rows(file, chooser, context)
+        warnings += all_left_out(file, declared, chooser, context)
         unsized |= check_reach(file, chooser, rig.source)
-        skipped += _left_out(context, file.where)
+        skipped += left_out(context, file.where)
         cameras |= chooser.chosen
     named = _named(rows)
     # Points carry math.nan itself as their box, so that equal rows compare equal.
     unique = list({row._replace(file=""): row for row in reversed(named)}.values())[::-1]
     if len(unique) < len(named):
         where = ", ".join(sorted({row.file for row in named}))
-        skipped.append(Skipped("annotations", where, len(named) - len(unique), "the same annotation again"))
+        skipped.append(Skipped("annotations", where, len(named) - len(unique), REPEATED))
     return AnnotationsRead(
         _arrays(unique),
         tuple(sorted(cameras)),
@@ -151,6 +163,8 @@ def gather(
         meanings.other_objects(),
         dict(sorted(meanings.unmapped.items(), key=lambda item: (-item[1], item[0]))),
         frozenset(unsized),
+        numbered,
+        tuple(warnings),
     )
 
 
@@ -204,41 +218,22 @@ def only(annotations: Annotations, keep: NDArray[np.bool_]) -> Annotations:
     return Annotations(**{f.name: getattr(annotations, f.name)[keep] for f in fields(Annotations)})
 
 
-class _Context(NamedTuple):
-    """What the shapes of one file are read with, and the counts of what is left out."""
-
-    rig_source: str
-    labels: Meanings
-    image_frames: Mapping[str, Mapping[str, int]]
-    faults: Counter[str]
-    codeless: Counter[str]
-    ignored: Counter[str]
-
-
-def _left_out(context: _Context, where: str) -> Iterable[Skipped]:
-    for reason, n in sorted(context.faults.items()):
-        yield Skipped("annotations", where, n, reason)
-    for label, n in sorted(context.ignored.items()):
-        yield Skipped("labels", where, n, f"no road object: {label!r:.60}")
-    for text, n in sorted(context.codeless.items()):
-        yield Skipped("sign codes", where, n, f"not a sign code: {text!r:.60}")
-
-
-def _rows(file: AnnotationFile, chooser: CameraChooser, context: _Context) -> Iterable[_Row]:
+def _rows(file: AnnotationFile, chooser: CameraChooser, context: FileReading) -> Iterable[_Row]:
     inherited = _track_attributes(file.shapes)
     singles: Counter[tuple[str, int]] = Counter()
     for drawn in file.shapes:
         camera = chooser.of(drawn)
         check_size(drawn, camera, file.where, context.rig_source)
         shape = drawn.in_pixels(camera.model.width_px, camera.model.height_px)
-        frame = _frame_of(shape, camera.name, context.image_frames)
+        frame = _frame(shape, camera.name, file.tool, context)
         attributes = inherited.get((shape.task, shape.track), {}) | _filled(shape)
         track = shape.track or attributes.get("track_id", "")
         name = next((attributes[a] for a in OBJECT_ATTRIBUTES if a in attributes), "")
         reason = _unusable(shape, frame, camera) or _too_long(name, track)
         if reason:
-            context.faults[reason] += 1
+            context.faults.setdefault(camera.name, Counter())[reason] += 1
             continue
+        context.understood.add(camera.name)
         label = shape.label[:_LONGEST_TEXT]
         meaning = context.labels.of(label, _codes(attributes.get("skiltnummer", ""), context.codeless))
         if meaning.is_ignored:
@@ -297,28 +292,19 @@ def _codes(attribute: str, codeless: Counter[str]) -> str:
     return codes
 
 
-_NOT_AMONG_PICTURES = -2
-
-
-def _frame_of(shape: Shape, camera: str, image_frames: Mapping[str, Mapping[str, int]]) -> int:
-    """Frame number of a shape, as the module's text says."""
-    if shape.frame is not None:
-        return shape.frame
-    name = PurePosixPath(shape.image.replace("\\", "/"))
-    frames = image_frames.get(camera)
-    if frames:
-        plain = _DOWNLOADED.sub("", name.stem)
-        return frames.get(name.name, frames.get(name.stem, frames.get(plain, _NOT_AMONG_PICTURES)))
-    stem = _DOWNLOADED.sub("", name.stem).replace(camera, "")
-    digits = re.findall(r"[0-9]+", stem)
-    # The longest number that is converted keeps int() linear; it is far above any frame.
-    return int(digits[-1][:30]) if digits else shape.image_id
+def _frame(shape: Shape, camera: str, tool: str, context: FileReading) -> int:
+    pictures = context.image_frames.get(camera)
+    first_frame = 0
+    if is_numbered(shape, tool, pictures):
+        first_frame = context.first_frame
+        context.numbered.setdefault(camera, shape.image or f"{shape.frame} in a CSV")
+    return frame_of(shape, camera, pictures, first_frame)
 
 
 def _unusable(shape: Shape, frame: int, camera: RigCamera) -> str:
     """Why a shape is left out; "" if it is not."""
-    if frame == _NOT_AMONG_PICTURES:
-        return "image that is not among the drive's pictures"
+    if frame == NOT_AMONG_PICTURES:
+        return NOT_AMONG
     if not 0 <= frame < _HIGHEST_FRAME:
         return "frame number unreadable"
     width, height = camera.model.width_px, camera.model.height_px

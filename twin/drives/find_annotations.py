@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 from pathlib import PurePosixPath
 
-from twin.drives.annotations_csv import looks_like_annotations_csv, read_annotations_csv
+from twin.drives.annotations_csv import lacking, looks_like_annotations_csv, read_annotations_csv
 from twin.drives.coco import looks_like_coco, read_coco
 from twin.drives.cvat import is_cvat, read_cvat, root_tag
 from twin.drives.datumaro import looks_like_datumaro, read_datumaro
@@ -36,6 +36,7 @@ _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tar.gz", ".tgz")
 _UNPACK = "if it holds annotations of this drive, unpack it in the drive folder"
 _EMPTY_BYTES = 64
 _MOST_NAMES = 5
+_DEEPER = ("annotations", "labels")
 LARGEST_JSON_BYTES = 200_000_000
 """JSON takes some ten times its size in memory: a million boxes stay below this."""
 
@@ -64,10 +65,22 @@ def read_annotation_json(content: bytes, where: str, feet: Collection[str] = ())
     return next((read() for looks_like, read in readers if looks_like(document)), None)
 
 
+def annotation_folders(folder: DriveFolder) -> list[str]:
+    """Folders that are searched: those in the drive folder, and what they call annotations or labels.
+
+    So tools lay out their exports: Datumaro's and COCO's are ``annotations/default.json``.
+    """
+    found = []
+    for name in folder.folders():
+        deeper = folder.folders(name)
+        found += [name, *(one for one in deeper if PurePosixPath(one).name.lower() in _DEEPER)]
+    return found
+
+
 def find_annotations(
     folder: DriveFolder, notes: ReadingNotes, feet: Collection[str] = ()
 ) -> list[AnnotationFile]:
-    """Read every annotation file of the drive folder and of the folders in it.
+    """Read every annotation file of the drive folder and of `annotation_folders`.
 
     Raises
     ------
@@ -76,7 +89,7 @@ def find_annotations(
     """
     found = _read_files(folder, "", notes, feet)
     archives = folder.names(*_ARCHIVES)
-    for name in folder.folders():
+    for name in annotation_folders(folder):
         found += _read_files(folder, f"{name}/", notes, feet)
         archives += folder.names_in(name, *_ARCHIVES)
     notes.warnings += [f"{name} is an archive, which is not read: {_UNPACK}." for name in archives]
@@ -215,6 +228,32 @@ def _is_json_of(folder: DriveFolder, name: str, contents: Collection[bytes]) -> 
         return folder.head(name, _EMPTY_BYTES).strip() in contents
     except DriveError:
         return False  # a link that leads out of the folder
+
+
+def nearly_annotations(folder: DriveFolder) -> list[str]:
+    """Say of tables and folders of a drive without annotations why they are none, a clause each."""
+    said = []
+    for inside in ("", *(f"{name}/" for name in annotation_folders(folder))):
+        names = folder.names_in(inside, ".csv", ".txt") if inside else folder.names(".csv", ".txt")
+        heads = [(name, _head(folder, name)) for name in names]
+        said += [f"{name} {why}" for name, head in heads if (why := lacking(head))]
+        rows = [
+            n for n, head in heads if n.lower().endswith(".txt") and head.strip() and looks_like_yolo(head)
+        ]
+        rows = [name for name in rows if _is_labels(name)]
+        if rows and _classes(folder, inside) is None:
+            said.append(
+                f"{rows[0]} looks like YOLO, but no data.yaml, obj.names or classes.txt names its classes:"
+                f" add it, or name {inside or rows[0]} under [annotations] in {SETTINGS_FILE}"
+            )
+    return said[:_MOST_NAMES]
+
+
+def _head(folder: DriveFolder, name: str) -> bytes:
+    try:
+        return folder.head(name)
+    except DriveError:
+        return b""  # a link that leads out of the folder
 
 
 def _is_labels(name: str) -> bool:

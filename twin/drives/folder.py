@@ -50,11 +50,15 @@ class DriveFolder:
             return list(self._names)
         return [name for name in self._names if name.lower().endswith(suffixes)]
 
-    def folders(self) -> list[str]:
-        """Names of the folders directly in the folder, sorted; hidden, linked and locked ones left out."""
+    def folders(self, inside: str = "") -> list[str]:
+        """Names of the folders directly in the folder, or in one in it, which then stands before them.
+
+        They are sorted; hidden, linked and locked ones are left out.
+        """
+        place = self._path(inside) if inside else self.root
         return sorted(
-            entry.name
-            for entry in self.root.iterdir()
+            f"{inside}/{entry.name}" if inside else entry.name
+            for entry in place.iterdir()
             if entry.is_dir()
             and not entry.is_symlink()
             and not entry.name.startswith(".")

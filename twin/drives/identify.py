@@ -24,6 +24,8 @@ SLIP = "no object stands there, and one near it lacks this picture: a slip of th
 _SLIP_REASON = "which its picture lacks"
 _MAX_WARNINGS = 10
 _TWO_SIGNS = 0.15
+CAMERAS_DISAGREE = "The cameras do not agree with one another"
+_FEW_IDS, _MANY_IDS = 3, 0.3
 
 
 def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
@@ -82,13 +84,15 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        At most ten sentences, and one that counts the rest.
+        At most ten sentences, and one that counts the rest. Where many ids would be one sign for each camera,
+        the cameras are wrong, not the ids: one sentence that begins with `CAMERAS_DISAGREE`.
     """
     notes = drive.annotations
     ids = np.where(notes.has_id, notes.object, "")
     if not notes.has_id.any():
         return ()
     messages: dict[tuple[str, ...], str] = {}
+    between: set[str] = set()
     for finding in check_ids(*association_input(drive, trajectory, ids), ids):
         one, other = (set(notes.camera[rows].tolist()) for rows in finding.rows)
         few, many = sorted(rows.size for rows in finding.rows)
@@ -97,10 +101,24 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
         elif finding.kind == "split" and few >= _TWO_SIGNS * (few + many):
             # Fewer are slips of the hand, which the adjustment leaves out.
             messages.setdefault(finding.ids, _two_signs(notes, finding))
+            if len({_main_camera(notes, rows) for rows in finding.rows}) > 1:
+                between.add(finding.ids[0])
+    if len(between) >= _FEW_IDS and len(between) > _MANY_IDS * np.unique(ids[ids != ""]).size:
+        disagree = (
+            f"{CAMERAS_DISAGREE}: {len(between)} ids would be one sign for each. Check their clocks"
+            " ([timestamps], camera_offset_ms), mounting and calibration."
+        )
+        return (disagree,)
     if len(messages) > _MAX_WARNINGS:
         more = len(messages) - _MAX_WARNINGS
         return (*list(messages.values())[:_MAX_WARNINGS], f"{more} more ids look wrong in the same way.")
     return tuple(messages.values())
+
+
+def _main_camera(notes: Annotations, rows: IntArray) -> str:
+    """The camera of most of the annotations."""
+    names: list[str] = sorted(notes.camera[rows].tolist())
+    return Counter(names).most_common(1)[0][0]
 
 
 def _two_signs(notes: Annotations, finding: IdFinding) -> str:
@@ -123,7 +141,8 @@ def _one_sign(notes: Annotations, finding: IdFinding) -> str:
 def _pictures(notes: Annotations, rows: IntArray) -> str:
     """``22 annotations (skilt 362.50) in C3.xml frames 310 to 345``: what they are, and where."""
     labels, codes = (np.unique(names[rows]).tolist() for names in (notes.label, notes.skiltnummer))
-    called = " ".join(filter(None, ("/".join(filter(None, names))[:60] for names in (labels, codes))))
+    texts = dict.fromkeys("/".join(filter(None, names))[:60] for names in (labels, codes))
+    called = " ".join(filter(None, texts))
     places = []
     for camera, file in sorted(set(zip(notes.camera[rows].tolist(), notes.file[rows].tolist(), strict=True))):
         frame = notes.frame[rows][(notes.camera[rows] == camera) & (notes.file[rows] == file)]

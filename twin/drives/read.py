@@ -10,6 +10,7 @@ A ``drive.toml`` with every key::
     annotations_complete = true     # every sign in view was annotated (default false)
     datum = "EUREF89"               # or "ITRF2014", "ITRF2020"
     camera_offset_ms = 0.0          # added to the frame stamps
+    first_frame = 0                 # number of the first frame in a CSV and in names of images; or 1
     pitch_positive = "nose_down"    # of the pose file; "nose_up" as most INS write it
     [cameras.front]                 # any calibration file
     intrinsics = "camchain.yaml#cam0"
@@ -35,25 +36,24 @@ A ``drive.toml`` with every key::
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoloc.rig import Rig
-from twin.drives.annotated import epochs_of, stamped
-from twin.drives.clock import clock_hint, utc_text
-from twin.drives.drive import Annotations, Drive, IntArray
+from twin.drives.annotated import stamped
+from twin.drives.drive import Drive
 from twin.drives.folder import DriveFolder
+from twin.drives.frame_numbers import first_frame_warnings
 from twin.drives.notes import Progress, ReadingNotes
 from twin.drives.read_annotations import read_annotations
 from twin.drives.read_detections import read_detections
 from twin.drives.read_stamps import read_stamps
-from twin.drives.read_track import Track, read_track
+from twin.drives.read_track import read_track
 from twin.drives.rig_files import rig_of_folder
 from twin.drives.settings import SETTINGS_FILE, DriveSettings, read_settings
-from twin.errors import DriveError
+from twin.drives.spans import check_span
 from twin.frames.find import find_pictures
 from twin.frames.sizes import check_picture_sizes
 
@@ -107,12 +107,15 @@ def read_drive(
         cameras = {*found.cameras, *(settings.annotations or ())}
         stamps, stamp_files = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
         check_picture_sizes(pictures, found.unsized, track.rig)
+        if settings.first_frame is None:
+            notes.warnings += first_frame_warnings(found.annotations, found.numbered, stamps, stamp_files)
     else:
         stamps, stamp_files = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
         found = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
     annotations, unstamped = stamped(found.annotations, stamps, stamp_files)
     notes.skipped += unstamped
-    _check_span(annotations, stamps, settings.camera_offset_ns, track, notes)
+    offset_ns = settings.camera_offset_ns
+    notes.warnings += check_span(annotations, stamps, stamp_files, offset_ns, track)
     notes.warnings += _unplaced(track.rig, np.unique(annotations.camera).tolist())
     return Drive(
         drive_id=folder.drive_id(),
@@ -147,40 +150,3 @@ def _unplaced(rig: Rig, cameras: list[str]) -> list[str]:
         " wrong: find where it sits with twin calibrate extrinsics, or measure it."
     )
     return [sentence] if names else []
-
-
-def _check_span(
-    annotations: Annotations,
-    stamps: Mapping[str, IntArray],
-    offset_ns: int,
-    track: Track,
-    notes: ReadingNotes,
-) -> None:
-    """Refuse a drive whose frames all lie outside the track; warn where some do."""
-    if not len(annotations.frame):
-        return
-    epoch_ns = np.concatenate(
-        [
-            epochs_of(annotations, stamps, camera)[annotations.camera == camera]
-            for camera in np.unique(annotations.camera).tolist()
-        ]
-    )
-    epoch_ns = epoch_ns + offset_ns
-    first, last = track.span_ns()
-    outside = int(np.count_nonzero((epoch_ns < first) | (epoch_ns > last)))
-    what = "poses" if track.poses is not None else "GNSS fixes"
-    spans = (
-        f"from {utc_text(int(epoch_ns.min()))} to {utc_text(int(epoch_ns.max()))}, the {what} from"
-        f" {utc_text(first)} to {utc_text(last)}"
-    )
-    hint = clock_hint((int(epoch_ns.min()), int(epoch_ns.max())), (first, last)) if outside else ""
-    if outside == len(epoch_ns):
-        raise DriveError(
-            f"Every annotated frame lies outside the {what}: the frames are {spans}. Bring files of one drive"
-            f" together, or correct the clocks with camera_offset_ms in {SETTINGS_FILE}. {hint}".rstrip()
-        )
-    if outside:
-        notes.warnings.append(
-            f"{outside} of {len(epoch_ns)} annotations lie outside the {what} and cannot be located: the"
-            f" annotated frames are {spans}. {hint}".rstrip()
-        )

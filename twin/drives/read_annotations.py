@@ -10,7 +10,7 @@ from geoloc.rig import Rig
 from twin.drives.annotated import AnnotationsRead, gather
 from twin.drives.camera_names import which_camera
 from twin.drives.drawn_size import reach_warnings
-from twin.drives.find_annotations import FORMATS, find_annotations, named_annotations
+from twin.drives.find_annotations import FORMATS, find_annotations, named_annotations, nearly_annotations
 from twin.drives.folder import DriveFolder
 from twin.drives.known_codes import unknown_codes_warning
 from twin.drives.label_map import LABELS_FILE, LabelMap, read_label_map
@@ -19,6 +19,7 @@ from twin.drives.settings import SETTINGS_FILE, DriveSettings
 from twin.drives.shapes import AnnotationFile
 from twin.errors import DriveError
 
+NO_FILES = "holds no annotations"
 _MOST_LABELS = 12
 """Labels without a meaning that are listed by name."""
 
@@ -55,11 +56,13 @@ def read_annotations(
     for camera, names in (settings.annotations or {}).items():
         check_camera(rig, camera, "[annotations]")
         files += ((file, camera) for file in named_annotations(folder, names, notes, feet))
-    found = gather(files, rig, label_map, image_frames)
+    found = gather(files, rig, label_map, image_frames, settings.first_frame or 0)
     notes.skipped += found.skipped
     notes.warnings += _warnings(folder, [file.where for file, _ in files], found)
+    notes.warnings += found.warnings
     notes.warnings += reach_warnings(found.annotations, found.unsized, rig)
-    notes.say(f"Annotations: {len(found.annotations.frame)} in {len(files)} files.")
+    n_files = sum(file.n_files for file, _ in files)
+    notes.say(f"Annotations: {len(found.annotations.frame)} in {n_files} file{'' if n_files == 1 else 's'}.")
     return found
 
 
@@ -85,9 +88,9 @@ def read_drive_labels(folder: DriveFolder, labels: Path | None = None) -> LabelM
 
 def _warnings(folder: DriveFolder, files: list[str], found: AnnotationsRead) -> list[str]:
     if not files:
-        return [
-            f"{folder.root.name} holds no annotations ({FORMATS}), so the drive has a track but no sightings."
-        ]
+        nearly = "".join(f" {one}." for one in nearly_annotations(folder))
+        none = f"{folder.root.name} {NO_FILES} ({FORMATS}), so the drive has a track but no sightings."
+        return [none + nearly]
     if not len(found.annotations.frame):
         return [f"{', '.join(files)}: not one point or box that can be used, so the drive has no sightings."]
     return unmapped_warning(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +42,8 @@ from twin.drives.track_read import FixesRead, PosesRead, fix_rate_hz, headings_a
 from twin.errors import DriveError
 from twin.frames.images import HEAD_BYTES
 
+_LONGEST_MISSING_S, _LARGEST_MISSING = 5.0, 0.05
+"""An antenna that misses no more of the drive's beginning or end than this is not told of."""
 _CONTENT_READERS = {NMEA: read_nmea, SBP: read_sbp, GPX: read_gpx}
 
 
@@ -142,7 +144,11 @@ def _with_antennas(rig: Rig, files: Mapping[str, str], settings: DriveSettings) 
 def _read_gnss(
     folder: DriveFolder, files: Mapping[str, str], settings: DriveSettings, notes: ReadingNotes
 ) -> tuple[GnssFixes, ...]:
-    """Fixes of every antenna; one that recorded nothing usable costs a warning while another did."""
+    """Fixes of every antenna.
+
+    One that the rig names, or that was found, and that recorded nothing usable costs a warning while another
+    did; one that ``drive.toml`` names is refused.
+    """
     for antenna in settings.gnss_topics:
         if antenna not in files:
             raise DriveError(
@@ -156,6 +162,8 @@ def _read_gnss(
         try:
             read = _weighted(_read_antenna(folder, file, antenna, settings), folder, file, settings)
         except DriveError as error:
+            if antenna in (settings.gnss or {}):
+                raise  # what drive.toml names is meant
             failures.append(error)
             continue
         fixes, heading_warnings = headings_of_the_car(read.fixes, file, settings)
@@ -167,7 +175,24 @@ def _read_gnss(
     if not gnss:
         raise failures[0]
     notes.warnings += [f"The drive is read without one antenna: {failure}" for failure in failures]
+    notes.warnings += _cut_short(gnss, files)
     return tuple(gnss)
+
+
+def _cut_short(gnss: Sequence[GnssFixes], files: Mapping[str, str]) -> list[str]:
+    """Tell of antennas that began later than others, or stopped before them."""
+    first, last = min(int(f.epoch_ns[0]) for f in gnss), max(int(f.epoch_ns[-1]) for f in gnss)
+    warnings = []
+    for fixes in gnss:
+        late_s, early_s = (fixes.epoch_ns[0] - first) / 1e9, (last - fixes.epoch_ns[-1]) / 1e9
+        if max(late_s, early_s) <= max(_LONGEST_MISSING_S, _LARGEST_MISSING * (last - first) / 1e9):
+            continue
+        how = f"stops {early_s:.1f} s before" if early_s >= late_s else f"begins {late_s:.1f} s after"
+        warnings.append(
+            f"{files[fixes.antenna]} {how} another antenna's recording ({len(fixes.epoch_ns):,} fixes):"
+            " without it the heading is that of the course alone. Give the whole recording if there is one."
+        )
+    return warnings
 
 
 def _weighted(read: FixesRead, folder: DriveFolder, file: str, settings: DriveSettings) -> FixesRead:

@@ -60,7 +60,7 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
     document = _document(text, name) if name is not None else {"rig": {"sensors": []}, "version": 7}
     source = name or SETTINGS_FILE
     try:
-        added = _with_cameras(document, settings.cameras, folder)
+        added = _with_cameras(document, settings.cameras, folder, notes)
         masked = _with_mask_files(added, folder, source, notes)
         rig = rig_from_document(masked, source)
     except CalibrationError as error:
@@ -115,7 +115,10 @@ def _with_sensors(document: Mapping[str, Any], sensors: list[Any]) -> Mapping[st
 
 
 def _with_cameras(
-    document: Mapping[str, Any], cameras: Mapping[str, CameraSettings], folder: DriveFolder
+    document: Mapping[str, Any],
+    cameras: Mapping[str, CameraSettings],
+    folder: DriveFolder,
+    notes: ReadingNotes,
 ) -> Mapping[str, Any]:
     """Document in which cameras have what ``drive.toml`` says of them; itself if that is nothing."""
     if not cameras:
@@ -136,7 +139,9 @@ def _with_cameras(
             sensors.append({"name": name, "protocol": "camera.virtual"})
         sensor = dict(sensors[place[name]])
         if camera.intrinsics is not None:
-            sensor["properties"] = _properties(name, camera.intrinsics, folder, files)
+            calibrated = _calibrated(name, camera.intrinsics, folder, files)
+            sensor["properties"] = model_properties(name, calibrated.model)
+            notes.warnings += filter(None, [calibrated.warning])
         if camera.position_m is not None:
             sensor = {key: value for key, value in sensor.items() if key not in _POSE_KEYS}
             angles = list(camera.roll_pitch_yaw_deg)
@@ -155,10 +160,10 @@ def _named(sensor: object) -> bool:
     return isinstance(sensor, Mapping) and isinstance(sensor.get("name"), str)
 
 
-def _properties(
+def _calibrated(
     name: str, intrinsics: str, folder: DriveFolder, files: dict[str, Mapping[str, CalibratedCamera]]
-) -> dict[str, str]:
-    """Intrinsics of a calibration file (``file``, or ``file#camera``) as a rig file has them."""
+) -> CalibratedCamera:
+    """Find the camera that ``file`` or ``file#camera`` means."""
     file, _, wanted = (intrinsics, "", "") if folder.has(intrinsics) else intrinsics.rpartition("#")
     file = file or intrinsics
     if file not in files:
@@ -175,7 +180,7 @@ def _properties(
             f"{file} holds the cameras {', '.join(cameras)[:300]}: say which of them is {name},"
             f' intrinsics = "{file}#{next(iter(cameras))}".'
         )
-    return model_properties(name, cameras[wanted].model)
+    return cameras[wanted]
 
 
 def _with_mask_files(

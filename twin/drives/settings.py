@@ -48,6 +48,7 @@ _KEYS = (
     "annotations_complete",
     "detections_complete",
     "frames_by_number",
+    "first_frame",
     "datum",
     "camera_offset_ms",
     "rolling_shutter_ms",
@@ -117,6 +118,8 @@ class DriveSettings:
         Whether every sign in view is among the annotations, or among what a detector finds.
     frames_by_number : bool
         Whether pictures and stamps belong together by number even if there are more of one.
+    first_frame : int or None
+        Number of the first frame in a CSV of annotations and in names of images: 0, or 1.
     datum : str
         One of `DATUMS`.
     camera_offset_ns : int
@@ -152,6 +155,7 @@ class DriveSettings:
     annotations_complete: bool = False
     detections_complete: bool = False
     frames_by_number: bool = False
+    first_frame: int | None = None
     datum: str = "EUREF89"
     camera_offset_ns: int = 0
     rolling_shutter_ms: float | None = None
@@ -202,6 +206,7 @@ def read_settings(content: bytes) -> DriveSettings:
         annotations_complete=flag_of(document, "annotations_complete"),
         detections_complete=flag_of(document, "detections_complete"),
         frames_by_number=flag_of(document, "frames_by_number"),
+        first_frame=_first_frame(document),
         datum=_datum(document),
         camera_offset_ns=round(number_of(document.get("camera_offset_ms", 0.0), "camera_offset_ms") * 1e6),
         rolling_shutter_ms=_between(document, "rolling_shutter_ms", None, LONGEST_READOUT_MS),
@@ -220,6 +225,13 @@ def read_settings(content: bytes) -> DriveSettings:
         frames=_frames(table_of(document, "frames")) if "frames" in document else None,
         annotations=_file_lists(annotations) if "annotations" in document else None,
     )
+
+
+def _first_frame(document: Mapping[str, Any]) -> int | None:
+    value = document.get("first_frame")
+    if value is not None and (isinstance(value, bool) or value not in (0, 1)):
+        raise wrong_value("first_frame", value, "0 or 1: the number of the first frame in the annotations")
+    return None if value is None else int(value)
 
 
 def _datum(document: Mapping[str, Any]) -> str:

@@ -114,6 +114,8 @@ class AnnotationFile:
         The format, as people call it: ``CVAT``, ``COCO``.
     is_one_image : bool
         Whether the tool writes one such file for each image.
+    n_files : int
+        Files that were brought together in it.
     """
 
     where: str
@@ -123,10 +125,15 @@ class AnnotationFile:
     skipped: tuple[Skipped, ...]
     tool: str = "CVAT"
     is_one_image: bool = False
+    n_files: int = 1
 
 
 class LeftOutError(Exception):
-    """A shape that is left out; its text is the reason."""
+    """A shape that is left out: the reason, and as it likes what stands in the file."""
+
+    def __init__(self, reason: str, example: str = "") -> None:
+        super().__init__(reason)
+        self.example = example
 
 
 class Place(NamedTuple):
@@ -157,6 +164,8 @@ class Gathering:
     tool: str
     shapes: list[Shape] = field(default_factory=list)
     faults: Counter[str] = field(default_factory=Counter)
+    examples: dict[str, str] = field(default_factory=dict)
+    """What the first shape that was left out for a reason looks like, where that is told."""
 
     def add(self, place: Place, label: str, drawn: Drawn, attributes: Mapping[str, str]) -> None:
         """Take one shape."""
@@ -172,9 +181,11 @@ class Gathering:
             )
         )
 
-    def leave_out(self, reason: str, count: int = 1) -> None:
+    def leave_out(self, reason: str, count: int = 1, example: str = "") -> None:
         """Count shapes that are not taken."""
         self.faults[reason] += count
+        if example:
+            self.examples.setdefault(reason, f"{reason}, such as {example!r:.60}")
 
     def file(
         self,
@@ -185,7 +196,9 @@ class Gathering:
     ) -> AnnotationFile:
         """Return all of it."""
         skipped = (
-            Skipped("annotations", self.where, n, reason) for reason, n in sorted(self.faults.items()) if n
+            Skipped("annotations", self.where, n, self.examples.get(reason, reason))
+            for reason, n in sorted(self.faults.items())
+            if n
         )
         return AnnotationFile(
             self.where, source, tasks or {}, tuple(self.shapes), tuple(skipped), self.tool, is_one_image
@@ -317,4 +330,5 @@ def merged(files: Iterable[AnnotationFile], where: str) -> AnnotationFile:
         shapes=tuple(shape for file in every for shape in file.shapes),
         skipped=tuple(Skipped(what, where, n, reason) for (what, reason), n in sorted(counts.items())),
         tool=every[0].tool,
+        n_files=len(every),
     )

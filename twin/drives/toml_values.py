@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -11,6 +12,8 @@ from twin.errors import DriveError
 
 SETTINGS_FILE = "drive.toml"
 _LARGEST_NUMBER = 1e15
+_BARE = re.compile(r"\s*([\w.-]{1,80})\s*=\s*([^\W\d][\w./\\:# -]{0,80}?|[\w./-]{1,80}\.[A-Za-z]\w{0,9})\s*$")
+"""A key with a word, or a file's name, that has no quotation marks."""
 
 
 def document_of(content: bytes) -> dict[str, Any]:
@@ -26,7 +29,18 @@ def document_of(content: bytes) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise DriveError(f"{SETTINGS_FILE} is not UTF-8 text: save it as UTF-8.") from error
     except (ValueError, RecursionError) as error:  # not TOML, or a number of thousands of digits
-        raise DriveError(f"{SETTINGS_FILE} is not valid TOML ({error}): correct that line.") from error
+        cure = _unquoted(content, str(error)) or "correct that line"
+        raise DriveError(f"{SETTINGS_FILE} is not valid TOML ({error}): {cure}.") from error
+
+
+def _unquoted(content: bytes, error: str) -> str:
+    """What to write where the line that TOML stumbles over gives a bare word; "" for another slip."""
+    at = re.search(r"at line ([0-9]{1,9}),", error)
+    lines = content.decode("utf-8-sig", errors="replace").split("\n")
+    if at is None or int(at[1]) > len(lines):
+        return ""
+    bare = _BARE.match(lines[int(at[1]) - 1])
+    return "" if bare is None else f'a text needs quotation marks, {bare[1]} = "{bare[2]}"'
 
 
 def refuse_unknown(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:

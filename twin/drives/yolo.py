@@ -156,7 +156,11 @@ def _drawn(values: list[float], classes: YoloClasses, feet: Collection[str]) -> 
         return track, as_fraction(box)
     if not classes.n_keypoints and n >= 6 and n % 2 == 0:
         return "", as_fraction(box_around(pairs(values)))
-    raise LeftOutError(f"row of {n + 1} numbers")
+    if classes.n_keypoints:
+        said = f"kpt_shape in data.yaml makes it {n_pose + 1}"
+    else:
+        said = "key points need kpt_shape = [points, 2 or 3] in data.yaml"
+    raise LeftOutError(f"row of {n + 1} numbers" + (f": {said}" if n > 5 else ""))
 
 
 def _foot(values: list[float], classes: YoloClasses, feet: Collection[str]) -> Drawn:

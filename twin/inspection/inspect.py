@@ -168,7 +168,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         name=settings.name or path.resolve().name,
         ready=not parts.refusals,
         refusals=tuple(parts.refusals),
-        files=recognised(folder),
+        files=recognised(folder, _images_of_times(pictures, stamps)),
         cameras=_cameras(rig),
         antennas=_antennas(rig if track is None else track.rig),
         sensors=_sensors(settings, track, found, stamps),
@@ -194,6 +194,28 @@ def _settings(folder: DriveFolder) -> DriveSettings:
     return read_settings(folder.content(SETTINGS_FILE)) if folder.has(SETTINGS_FILE) else DriveSettings()
 
 
+def _images_of_times(
+    pictures: Mapping[str, Pictures], stamps: Mapping[str, tuple[IntArray, str]]
+) -> set[str]:
+    """Images whose own names or tags say when they were taken."""
+    by_themselves = (
+        of for camera, of in pictures.items() if camera in stamps and stamps[camera][1] == of.where
+    )
+    return {image for of in by_themselves for image in of.images or ()}
+
+
+def _once(progress: Progress | None) -> Progress | None:
+    """Leave out what was said before: each camera is tried alone, and reads what drive.toml names besides."""
+    told: set[str] = set()
+
+    def say(text: str) -> None:
+        if progress is not None and text not in told:
+            told.add(text)
+            progress(text)
+
+    return say
+
+
 def _stamps(
     folder: DriveFolder,
     settings: DriveSettings,
@@ -206,8 +228,9 @@ def _stamps(
     """Stamps of every camera that has some; only those of annotated cameras can be missed."""
     needed = {*(found.cameras if found else ()), *settings.timestamps}
     stamps = {}
+    progress = _once(notes.progress)
     for camera in sorted({*rig.cameras, *needed}):
-        of_camera = ReadingNotes(notes.progress, [], [])
+        of_camera = ReadingNotes(progress, [], [])
         trial = parts if camera in needed else _Parts()
         read = trial.tried(lambda c=camera, n=of_camera: read_stamps(folder, settings, rig, {c}, pictures, n))  # type: ignore[misc]
         if read is not None and camera in read[0]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
@@ -13,7 +13,8 @@ from twin.drives.annotations_csv import looks_like_annotations_csv
 from twin.drives.coco import looks_like_coco
 from twin.drives.cvat import is_cvat
 from twin.drives.datumaro import looks_like_datumaro
-from twin.drives.find_track import EXIF, GPX, NMEA, POSES, ROS, SBP, track_format
+from twin.drives.find_annotations import annotation_folders
+from twin.drives.find_track import EXIF, GPX, NMEA, POSES, ROS, ROS2_METADATA, SBP, track_format
 from twin.drives.folder import DriveFolder
 from twin.drives.json_values import parse_json
 from twin.drives.label_map import LABELS_FILE
@@ -83,14 +84,19 @@ class FileSeen:
     used: bool
 
 
-def recognised(folder: DriveFolder) -> tuple[FileSeen, ...]:
+def recognised(folder: DriveFolder, named: Collection[str] = ()) -> tuple[FileSeen, ...]:
     """Tell what every file is, of the folder and of the folders in it, by name.
 
     What cannot be read is listed as such: nothing is raised.
+
+    Parameters
+    ----------
+    named : collection of str
+        Files of which the names are read: the drive was read from these as well.
     """
     seen: list[FileSeen] = []
-    used = folder.entered()
-    for inside in ("", *(f"{name}/" for name in folder.folders())):
+    used = folder.entered() | set(named)
+    for inside in ("", *(f"{name}/" for name in annotation_folders(folder))):
         try:
             names = folder.names_in(inside) if inside else folder.names()
         except DriveError:
@@ -148,6 +154,7 @@ def _text_kind(name: str, suffix: str, head: bytes) -> str:
         ("annotations, CVAT XML", is_cvat(head)),
         ("annotations, LabelMe XML", looks_like_labelme_xml(head)),
         ("annotations, CSV", suffix == ".csv" and looks_like_annotations_csv(head)),
+        ("parts of a ROS 2 recording", PurePosixPath(name).name == ROS2_METADATA),
         ("names of classes", name.lower().endswith(NAME_FILES)),
         ("annotations, YOLO", suffix == ".txt" and looks_like_yolo(head)),
         ("detector (ONNX)", suffix == ".onnx"),

@@ -47,7 +47,7 @@ class Passage:
         Epoch, UTC.
     is_evidence : bool
         Whether a sign that it passed and did not see is gone: the drive was declared completely annotated,
-        and every annotated object found its place.
+        nothing that it annotated was lost on the way, and it fits itself.
     views : Views
         Of the sites, or of the poles.
     """

@@ -265,7 +265,7 @@ def test_yolo_row_that_is_no_label_is_counted() -> None:
     assert file.shapes == ()
     assert left_out(file) == {
         "row of 4 numbers": 1,
-        "row of 8 numbers": 1,
+        "row of 8 numbers: key points need kpt_shape = [points, 2 or 3] in data.yaml": 1,
         "coordinates unreadable": 1,
         "coordinates are no fractions of the image": 1,
         "class number unreadable": 1,
@@ -378,7 +378,7 @@ def test_csv_row_that_cannot_be_used_is_counted() -> None:
     assert left_out(file) == {
         "neither point nor box": 1,
         "neither frame nor image": 1,
-        "frame number unreadable": 2,
+        "frame number unreadable, such as '-1'": 2,
         "coordinates unreadable": 1,
         "coordinates not finite": 1,
     }

@@ -121,7 +121,7 @@ FAULTS = (
         "frame_rate_halved",
         filmed(video([66 * i for i in range(N_FRAMES)]), stamps=False),
         0,
-        "22 of 66 annotations lie outside the GNSS fixes",
+        "All 22 annotations of C3_tricam120 lie outside the GNSS fixes",
     ),
     Fault("images_lost", photographed(range(340, 384)), 0, "frame of C3_tricam120 without a time stamp", 13),
     Fault("image_renamed", photographed(thumbnail=b""), 0, "no time in name or EXIF", 1),
