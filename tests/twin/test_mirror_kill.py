@@ -47,7 +47,8 @@ RUNNER = f"""
 import json, os, signal, sys
 import sqlalchemy as sa
 from twin.cli import run
-import nvdb.client, nvdb.mirror, nvdb.uberiket, twin.cli.app, twin.cli.commands, twin.cli.output, twin.sync
+import nvdb.client, nvdb.mirror, nvdb.uberiket, twin.sync
+import twin.cli.app, twin.cli.commands, twin.cli.output, twin.cli.sync
 
 
 def work(arguments, kill):

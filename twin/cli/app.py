@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 from datetime import datetime
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from twin.cli import calibrate_rig, qgis
+from twin.cli.options import (
+    DEFAULT_API,
+    DEFAULT_SKRIV_API,
+    DEFAULT_STORE,
+    ByOption,
+    DecisionName,
+    FindingVerdict,
+    JsonOption,
+    Method,
+    PairBy,
+    Realm,
+    ScenarioName,
+    SetDecision,
+    SourceName,
+    StoreOption,
+)
 
 app = typer.Typer(
     name="twin",
@@ -22,92 +37,6 @@ app = typer.Typer(
     "a recorded drive and NVDB in, change sets for QGIS and the road database out.",
     epilog="Order of work: sync-nvdb, ingest-drive, match, export.  Try it all on the sample: twin demo",
 )
-
-StoreOption = Annotated[
-    Path, typer.Option("--store", envvar="TWIN_STORE", help="The store, one SQLite file.", show_default=True)
-]
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document on stdout instead of tables.")
-]
-
-
-ByOption = Annotated[
-    str | None,
-    typer.Option(envvar="TWIN_USER", help="Who decides.  [default: the login name]", show_default=False),
-]
-
-
-class Method(StrEnum):
-    """Geolocation methods, as in :data:`twin.match.METHODS`."""
-
-    ADJUSTED = "adjusted"
-    SINGLE_FRAME = "single-frame"
-    PAPER = "paper"
-
-
-class ScenarioName(StrEnum):
-    """Worlds to simulate, as in :data:`geoloc.simulate.SCENARIOS`."""
-
-    SAMPLE = "sample"
-    STILL = "still"
-    APPROACH = "approach"
-    URBAN = "urban"
-    HIGHWAY = "highway"
-
-
-class PairBy(StrEnum):
-    """How estimates find their truth, as in :data:`twin.evaluate.BY`."""
-
-    AUTO = "auto"
-    ID = "id"
-    POSITION = "position"
-
-
-class FindingVerdict(StrEnum):
-    """Verdicts that ask for a decision."""
-
-    NEW = "new"
-    MISSING = "missing"
-    MOVED = "moved"
-    WRONG_TYPE = "wrong_type"
-    REVIEW = "review"
-
-
-class DecisionName(StrEnum):
-    """Decisions, as in :data:`twin.decisions.log.DECISIONS`."""
-
-    OPEN = "open"
-    ACCEPT = "accept"
-    DISMISS = "dismiss"
-    DEFER = "defer"
-
-
-class SetDecision(StrEnum):
-    """Decisions whose findings an export turns into change sets."""
-
-    ACCEPT = "accept"
-    OPEN = "open"
-
-
-class Realm(StrEnum):
-    """Kinds of users of API Skriv, as in :data:`nvdb.skriv_login.Realm`."""
-
-    EMPLOYEE = "EMPLOYEE"
-    SERVICE_ACCOUNT = "SERVICE_ACCOUNT"
-    EXTERNAL = "EXTERNAL"
-
-
-class SourceName(StrEnum):
-    """APIs that a mirror can follow, as in :data:`twin.sync.SOURCES`."""
-
-    LES_V4 = "les-v4"
-    UBERIKET = "uberiket"
-
-
-DEFAULT_STORE = Path("twin.db")
-DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
-DEFAULT_SKRIV_API = "https://nvdbapiskriv.test.atlas.vegvesen.no"
-"""The test environment: what changes NVDB itself is named on purpose."""
 
 
 def _version(show: bool) -> None:
@@ -174,7 +103,7 @@ def sync_nvdb(
     The first run names an area and fetches everything; later ones know it and fetch only what changed. One
     that was interrupted goes on where it stopped.
     """
-    from twin.cli import commands
+    from twin.cli import sync
     from twin.sync import area_from_options
 
     area = area_from_options(
@@ -186,11 +115,11 @@ def sync_nvdb(
         everything=everything,
     )
     if dry_run:
-        commands.sync_dry_run(
+        sync.sync_dry_run(
             area, source.value, api_url, contact, json_output, store=store, replace=replace, fresh=fresh
         )
         return
-    commands.sync_nvdb(
+    sync.sync_nvdb(
         area, source.value, api_url, contact, replace, fresh, confirm_deletions, vegnett, store, json_output
     )
 
