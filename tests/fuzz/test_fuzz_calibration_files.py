@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pytest
 from mutate import either, fuzzed, mutated, mutated_json, real_files
+from wide_lenses import FISHEYE624, FOV
 
 from geoloc.calibration_files.colmap import read_colmap
 from geoloc.calibration_files.kalibr import kalibr_text, read_kalibr
@@ -16,9 +17,7 @@ from geoloc.calibration_files.opencv_file import opencv_text, read_opencv
 from geoloc.calibration_files.opensfm import opensfm_text, read_opensfm
 from geoloc.calibration_files.read import CalibratedCamera, calibration_kind, read_cameras
 from geoloc.cameras import (
-    Fisheye624Camera,
     FisheyeCamera,
-    FovCamera,
     FThetaCamera,
     OcamCamera,
     OmniCamera,
@@ -29,16 +28,6 @@ from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
 
 PINHOLE = PinholeCamera(1280, 720, 900.5, 905.25, 645.1, 352.7, (-0.2, 0.05, 8.0e-4, -1.2e-3))
 FISHEYE = FisheyeCamera(1280, 1024, 470.3, 472.1, 651.2, 498.7, (0.0034, 0.0007, -0.002, 2e-4))
-FISHEYE624 = Fisheye624Camera(
-    1280,
-    960,
-    460.0,
-    461.5,
-    636.2,
-    483.7,
-    (0.02, -0.01, 5e-3, -2e-3, 3e-4, -2e-5, 3e-4, -2e-4, 6e-4, 3e-4, -7e-4, 2e-4),
-)
-FOV = FovCamera(1280, 960, 685.7, 689.2, 631.3, 485.1, 0.898)
 OMNI = OmniCamera(1280, 960, 1.6, 1300.0, 1299.0, 640.2, 480.4, (-0.2, 0.1, 5e-4, 2e-4))
 SPHERES = OmniCamera(1280, 960, -0.18, 370.0, 371.0, 640.2, 480.4, alpha=0.58)
 EXTENDED = OmniCamera(1280, 960, 0.0, 420.0, 421.0, 640.2, 480.4, alpha=0.6, beta=1.1)

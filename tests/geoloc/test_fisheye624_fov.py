@@ -8,21 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from wide_lenses import FISHEYE624, FOV
 
 from geoloc.calibration_files.read import read_cameras
 from geoloc.cameras import CameraModel, Fisheye624Camera, FisheyeCamera, FovCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 
-FISHEYE624 = Fisheye624Camera(
-    1280,
-    960,
-    460.0,
-    461.5,
-    636.2,
-    483.7,
-    (0.02, -0.01, 5e-3, -2e-3, 3e-4, -2e-5, 3e-4, -2e-4, 6e-4, 3e-4, -7e-4, 2e-4),
-)
-FOV = FovCamera(1280, 960, 685.7, 689.2, 631.3, 485.1, 0.898)
 POINTS = np.random.default_rng(11).normal((0.0, 0.0, 1.0), size=(400, 3))
 EQUIDISTANT_OMEGA = 2.0 * math.atan(0.5)
 """Here 2 tan(ω / 2) is 1, and the FOV lens is θ / ω."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 import io
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 from drive_damage import video
+from drive_slips import Slip, assert_refused, assert_told, read
 from PIL import Image
 from track_writers import S, gpx_document, gpx_point
 
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.cameras import PinholeCamera
-from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.errors import DriveError
 from twin.inspection.inspect import inspect_drive
@@ -40,14 +40,6 @@ lever_arms = {{ roof = [1.0, 0.0, 1.6] }}
 {WIDE} = "{STAMPS}"
 """
 LABELME = '{"imagePath": "21.png", "shapes": [{"label": "202", "points": [[9, 9]], "shape_type": "point"}]}'
-
-
-class Slip(NamedTuple):
-    """Files that differ from those of a sound trip (None: left out), and the words of the sentence."""
-
-    name: str
-    files: dict[str, str | None]
-    said: str
 
 
 def _timed(text: str) -> dict[str, str | None]:
@@ -159,23 +151,16 @@ TOLD = (
 )
 
 
-def read(maker: Any, folder: Path, files: dict[str, str | None]) -> Drive:
-    """Read a trip with these files instead of the sound ones."""
-    return read_drive(maker.write(folder, maker.files(**files)))
-
-
 @pytest.mark.parametrize("slip", REFUSED, ids=lambda slip: slip.name)
 def test_slip_is_refused_with_the_cure(maker: Any, tmp_path: Path, slip: Slip) -> None:
     """One sentence names the file, what is wrong in it, and what to write instead."""
-    with pytest.raises(DriveError, match=slip.said):
-        read(maker, tmp_path, slip.files)
+    assert_refused(maker, tmp_path, slip)
 
 
 @pytest.mark.parametrize("slip", TOLD, ids=lambda slip: slip.name)
 def test_slip_that_may_be_meant_is_told(maker: Any, tmp_path: Path, slip: Slip) -> None:
     """The drive is read, with a warning."""
-    warnings = read(maker, tmp_path, slip.files).warnings
-    assert any(re.search(slip.said, warning) for warning in warnings), warnings
+    assert_told(maker, tmp_path, slip)
 
 
 def test_sound_trip_is_told_nothing_of_the_kind(maker: Any, tmp_path: Path) -> None:

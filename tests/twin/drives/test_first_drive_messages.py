@@ -5,15 +5,13 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
+from drive_slips import Slip, assert_refused, assert_told, read
 
 from geoloc.calibration_files.read import calibration_kind, read_cameras
 from twin.drives.annotations_csv import read_annotations_csv
-from twin.drives.drive import Drive
-from twin.drives.read import read_drive
-from twin.errors import DriveError
 from twin.inspection.inspect import inspect_drive
 
 WIDE, NARROW = "C3_wide", "C1_narrow"
@@ -36,14 +34,6 @@ distortion_coefficients: !!opencv-matrix
    dt: d
    data: [ 0.012, -0.004, 0.001, -0.0002 ]
 """
-
-
-class Slip(NamedTuple):
-    """Files that differ from those of a sound trip (None: left out), and the words of the sentence."""
-
-    name: str
-    files: dict[str, str | None]
-    said: str
 
 
 def _marks(frames: range, head: str = HEAD) -> str:
@@ -115,23 +105,16 @@ TOLD = (
 )
 
 
-def read(maker: Any, folder: Path, files: dict[str, str | None]) -> Drive:
-    """Read a trip with these files instead of the sound ones."""
-    return read_drive(maker.write(folder, maker.files(**files)))
-
-
 @pytest.mark.parametrize("slip", REFUSED, ids=lambda slip: slip.name)
 def test_slip_is_refused_with_what_to_write(maker: Any, tmp_path: Path, slip: Slip) -> None:
     """One sentence names the file, what is wrong in it, and what to write instead."""
-    with pytest.raises(DriveError, match=slip.said):
-        read(maker, tmp_path, slip.files)
+    assert_refused(maker, tmp_path, slip)
 
 
 @pytest.mark.parametrize("slip", TOLD, ids=lambda slip: slip.name)
 def test_slip_is_told_with_an_example(maker: Any, tmp_path: Path, slip: Slip) -> None:
     """The drive is read, with a warning that names what stands in the file."""
-    warnings = read(maker, tmp_path, slip.files).warnings
-    assert any(re.search(slip.said, warning) for warning in warnings), warnings
+    assert_told(maker, tmp_path, slip)
 
 
 def test_first_frame_shifts_rows_and_settles_the_question(maker: Any, tmp_path: Path) -> None:
