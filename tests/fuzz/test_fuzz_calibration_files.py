@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
+from calibration_samples import EXTENDED, FISHEYE, FISHEYE624, FOV, OCAM, OMNI, PINHOLE, SPHERES
 from mutate import either, fuzzed, mutated, mutated_json, real_files
-from wide_lenses import FISHEYE624, FOV
 
 from geoloc.calibration_files.colmap import read_colmap
 from geoloc.calibration_files.kalibr import kalibr_text, read_kalibr
@@ -17,21 +17,11 @@ from geoloc.calibration_files.opencv_file import opencv_text, read_opencv
 from geoloc.calibration_files.opensfm import opensfm_text, read_opensfm
 from geoloc.calibration_files.read import CalibratedCamera, calibration_kind, read_cameras
 from geoloc.cameras import (
-    FisheyeCamera,
     FThetaCamera,
-    OcamCamera,
-    OmniCamera,
-    PinholeCamera,
 )
 from geoloc.errors import CalibrationError
 from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
 
-PINHOLE = PinholeCamera(1280, 720, 900.5, 905.25, 645.1, 352.7, (-0.2, 0.05, 8.0e-4, -1.2e-3))
-FISHEYE = FisheyeCamera(1280, 1024, 470.3, 472.1, 651.2, 498.7, (0.0034, 0.0007, -0.002, 2e-4))
-OMNI = OmniCamera(1280, 960, 1.6, 1300.0, 1299.0, 640.2, 480.4, (-0.2, 0.1, 5e-4, 2e-4))
-SPHERES = OmniCamera(1280, 960, -0.18, 370.0, 371.0, 640.2, 480.4, alpha=0.58)
-EXTENDED = OmniCamera(1280, 960, 0.0, 420.0, 421.0, 640.2, 480.4, alpha=0.6, beta=1.1)
-OCAM = OcamCamera(752, 480, 394.6, 241.8, (-206.5, 0.0, 2.2e-3, -4.9e-6, 1.9e-8), 1.0003, 2e-4, -3e-4)
 FTHETA = FThetaCamera(1920, 1208, 950.25, 610.5, (0.0, 1e-3, 2e-8, 4e-11))
 POSE = "  T_cam_imu:\n  - [0, -1, 0, 1]\n  - [1, 0, 0, 2]\n  - [0, 0, 1, 3]\n  - [0, 0, 0, 1]\n"
 LAFIDA = b"%YAML:1.0\nCamera.Iw: 754\nCamera.Ih: 480\nCamera.nrpol: 3\nCamera.a0:-209.5\nCamera.a1: 0.0\n"

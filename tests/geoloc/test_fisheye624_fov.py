@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from wide_lenses import FISHEYE624, FOV
+from calibration_samples import FISHEYE624, FOV
 
 from geoloc.calibration_files.read import read_cameras
 from geoloc.cameras import CameraModel, Fisheye624Camera, FisheyeCamera, FovCamera, PinholeCamera
