@@ -1,4 +1,4 @@
-"""Generated objects in V4's form, a client that never really waits, and a mirror under test."""
+"""Generated objects in V4's form, a client that never really waits, a mirror under test, and an API Skriv."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from mirror_bench import KINDS, PLATES, Bench, Clock
+from skriv_desk import Desk
 
 from nvdb.client import NvdbClient
 from nvdb.replay import ReplayServer
@@ -173,3 +174,16 @@ def bench(
     with ExitStack() as stack:
         api.keep = stack.enter_context
         yield Bench(request.param, api, ReplayWorld(objects, clock=clock), clock, tmp_path)
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    """Closes servers and clients."""
+    with ExitStack() as made:
+        yield made
+
+
+@pytest.fixture
+def desk(stack: ExitStack) -> Desk:
+    """A world of one Skiltpunkt (50, version 2) with one plate (51), and its user."""
+    return Desk(stack)

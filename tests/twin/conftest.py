@@ -138,3 +138,10 @@ def _main_road(raws: list[dict[str, Any]]) -> dict[str, Any]:
             "kortform": f"KV2210 S1D1 m{1000 * min(places):.0f}-{1000 * max(places):.0f}",
         },
     }
+
+
+@pytest.fixture
+def empty(tmp_path: Path) -> Iterator[Store]:
+    """A new store."""
+    with Store.open(tmp_path / "twin.db") as store:
+        yield store

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -63,13 +62,6 @@ MOT = (2717, "Trafikk mot metreringsretning")
 TOWARDS = (2837, "Parallelt mot veg")
 AWAY = (2838, "Parallelt fra veg")
 BOTH = (3698, "Tosidig")
-
-
-@pytest.fixture
-def empty(tmp_path: Path) -> Iterator[Store]:
-    """A new store."""
-    with Store.open(tmp_path / "twin.db") as store:
-        yield store
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,13 +54,6 @@ def _many(n: int) -> list[Raw]:
             }
         links.append(link)
     return links
-
-
-@pytest.fixture
-def empty(tmp_path: Path) -> Iterator[Store]:
-    """A new store."""
-    with Store.open(tmp_path / "twin.db") as store:
-        yield store
 
 
 class Net:
