@@ -26,13 +26,14 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from checkout import REAL
+
 EXAMPLES = int(os.environ.get("TWIN_FUZZ_EXAMPLES", "150"))
 """Inputs that each fuzz test tries."""
 _FIRST = int(os.environ.get("TWIN_FUZZ_FIRST", "0"))
 _SEED = os.environ.get("TWIN_FUZZ_SEED", "0")
 _LONGEST_SHOWN = 3000
 
-REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real"
 LARGEST_SEED_BYTES = 20_000
 """Real files are cut to this: a parser has seen what there is long before, and inputs stay fast."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import ROOT
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "endringssett.md"
+PAGE = ROOT / "docs" / "endringssett.md"
 
 
 def test_documented_example_runs_and_makes_the_documented_xml() -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from checkout import ROOT
 
 from nvdb.client import NvdbClient
 from nvdb.errors import HttpStatusError, ReplaySourceError
@@ -277,9 +278,9 @@ def test_replay_command_serves_a_folder_until_it_is_interrupted(plates: Any, tmp
     """``python -m nvdb.replay FOLDER --port 0`` prints its address, serves, and ends well with Ctrl-C."""
     (tmp_path / "page.json").write_text(json.dumps(_page(plates)), encoding="utf-8")
     command = [sys.executable, "-W", "error", "-m", "nvdb.replay", str(tmp_path), "--port", "0"]
-    root = Path(__file__).resolve().parents[2]
+
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=root
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT
     ) as process:
         try:
             assert process.stdout is not None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import copy
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import REAL
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -127,7 +127,7 @@ def test_usual_reading_agrees_on_lists_units_and_missing_fields(plate: Any) -> N
 
 def test_usual_reading_agrees_on_recorded_pages() -> None:
     """Every recorded object of the two types is read alike by both."""
-    folder = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "nvdb"
+    folder = REAL / "nvdb"
     if not folder.is_dir():
         pytest.skip("the recorded pages of NVDB are not beside this repository")
     n = 0

@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import REAL, ROOT
 
 from geoloc.geodesy import geographic_from_enu, geographic_from_utm33
 from nvdb.skilt import skilt_from_les_v4
-
-ROOT = Path(__file__).resolve().parents[2]
-REAL = ROOT.parent / "shared" / "real"
 
 BOLLARD = "c46bad07"
 """The object, seen 180 times, that is set down beside a recorded plate of Oslo."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import pytest
+from checkout import REAL
 
 from twin.drives.find_annotations import read_annotation_json
 from twin.drives.label_map import default_label_map
@@ -13,7 +13,7 @@ from twin.drives.labelme_xml import looks_like_labelme_xml, read_labelme_xml
 from twin.drives.shapes import AnnotationFile
 from twin.drives.yolo import looks_like_yolo, read_yolo, read_yolo_classes
 
-ANNOTATIONS = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "annotations"
+ANNOTATIONS = REAL / "annotations"
 pytestmark = pytest.mark.skipif(
     not ANNOTATIONS.exists(), reason="no real annotation files beside the checkout"
 )

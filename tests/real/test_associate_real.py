@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from checkout import REAL
 from numpy.typing import NDArray
 
 from geoloc.associate import associate, check_ids
@@ -18,9 +18,7 @@ from twin.sighted import trajectory_of
 
 IntArray = NDArray[np.int64]
 
-BOXES = (
-    Path(__file__).resolve().parents[2].parent / "shared" / "real" / "kitti_signs" / "associated_boxes.csv"
-)
+BOXES = REAL / "kitti_signs" / "associated_boxes.csv"
 
 
 def _pair_score(truth: NDArray[np.str_], found: IntArray) -> tuple[float, float]:

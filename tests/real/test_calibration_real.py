@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import ROOT
 
 from geoloc.cameras import FThetaCamera, OcamCamera
 from geoloc.rig import rig_from_document
 from twin.calibrate.camera_files import rig_with_camera
 
-ROOT = Path(__file__).resolve().parents[2]
 RIG = ROOT.parent / "shared" / "real" / "naplab" / "ntnu_naplab_rig_carlo.json"
 
 

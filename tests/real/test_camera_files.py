@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from checkout import REAL
 
 from geoloc.calibration_files.read import calibration_kind, read_cameras
 from geoloc.cameras import CameraModel, FisheyeCamera, OcamCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 
-FILES = Path(__file__).resolve().parents[3] / "shared" / "real" / "camera_models"
+FILES = REAL / "camera_models"
 
 pytestmark = pytest.mark.skipif(
     not FILES.exists(), reason="the real camera files are not beside the checkout"

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from checkout import REAL
 from scipy.optimize import brentq
 
 from geoloc.cameras import FThetaCamera
 from geoloc.geodesy import rotation_from_rpy
 from geoloc.rig import FLU_R_RDF
 
-COSMOS = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "cosmos_ftheta"
+COSMOS = REAL / "cosmos_ftheta"
 
 pytestmark = pytest.mark.skipif(not COSMOS.exists(), reason="the f-theta intrinsics are not on this machine")
 

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checkout import REAL
 
 from twin.drives.cvat import is_cvat, read_cvat
 from twin.drives.nmea import looks_like_nmea, read_nmea
 from twin.drives.read import read_drive
 from twin.drives.track_read import fix_rate_hz
 from twin.errors import DriveError
-
-REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real"
 
 
 def content(name: str) -> bytes:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections import Counter
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import gpxpy
 import numpy as np
 import pynmea2
 import pytest
+from checkout import REAL
 
 from twin.drives.gpx import looks_like_gpx, read_gpx
 from twin.drives.nmea import looks_like_nmea, read_nmea
@@ -20,7 +20,7 @@ from twin.drives.sbp_track import read_sbp, read_sbp_poses
 from twin.drives.track_read import fix_rate_hz
 from twin.errors import DriveError
 
-GNSS = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "gnss"
+GNSS = REAL / "gnss"
 S = 1_000_000_000
 
 

@@ -7,12 +7,12 @@ import math
 import os
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import REAL
 
-GRIDS = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "proj_grids"
+GRIDS = REAL / "proj_grids"
 
 CODE = """
 import json, sys

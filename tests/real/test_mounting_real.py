@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from checkout import ROOT
 
 from geoloc.calibration.verify import turned
 from geoloc.rig import rig_from_document
 from geoloc.rig_edit import with_extrinsics, with_rotation_correction
 from twin.calibrate.given_rig import read_given_rig
 
-ROOT = Path(__file__).resolve().parents[2]
 RIG = ROOT.parent / "shared" / "real" / "naplab" / "ntnu_naplab_rig_carlo.json"
 POSE_KEYS = {"nominalSensor2Rig_FLU", "sensor2Rig_FLU", "nominalSensor2Rig", "sensor2Rig"}
 POSE_KEYS |= {"correction_sensor_R_FLU", "correction_rig_T"}

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from checkout import REAL
 
 from geoloc.cameras import FThetaCamera
 from geoloc.rig import Rig, looks_like_rig, read_rig, rig_document, rig_from_document
 
-NAPLAB = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "naplab"
+NAPLAB = REAL / "naplab"
 FULL = NAPLAB / "ntnu_naplab_rig_carlo.json"
 SMALL = NAPLAB / "ntnu_naplab_nobadcam.json"
 

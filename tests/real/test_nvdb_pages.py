@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import REAL
 
 from nvdb import datakatalog
 from nvdb.area import Area
@@ -18,8 +18,8 @@ from nvdb.replay import ReplayServer
 from nvdb.skilt import Skiltplate, Skiltpunkt, skilt_from_les_v4
 from nvdb.vegobjekt import vegobjekt_from_les_v4
 
-REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "nvdb"
-PAGES = REAL / "les_v4_live_2026-09"
+NVDB = REAL / "nvdb"
+PAGES = NVDB / "les_v4_live_2026-09"
 
 pytestmark = pytest.mark.skipif(not PAGES.is_dir(), reason="the real NVDB pages are not on this machine")
 
@@ -147,7 +147,7 @@ def test_real_properties_and_facings_have_names_in_the_datakatalog() -> None:
 
 def test_shipped_ids_equal_the_datakatalog() -> None:
     """Property, enum and sign-code ids are those of the datakatalog's own files."""
-    folder = REAL / "datakatalog"
+    folder = NVDB / "datakatalog"
     names = json.loads((folder / "egenskapstyper_95_96.json").read_text(encoding="utf-8"))
     known_95 = {int(key): value for key, value in names["95 Skiltpunkt"].items() if key != "100095"}
     assert known_95 == datakatalog.EGENSKAPER_95
@@ -164,7 +164,7 @@ def test_shipped_ids_equal_the_datakatalog() -> None:
 
 def test_real_skiltpunkt_of_v3_is_read() -> None:
     """A Skiltpunkt of API Les V3: on the network only, with stedfesting, road and relations."""
-    document = json.loads((REAL / "lesv3" / "vegobjekter" / "95.json").read_text(encoding="utf-8"))
+    document = json.loads((NVDB / "lesv3" / "vegobjekter" / "95.json").read_text(encoding="utf-8"))
     (raw,) = document["objekter"]
     point = skilt_from_les_v4(raw, 95)
     assert isinstance(point, Skiltpunkt)
@@ -184,7 +184,7 @@ def test_real_skiltpunkt_of_v3_is_read() -> None:
 @pytest.mark.parametrize(("number", "is_point"), [(14, True), (105, False), (581, True)])
 def test_real_objects_of_other_types_are_read(number: int, is_point: bool) -> None:
     """Rekkverksende, fartsgrense and tunnel pass the same parser; a line has no position and says why."""
-    document = json.loads((REAL / "lesv3" / "vegobjekter" / f"{number}.json").read_text(encoding="utf-8"))
+    document = json.loads((NVDB / "lesv3" / "vegobjekter" / f"{number}.json").read_text(encoding="utf-8"))
     (raw,) = document.get("objekter", [document])
     found = vegobjekt_from_les_v4(raw)
     assert found.type_id == number

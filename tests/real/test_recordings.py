@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checkout import REAL
 from rosbags.highlevel import AnyReader
 
 from twin.drives.rosbag import looks_like_rosbag, read_rosbag, read_rosbag_poses, recorded_topics
 from twin.errors import DriveError
 
-RECORDINGS = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "recordings"
+RECORDINGS = REAL / "recordings"
 BAG, MCAP = "robot_localization_test2.bag", "wbag_0.mcap"
 
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import defusedxml.ElementTree
 import pytest
+from checkout import REAL
 
 from nvdb import skriv_status
 from nvdb.endringssett import errors, from_json, from_xml, to_json, to_xml, validate
 from nvdb.endringssett.regler import ANBEFALT, GRENSER, OBLIGATORISK
 
-REAL = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "nvdb"
-EXAMPLES = REAL / "skriv_v3_examples"
-DOCS = REAL / "skriv_v3_docs"
+NVDB = REAL / "nvdb"
+EXAMPLES = NVDB / "skriv_v3_examples"
+DOCS = NVDB / "skriv_v3_docs"
 
 pytestmark = pytest.mark.skipif(not EXAMPLES.is_dir(), reason="the Skriv examples are not on this machine")
 
@@ -112,7 +112,7 @@ def test_the_validator_finds_what_is_wrong_with_the_documented_signs() -> None:
 
 def test_limits_are_those_of_the_type_definition() -> None:
     """Lengths, decimals, minima, maxima and wanted properties of 95 are as the datakatalog says."""
-    path = REAL / "datakatalog" / "vegobjekttype_95_les_v3.json"
+    path = NVDB / "datakatalog" / "vegobjekttype_95_les_v3.json"
     kinds = {kind["id"]: kind for kind in json.loads(path.read_text(encoding="utf-8"))["egenskapstyper"]}
     for number, limits in GRENSER.items():
         kind = kinds[number]

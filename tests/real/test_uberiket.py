@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import REAL
 
 from nvdb.datakatalog import snapshot
 from nvdb.errors import SchemaError
 from nvdb.uberiket_form import skilt_from_uberiket, vegobjekt_from_uberiket
 
-FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "nvdb" / "uberiket_tnits"
+FOLDER = REAL / "nvdb" / "uberiket_tnits"
 
 
 @pytest.fixture(scope="module")

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from checkout import REAL
 from defusedxml import ElementTree
 
 from nvdb.geometri import point_from_wkt
 from nvdb.vegnett import Veglenke, Vegnett, Vegreferanse
 from nvdb.vegnett.stedfest import meter_kortform, position_text
 
-NVDB = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "nvdb"
+NVDB = REAL / "nvdb"
 DAY = date(2026, 5, 4)
 CHANGESET = {"v3": "http://nvdb.vegvesen.no/apiskriv/domain/changeset/v3"}
 

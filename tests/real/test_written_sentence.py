@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from checkout import REAL
 
 from geoloc.simulate import scenario, simulate_drive
 from twin.drives.nmea import read_nmea
 from twin.drives.write import write_driveworks_trip
 
-LINE = Path(__file__).resolve().parents[2].parent / "shared" / "real" / "naplab" / "gnss_sample_lines.txt"
+LINE = REAL / "naplab" / "gnss_sample_lines.txt"
 
 
 def test_written_sentence_equals_the_recorded_one(tmp_path: Path) -> None:

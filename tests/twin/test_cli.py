@@ -14,6 +14,7 @@ from typing import Any
 
 import pyogrio
 import pytest
+from checkout import ROOT
 
 from twin.cli import exit_code
 from twin.cli.app import Method, app
@@ -38,7 +39,7 @@ def test_help_of_every_command_has_an_example(twin: Twin, command: str) -> None:
 @pytest.mark.parametrize("command", commands())
 def test_readme_mentions_every_command(command: str) -> None:
     """A command that README does not show is not finished."""
-    readme = Path(__file__).resolve().parents[2] / "README.md"
+    readme = ROOT / "README.md"
     if not readme.exists():
         pytest.skip("README.md is not beside the tests (an installed package)")
     assert f"twin {command}" in readme.read_text(encoding="utf-8")

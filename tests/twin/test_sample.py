@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from checkout import ROOT
 from numpy.typing import NDArray
 
 from geoloc.geodesy import utm33_from_geographic
@@ -24,7 +25,7 @@ from twin.drives.read import read_drive
 from twin.errors import TwinError
 from twin.sample import MOVED, NEW, SEED, TRIP, WRONG_TYPE, main, make_sample
 
-DATA = Path(__file__).resolve().parents[2] / "data"
+DATA = ROOT / "data"
 FloatArray = NDArray[np.float64]
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from checkout import ROOT
 from scipy.spatial.transform import Rotation
 
 from geoloc.rig import read_rig
@@ -167,7 +168,7 @@ def test_bad_layouts_are_refused_in_one_sentence(
 
 def test_layout_of_the_documentation_is_read() -> None:
     """What docs/camera-mounting.md shows is a layout, every line of it."""
-    text = (Path(__file__).parents[3] / "docs" / "camera-mounting.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "camera-mounting.md").read_text(encoding="utf-8")
     layout = read_layout(
         text.split("`layout.toml` says what was measured:\n```toml\n")[1].split("```")[0].encode(),
         "layout.toml",

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from checkout import ROOT
 
 from geoloc.rig import Rig, rig_from_document
 from twin.drives.annotated import AnnotationsRead, gather
@@ -365,7 +366,7 @@ def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
 
 def test_documented_csv_is_read(tmp_path: Path, rig: Rig) -> None:
     """The page's example is a foot and a face of one sign."""
-    page = Path(__file__).resolve().parents[3] / "docs" / "drive-folder.md"
+    page = ROOT / "docs" / "drive-folder.md"
     if not page.exists():
         pytest.skip("docs are not beside the tests")
     (example,) = re.findall(r"```\n(frame,label.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)

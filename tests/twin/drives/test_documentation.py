@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from checkout import ROOT
 
 from geoloc.rig import rig_from_document
 from twin.drives.poses_csv import read_poses
 from twin.drives.settings import read_settings
 from twin.errors import DriveError
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "drive-folder.md"
+PAGE = ROOT / "docs" / "drive-folder.md"
 
 
 def block(kind: str) -> str:

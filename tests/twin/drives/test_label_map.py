@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 import tomllib
 from importlib.resources import files
-from pathlib import Path
 
 import pytest
+from checkout import ROOT
 
 from nvdb.datakatalog import snapshot
 from twin.drives.label_map import LABELS_FILE, Meaning, default_label_map, plain_label, read_label_map
@@ -128,7 +128,7 @@ def test_labels_are_spelt_plainly() -> None:
 
 def test_documented_labels_are_read() -> None:
     """The page's labels.toml works as the page says."""
-    page = Path(__file__).resolve().parents[3] / "docs" / "labels.md"
+    page = ROOT / "docs" / "labels.md"
     if not page.exists():
         pytest.skip("docs are not beside the tests")
     found = re.search(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)

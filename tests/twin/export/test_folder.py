@@ -13,13 +13,12 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
+from checkout import ROOT
 
 from twin.errors import ExportRefusedError
 from twin.export import FILES, ExportLayers, export_all
 from twin.export.atomic import STAGING, replace_file, replacing
 from twin.export.folder import GEOJSON, UTM33, WGS84
-
-REPOSITORY = Path(__file__).resolve().parents[3]
 
 # Exports pickled layers and kills itself: at the n-th message of progress, at GDAL's n-th layer, at the n-th
 # rename.
@@ -110,8 +109,8 @@ def _run(
     pickled.write_bytes(pickle.dumps(layers))
     return subprocess.run(
         [sys.executable, "-c", script, str(pickled), str(folder), *arguments],
-        cwd=REPOSITORY,
-        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=False,

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from checkout import ROOT
 from defusedxml.ElementTree import fromstring
 
 from twin.export import COLUMNS, ExportLayers, edited_decisions, empty_layers, export_all
@@ -26,7 +27,7 @@ from twin.export.wgs84 import in_wgs84
 from twin.qgis import project_uri
 
 SYSTEM_PYTHON = Path("/usr/bin/python3")
-SCRIPT = Path(__file__).resolve().parents[2] / "qgis_open_project.py"
+SCRIPT = ROOT / "tests" / "qgis_open_project.py"
 STYLES = {name: style(name, verdicts=()) for name in COLUMNS}
 TIME = "2026-06-10T08:00:00.000Z"
 

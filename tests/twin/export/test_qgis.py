@@ -14,6 +14,7 @@ import pandas as pd
 import pyogrio
 import pytest
 import shapely
+from checkout import ROOT
 from pyproj import Proj
 
 from twin.export import COLUMNS, VERDICTS, ExportLayers, export_all
@@ -25,7 +26,7 @@ from twin.export.verdicts import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR, VER
 pytestmark = pytest.mark.qgis
 
 SYSTEM_PYTHON = "/usr/bin/python3"
-SCRIPT = Path(__file__).resolve().parents[2] / "qgis_open_layer.py"
+SCRIPT = ROOT / "tests" / "qgis_open_layer.py"
 FILES = {UTM33: "EPSG:25833", WGS84: "EPSG:4326"}
 ROWS = {"changes": 7, "moves": 3, "nvdb_signs": 6, "estimates": 5, "ellipses": 5, "drives": 2}
 ENVIRONMENT = {

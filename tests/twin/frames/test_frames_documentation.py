@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
+from checkout import ROOT
 
 from twin.drives.settings import FrameSettings, read_settings
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "frames.md"
+PAGE = ROOT / "docs" / "frames.md"
 
 
 def test_documented_frames_read() -> None:
