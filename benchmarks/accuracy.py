@@ -16,21 +16,20 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import track
 
-from geoloc.accuracy import nees
-from geoloc.adjust import Adjusted, adjust
-from geoloc.budget import ErrorBudget
-from geoloc.combine import combine, ellipse
-from geoloc.geodesy import enu_offset
-from geoloc.locate import Sightings, locate_paper, locate_single_frame
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
-from geoloc.trajectory import Trajectory, trajectory_from_gnss
+from geoloc.adjustment.adjust import Adjusted, adjust
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.geodesy import enu_offset
+from geoloc.locate.accuracy import nees
+from geoloc.locate.combine import combine, ellipse
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.locate.records import Sightings
+from geoloc.locate.single_frame import locate_paper, locate_single_frame
+from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
 from twin.cli.output import console, print_table
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 METHODS = ("paper", "single-frame", "adjusted")
 CHI2_95 = 5.991
 """95 % quantile of chi-square with two degrees of freedom."""

@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjust import adjust
-from geoloc.locate import Sightings
-from geoloc.poses import PoseTrack
-from geoloc.rig import Rig
-from geoloc.simulate import scenario, simulate_drive
-from geoloc.trajectory import Trajectory, trajectory_from_poses
+from geoloc.adjustment.adjust import adjust
+from geoloc.locate.records import Sightings
+from geoloc.rig.rig import Rig
+from geoloc.simulation.simulate import scenario, simulate_drive
+from geoloc.trajectory.poses import PoseTrack
+from geoloc.trajectory.trajectory import Trajectory, trajectory_from_poses
 from twin.cli.output import print_table
 
 ROUNDS = (4, 8, 16, 31)

@@ -24,14 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from geoloc.associate import Association, associate, associate_drive
-from geoloc.locate import Sightings
-from geoloc.poses import GnssFixes, Poses
-from geoloc.simulate import NoiseSpec, PoleSpec, Scenario, SimulatedDrive, scenario, simulate_drive
-from geoloc.trajectory import Trajectory, trajectory_from_gnss
+from geoloc.arrays import IntArray
+from geoloc.association.associate import Association, associate, associate_drive
+from geoloc.locate.records import Sightings
+from geoloc.simulation.simulate import NoiseSpec, PoleSpec, Scenario, SimulatedDrive, scenario, simulate_drive
+from geoloc.trajectory.poses import GnssFixes, Poses
+from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
 from twin.cli.output import console, print_table
-
-IntArray = NDArray[np.int64]
 
 WORLDS = ("urban", "highway")
 FIXES: dict[str, dict[str, float]] = {

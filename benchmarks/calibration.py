@@ -22,17 +22,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geoloc.calibration.fit import Fit, fit
-from geoloc.calibration.intrinsics import Intrinsics, calibrate_intrinsics
-from geoloc.calibration.radial_lenses import FThetaLens
-from geoloc.calibration.start import angle_between
-from geoloc.calibration.views import View, corners_of
+from geoloc.arrays import ByteArray
+from geoloc.calibration.intrinsics.calibrate import Intrinsics, calibrate_intrinsics
+from geoloc.calibration.intrinsics.fit import Fit, fit
+from geoloc.calibration.intrinsics.initial_guess import angle_between
+from geoloc.calibration.intrinsics.radial_lenses import FThetaLens
+from geoloc.calibration.intrinsics.views import View, corners_of
 from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera
-from geoloc.rig import read_rig
-from geoloc.simulation.board_views import draw_board_poses
+from geoloc.rig.rig import read_rig
 from geoloc.simulation.car import CAMERAS
-from geoloc.simulation.render import Plane, render_planes
-from twin.calibrate.boards import Board, ByteArray, board_from_text
+from geoloc.simulation.pictures.board_views import draw_board_poses
+from geoloc.simulation.pictures.render import Plane, render_planes
+from twin.calibrate.boards import Board, board_from_text
 from twin.calibrate.detect import detect
 from twin.calibrate.example import EXAMPLE_BOARD, N_PICTURES, example_camera, rendered
 from twin.cli.output import console, print_table

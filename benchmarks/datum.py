@@ -9,9 +9,9 @@ import sys
 
 import numpy as np
 
-from geoloc import datum
-from geoloc.geodesy import inverse
-from geoloc.heights import nn2000_from_ellipsoidal
+from geoloc.earth import datum
+from geoloc.earth.geodesy import inverse
+from geoloc.earth.heights import nn2000_from_ellipsoidal
 from twin.cli.output import print_table
 
 PLACES = {

@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.geodesy import utm33_from_geographic
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.simulation.car import true_camera
 from geoloc.simulation.motion import TrueMotion
 from geoloc.simulation.noise import stream
 from geoloc.simulation.observe import horizontal_range_m, project
 from geoloc.simulation.road import Road
+from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from twin.detect.contract import Detections
 from twin.detect.joining import with_joined_tracks
 from twin.detect.shapes import Looked, annotation_file

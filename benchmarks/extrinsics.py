@@ -23,10 +23,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
-from geoloc.calibration.extrinsics.observed import TagPicture
-from geoloc.rig import Rig, read_rig
+from geoloc.calibration.extrinsics.observations import TagPicture
+from geoloc.rig.rig import Rig, read_rig
 from geoloc.simulation.car import simulated_rig
-from geoloc.simulation.yard import draw_yard, yard_picture
+from geoloc.simulation.pictures.yard import draw_yard, yard_picture
 from twin.calibrate.tag_corners import find_tags
 from twin.calibrate.verify import verify_drive
 from twin.simulate import simulate

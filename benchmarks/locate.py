@@ -23,13 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.cameras.ftheta import FThetaCamera
-from geoloc.combine import combine
-from geoloc.geodesy import geographic_from_enu, rotation_from_rpy
-from geoloc.locate import ErrorBudget, Located, Sightings, locate_single_frame
-from geoloc.place import place_at
-from geoloc.poses import PoseTrack
-from geoloc.rig import FLU_R_RDF, Rig, RigCamera
-from geoloc.trajectory import Trajectory, trajectory_from_poses
+from geoloc.earth.geodesy import geographic_from_enu, rotation_from_rpy
+from geoloc.locate.combine import combine
+from geoloc.locate.positions_only import place_at
+from geoloc.locate.records import Located, Sightings
+from geoloc.locate.single_frame import ErrorBudget, locate_single_frame
+from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
+from geoloc.trajectory.poses import PoseTrack
+from geoloc.trajectory.trajectory import Trajectory, trajectory_from_poses
 
 SEED = 1
 DRIVE_S = 3600.0

@@ -23,9 +23,9 @@ from itertools import pairwise
 
 import numpy as np
 from municipality_world import World, drive_around, make_world, on_the_centre_line, past_poles, sites_of
-from numpy.typing import NDArray
 from rich.progress import track
 
+from geoloc.arrays import FloatArray, IntArray
 from twin.cli.output import console, print_table
 from twin.matching.assign import Assignment, assign
 from twin.matching.change import Change
@@ -35,9 +35,6 @@ from twin.matching.likelihood import TERMS, gated_pairs
 from twin.matching.observed import ObservedPole, observed_poles
 from twin.matching.sites import Site
 from twin.matching.verdict import judge
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1.0001)
 

@@ -10,18 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
-from geoloc.poses import Poses
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.simulation.car import simulated_rig
+from geoloc.trajectory.poses import Poses
 from twin.match import views_of_places
 from twin.matching.config import MatchConfig
 from twin.matching.evidence import Passage, Views, front_views
 from twin.matching.observed import ObservedPole
 from twin.matching.readings import family
 from twin.matching.sites import Plate, Site
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ORIGIN = np.array([270_000.0, 7_040_000.0])
 BLOCK_M = 500.0

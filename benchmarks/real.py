@@ -21,17 +21,12 @@ from pathlib import Path
 
 import numpy as np
 import sqlalchemy as sa
-from numpy.typing import NDArray
 from real_drives import REAL, RealDrive, argoverse_drive, argoverse_feet
 from real_kitti import kitti_drives
 
-from geoloc.accuracy import ellipse_coverage
-from geoloc.geodesy import (
-    enu_offset,
-    geographic_from_enu,
-    rotation_enu_from_rig,
-    utm33_from_geographic,
-)
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig, utm33_from_geographic
+from geoloc.locate.accuracy import ellipse_coverage
 from twin import schema
 from twin.cli.output import print_table
 from twin.drives.drive import Drive
@@ -40,8 +35,6 @@ from twin.evaluate import read_truth
 from twin.ingest import ingest_drive
 from twin.sighted import trajectory_of
 from twin.store import Store
-
-FloatArray = NDArray[np.float64]
 
 PLAIN = "plain triangulation"
 MIN_FEET_FRAMES = 10

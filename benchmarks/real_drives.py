@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from geoloc.geodesy import geographic_from_enu, utm33_from_geographic
+from geoloc.earth.geodesy import geographic_from_enu, utm33_from_geographic
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,7 +14,6 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 from real_drives import (
     POSE_COLUMNS,
     REAL,
@@ -30,13 +29,11 @@ from real_drives import (
     write_truth,
 )
 
+from geoloc.arrays import FloatArray, IntArray
 from geoloc.cameras import PinholeCamera
-from geoloc.geodesy import rotation_from_rpy, utm33_from_geographic
-from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
-from geoloc.simulation.earth import LocalFrame
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from geoloc.earth.geodesy import rotation_from_rpy, utm33_from_geographic
+from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera, rig_document
+from geoloc.simulation.flat_frame import LocalFrame
 
 CAMERA = "cam2"
 SEQUENCES = ("00", "02", "04", "07", "10")

@@ -18,11 +18,9 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from nvdb.vegnett import Vegnett
-
-Floats = NDArray[np.float64]
 
 SEED = 20260504
 DAY = date(2026, 5, 4)
@@ -71,7 +69,7 @@ def generated(n: int, rng: np.random.Generator) -> Vegnett:
     )
 
 
-def beside_roads(nett: Vegnett, n: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+def beside_roads(nett: Vegnett, n: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """`n` points as signs stand: some metres beside a vertex of a link, one in twenty somewhere far off."""
     vertices = shapely.get_coordinates(nett.geometri)
     points = vertices[rng.integers(0, len(vertices), n)] + rng.normal(0, 4.0, (n, 2))

@@ -13,15 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from geoloc.accuracy import nees
-from geoloc.geodesy import enu_offset
-from geoloc.locate import Located, Sightings, locate_single_frame
-from geoloc.locate_terrain import locate_on_terrain
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import enu_offset
+from geoloc.earth.terrain import Terrain
+from geoloc.locate.accuracy import nees
+from geoloc.locate.on_terrain import locate_on_terrain
+from geoloc.locate.records import Located, Sightings
+from geoloc.locate.single_frame import locate_single_frame
 from geoloc.simulation.raster import rasterised
 from geoloc.simulation.road import Road
-from geoloc.terrain import Terrain
-from geoloc.trajectory import trajectory_from_gnss
+from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.trajectory.trajectory import trajectory_from_gnss
 from twin.cli.output import console, print_table
 
 SCENARIOS = ("sample", "urban", "highway")
@@ -32,8 +34,6 @@ RASTERS: dict[str, tuple[float, float]] = {
 }
 """Name → distance and noise of the nodes, metres."""
 RANGES_M = ((0.0, 8.0), (8.0, 12.0), (12.0, 16.0), (16.0, 22.0), (22.0, 30.0), (30.0, 60.0))
-
-FloatArray = NDArray[np.float64]
 
 
 def methods_of(name: str, seed: int) -> dict[str, tuple[FloatArray, FloatArray, NDArray[np.bool_]]]:

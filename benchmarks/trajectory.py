@@ -12,15 +12,12 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.geodesy import enu_offset
-from geoloc.interpolation import wrap_deg
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import enu_offset, wrap_deg
 from geoloc.simulation.receiver import ReceiverSpec, as_single_fixes, metre_fixes, with_receiver_motion
-from geoloc.trajectory import GnssFixes, trajectory_from_gnss
-
-FloatArray = NDArray[np.float64]
+from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.trajectory.trajectory import GnssFixes, trajectory_from_gnss
 
 CASES: tuple[tuple[str, float | None, int], ...] = (
     ("still", None, 2),

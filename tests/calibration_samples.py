@@ -15,7 +15,7 @@ from geoloc.cameras import (
     OmniCamera,
     PinholeCamera,
 )
-from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
+from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera, rig_document
 
 PINHOLE = PinholeCamera(1280, 720, 900.5, 905.25, 645.1, 352.7, (-0.2, 0.05, 8.0e-4, -1.2e-3))
 RATIONAL = PinholeCamera(

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geoloc.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig
-from geoloc.trajectory import GnssFixes, Trajectory
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig
+from geoloc.trajectory.trajectory import GnssFixes, Trajectory
 
-FloatArray = NDArray[np.float64]
 LAT0, LON0, HEIGHT = 63.4149, 10.3991, 65.7
 EPOCH0 = 1_781_078_400_000_000_000
 LEFT, RIGHT = np.array([0.9, 0.55, 1.6]), np.array([0.9, -0.55, 1.6])

@@ -9,15 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjust import Adjusted, adjust
-from geoloc.geodesy import enu_offset
-from geoloc.locate import Sightings
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
-from geoloc.trajectory import PoseTrack, Trajectory, trajectory_from_gnss, trajectory_from_poses
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from geoloc.adjustment.adjust import Adjusted, adjust
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.earth.geodesy import enu_offset
+from geoloc.locate.records import Sightings
+from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
+from geoloc.trajectory.trajectory import PoseTrack, Trajectory, trajectory_from_gnss, trajectory_from_poses
 
 
 class Recording(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from geoloc.rig import RigCamera, rig_from_document
+from geoloc.rig.rig import RigCamera, rig_from_document
 
 FTHETA = {
     "Model": "ftheta",

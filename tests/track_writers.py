@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from sbp.navigation import MsgGPSTime, MsgPosLLH, MsgUtcTime, MsgVelNED
 from sbp.orientation import MsgBaselineHeading
 
-from geoloc.trajectory import GnssFixes
+from geoloc.trajectory.trajectory import GnssFixes
 
 S = 1_000_000_000
 GPS_EPOCH_S, LEAP_S, WEEK_S = 315_964_800, 18, 604_800

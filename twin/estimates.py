@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjust import Adjusted, Correction
-from geoloc.combine import combine
-from geoloc.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.adjustment.adjust import Adjusted, Correction
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.locate.combine import combine
 from twin.drives.drive import Drive
 from twin.sighted import SightedObjects
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _FAR_M = 15.0
 _MANY_REJECTED = 0.25
@@ -82,7 +79,7 @@ def positions_of(drive: Drive, sighted: SightedObjects) -> Positions:
 
 
 def _adjusted(names: NDArray[np.str_], group: IntArray, adjusted: Adjusted) -> Positions:
-    from geoloc.adjust import OUTLIER
+    from geoloc.adjustment.adjust import OUTLIER
 
     nearest = np.full(names.size, np.inf)
     np.minimum.at(nearest, group[adjusted.used], adjusted.range_m[adjusted.used])
@@ -207,7 +204,7 @@ def finite(value: float) -> float | None:
 
 def _of_adjustment(adjusted: Adjusted, group: IntArray) -> dict[str, FloatArray]:
     """Residuals, and the camera's place in the grid when it saw."""
-    from geoloc.geodesy import geographic_from_enu
+    from geoloc.earth.geodesy import geographic_from_enu
 
     latitude, longitude = adjusted.latitude_deg[group], adjusted.longitude_deg[group]
     eye = geographic_from_enu(latitude, longitude, adjusted.eye_m[:, 0], adjusted.eye_m[:, 1])

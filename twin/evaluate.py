@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sqlalchemy as sa
-from numpy.typing import NDArray
 
-from geoloc.accuracy import ellipse_coverage, error_stats, stats_by_range
+from geoloc.arrays import FloatArray
+from geoloc.locate.accuracy import ellipse_coverage, error_stats, stats_by_range
 from twin import schema
 from twin.errors import TruthError
 from twin.evaluate_pairing import Pairing, by_id, by_position, nearest_m
@@ -23,7 +23,6 @@ from twin.truth import Truth, read_truth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]
 
 __all__ = ["BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "plot", "read_truth"]

@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.adjust import OUTLIER
-from geoloc.fixes import quality_counts
-from geoloc.geodesy import utm33_from_geographic
-from geoloc.ground import stands_far_away
-from geoloc.locate import ErrorBudget
-from geoloc.terrain import Terrain
-from geoloc.trajectory import Poses, Trajectory
+from geoloc.adjustment.adjust import OUTLIER
+from geoloc.earth.geodesy import utm33_from_geographic
+from geoloc.earth.ground import stands_far_away
+from geoloc.earth.terrain import Terrain
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.trajectory.fix_checks import quality_counts
+from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin import __version__
 from twin.drives.drive import Drive
 from twin.drives.identify import id_warnings, with_objects
@@ -35,7 +34,6 @@ from twin.store import Store
 if TYPE_CHECKING:
     from twin.detect.run import DetectorOptions
 
-IntArray = NDArray[np.int64]
 
 _NS_PER_S = 1_000_000_000
 _VIEW_STEP_M = 0.3

@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
-from numpy.typing import NDArray
 
-from geoloc.geodesy import geographic_from_utm33, utm33_from_geographic
-from geoloc.interpolation import metres_per_degree
-from geoloc.rig import Rig, rig_from_document, without_template_masks
-from geoloc.trajectory import Poses
-from geoloc.visibility import views
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import geographic_from_utm33, metres_per_degree, utm33_from_geographic
+from geoloc.locate.visibility import views
+from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
+from geoloc.trajectory.trajectory import Poses
 from twin import __version__, schema
 from twin.errors import StoreError
 from twin.matching.assign import assign
@@ -35,7 +34,6 @@ from twin.store import Snapshot, Store, utc_now
 from twin.vegnett.network import FACT as VEGNETT
 
 Row = Mapping[str, Any]
-FloatArray = NDArray[np.float64]
 
 METHODS = ("adjusted", "single-frame", "paper")
 """Geolocation methods, best first."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.geodesy import inverse
-from geoloc.trajectory import GnssFixes, PoseTrack
+from geoloc.earth.geodesy import inverse
+from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.clock import utc_text
 from twin.drives.drive import Drive
 from twin.errors import DriveError
-
-FloatArray = NDArray[np.float64]
 
 _NORWAY_LAT_DEG, _NORWAY_LON_DEG = (57.0, 81.5), (3.0, 35.0)
 """Mainland and Svalbard, with a margin."""

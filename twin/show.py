@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
-from numpy.typing import NDArray
 
-from geoloc.combine import ellipse
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
-from geoloc.heights import nn2000_from_ellipsoidal
-from geoloc.rig import Rig, rig_from_document
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.earth.heights import nn2000_from_ellipsoidal
+from geoloc.locate.combine import ellipse
+from geoloc.rig.rig import Rig, rig_from_document
 from twin import schema
 from twin.errors import ConfigError, StoreError
 from twin.estimates import finite
@@ -27,7 +27,6 @@ from twin.matching.sites import Site, sites_from_mirror
 from twin.show_frames import CameraShare, Frames, cameras_of, frames_of
 from twin.store import Snapshot, Store
 
-FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]
 
 NEIGHBOURS_M = 15.0

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.interpolation import wrap_deg
-from geoloc.rig import Rig
+from geoloc.arrays import FloatArray, IntArray, TextArray
+from geoloc.earth.geodesy import wrap_deg
+from geoloc.rig.rig import Rig
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-TextArray = NDArray[np.str_]
 Row = Mapping[str, Any]
 
 

@@ -173,7 +173,7 @@ def _rays(explained: EstimateExplained, rows: BoolArray) -> FloatArray:
 def _draw_estimate(axes: Axes, explained: EstimateExplained) -> None:
     from matplotlib.patches import Ellipse
 
-    from geoloc.combine import ellipse
+    from geoloc.locate.combine import ellipse
 
     here = _here(explained)
     azimuth = float(ellipse(explained.covariance_m2)[2])

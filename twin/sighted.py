@@ -8,12 +8,14 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjust import Adjusted, adjust
-from geoloc.datum import euref89_from_itrf
-from geoloc.locate import ErrorBudget, Located, Sightings, locate_paper, locate_single_frame
-from geoloc.locate_terrain import locate_on_terrain
-from geoloc.terrain import Terrain
-from geoloc.trajectory import (
+from geoloc.adjustment.adjust import Adjusted, adjust
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.datum import euref89_from_itrf
+from geoloc.earth.terrain import Terrain
+from geoloc.locate.on_terrain import locate_on_terrain
+from geoloc.locate.records import Located, Sightings
+from geoloc.locate.single_frame import ErrorBudget, locate_paper, locate_single_frame
+from geoloc.trajectory.trajectory import (
     GnssFixes,
     Poses,
     PoseTrack,
@@ -23,8 +25,6 @@ from geoloc.trajectory import (
 )
 from twin.drives.drive import Drive
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 _Track = TypeVar("_Track", GnssFixes, PoseTrack)
 
 _NS_PER_S = 1_000_000_000

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from twin import schema
 from twin.matching.twice import Picture
 from twin.store import Snapshot

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.simulate import SCENARIOS, Scenario, SimulatedDrive, scenario, simulate_drive
 from geoloc.simulation.car import CAMERAS
 from geoloc.simulation.noise import NoiseSpec
+from geoloc.simulation.simulate import SCENARIOS, Scenario, SimulatedDrive, scenario, simulate_drive
 from twin import __version__
 from twin.drives.write import write_driveworks_trip
 from twin.drives.write_cvat import LABEL
@@ -81,7 +81,7 @@ def simulate(
     folder : Path or str
         Must not exist, or be empty.
     name : str
-        One of `geoloc.simulate.SCENARIOS`.
+        One of `geoloc.simulation.simulate.SCENARIOS`.
     speed_kmh : float, optional
         Default: the scenario's own.
     seed : int

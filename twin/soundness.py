@@ -7,20 +7,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.adjust import CLOCK_NOTE, OUTLIER, SHUTTER_NOTE, Adjusted
+from geoloc.adjustment.adjust import CLOCK_NOTE, OUTLIER, SHUTTER_NOTE, Adjusted
 from geoloc.adjustment.scene import sigma_px_of
-from geoloc.ground import stands_far_away
-from geoloc.locate import ErrorBudget
-from geoloc.trajectory import Trajectory
+from geoloc.arrays import BoolArray
+from geoloc.earth.ground import stands_far_away
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.annotated import REPEATED, only
 from twin.drives.drive import Drive
 from twin.drives.identify import CAMERAS_DISAGREE, SLIP
 from twin.drives.read_annotations import NO_FILES
 from twin.sighted import SightedObjects, locate_annotations
-
-BoolArray = NDArray[np.bool_]
 
 _MOST_TURN_DEG = 1.0
 _MOST_OUTLIERS = 0.15

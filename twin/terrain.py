@@ -1,4 +1,4 @@
-"""A ground raster (GeoTIFF) → :class:`~geoloc.terrain.Terrain` of the surroundings of a drive."""
+"""A ground raster (GeoTIFF) → :class:`~geoloc.earth.terrain.Terrain` of the surroundings of a drive."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from geoloc.geodesy import geographic_from_utm33
-from geoloc.ground import MAX_RANGE_M
-from geoloc.heights import ellipsoidal_from_nn2000
-from geoloc.terrain import Terrain
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import geographic_from_utm33
+from geoloc.earth.ground import MAX_RANGE_M
+from geoloc.earth.heights import ellipsoidal_from_nn2000
+from geoloc.earth.terrain import Terrain
 from twin.errors import TerrainError
 
 if TYPE_CHECKING:
     from pyproj import CRS
 
-FloatArray = NDArray[np.float64]
 
 HEIGHT_SYSTEMS = ("NN2000", "ellipsoidal")
 MARGIN_M = MAX_RANGE_M + 20.0

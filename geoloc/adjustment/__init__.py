@@ -1,1 +1,1 @@
-"""Parts of the joint adjustment: scene, start, unknowns, model, solution (see :mod:`geoloc.adjust`)."""
+"""All sightings of a drive → positions and shared errors with covariance, in one least-squares adjustment."""

@@ -7,14 +7,11 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geoloc.adjustment.equations import epochs_of_unknowns, factorised
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.solve import Solution
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from geoloc.arrays import FloatArray, IntArray
 
 # What correlates points other than what all share fades with the attitude's processes, the slowest in 8 s on
 # the clock of `Model.node_age_s`.

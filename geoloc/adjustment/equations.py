@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geoloc.adjustment.model import Linear, Model
 from geoloc.adjustment.unknowns import NODE_STEP_NS, PER_NODE, Prior
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from geoloc.arrays import FloatArray, IntArray
 
 _PROBES = 16
 

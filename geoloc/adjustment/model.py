@@ -6,15 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geoloc.adjustment.scene import Bodies, Scene
 from geoloc.adjustment.unknowns import READOUT, SLIP, TIME, Layout
-from geoloc.terrain import Terrain
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.terrain import Terrain
 
 _SLOPE_STEP_M = 1.0
 

@@ -6,21 +6,17 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.geodesy import enu_offset, rotation_enu_from_rig
-from geoloc.gnss import lean_m
-from geoloc.interpolation import NANOSECONDS, metres_per_degree, wrap_deg
-from geoloc.locate import ErrorBudget, Sightings
-from geoloc.poses import Poses
-from geoloc.rig import Rig
-from geoloc.trajectory import Trajectory
-from geoloc.visibility import on_the_car_itself
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-TextArray = NDArray[np.str_]
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
+from geoloc.earth.geodesy import enu_offset, metres_per_degree, rotation_enu_from_rig, wrap_deg
+from geoloc.locate.records import Sightings
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.locate.visibility import on_the_car_itself
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.interpolation import NANOSECONDS
+from geoloc.trajectory.poses import Poses
+from geoloc.trajectory.rig_poses import lean_m
+from geoloc.trajectory.trajectory import Trajectory
 
 OUTSIDE = "outside the camera's image or model"
 ON_THE_CAR = "on the car itself"

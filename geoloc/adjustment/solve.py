@@ -6,15 +6,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geoloc.adjustment.equations import Equations, System, factorised
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.unknowns import Prior
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from geoloc.arrays import BoolArray, FloatArray, IntArray
 
 # χ² with two degrees of freedom, 99.9 %.
 _GATE = -2.0 * np.log(0.001)

@@ -9,12 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.interpolation import NANOSECONDS
-from geoloc.locate import ErrorBudget
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.trajectory.interpolation import NANOSECONDS
 
 TIME, READOUT, SLIP, FIRST_CAMERA = 0, 1, 2, 3
 """Places of the camera clock's offset (s), of the readout time (s) and of the rear tyres' slip (rad s²/m);

@@ -1,1 +1,1 @@
-"""Parts of :mod:`geoloc.associate`: bearings, points seen along them, tracking, merging and joining."""
+"""Sightings without ids → objects: bearings, points seen along them, tracks, faces and strays."""

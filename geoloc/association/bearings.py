@@ -7,17 +7,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.geodesy import rotation_enu_from_rig
-from geoloc.locate import Sightings
-from geoloc.poses import Poses
-from geoloc.rig import Rig, RigCamera
-from geoloc.visibility import on_the_car_itself
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.earth.geodesy import GRS80_E2, GRS80_SEMI_MAJOR_AXIS_M, rotation_enu_from_rig
+from geoloc.locate.records import Sightings
+from geoloc.locate.visibility import on_the_car_itself
+from geoloc.rig.rig import Rig, RigCamera
+from geoloc.trajectory.poses import Poses
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
-_GRS80_A_M, _GRS80_E2 = 6378137.0, 0.00669438002290
 _MIN_CAMERA_HEIGHT_M = 0.3
 _LATE_NS = np.iinfo(np.int64).max
 FACE_KINDS = ("box", "face")
@@ -195,6 +191,6 @@ def _axes(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArr
 def _geocentric(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> FloatArray:
     """Geocentric coordinates: no map plane bends a drive of any length."""
     up, _ = _axes(latitude_deg, longitude_deg)
-    curve = _GRS80_A_M / np.sqrt(1.0 - _GRS80_E2 * np.sin(np.radians(latitude_deg)) ** 2)
-    scale = np.stack([curve, curve, curve * (1.0 - _GRS80_E2)], axis=-1)
+    curve = GRS80_SEMI_MAJOR_AXIS_M / np.sqrt(1.0 - GRS80_E2 * np.sin(np.radians(latitude_deg)) ** 2)
+    scale = np.stack([curve, curve, curve * (1.0 - GRS80_E2)], axis=-1)
     return np.asarray(up * (scale + height_m[:, None]))

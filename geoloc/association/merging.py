@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.association.bearings import AssociationRules, Bearings
-from geoloc.association.points import Points, fit_points, in_axes_of, innovations, mahalanobis2
+from geoloc.association.inverse_depth import Points, fit_points, in_axes_of, innovations, mahalanobis2
 from geoloc.association.tracking import costs, may_join, numbered, one_to_one, track
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 # χ² with three degrees of freedom, 99.9 %.
 _SAME_PLACE = 16.3

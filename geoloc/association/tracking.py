@@ -5,14 +5,10 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.association.bearings import AssociationRules, Bearings
-from geoloc.association.points import Innovations, Points, first_points, innovations, updated
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from geoloc.association.inverse_depth import Innovations, Points, first_points, innovations, updated
 
 
 def track(seen: Bearings, rules: AssociationRules) -> IntArray:

@@ -17,7 +17,7 @@ from geoloc.calibration_files.ocamcalib import (
 from geoloc.calibration_files.opencv_file import looks_like_opencv, read_opencv
 from geoloc.calibration_files.opensfm import looks_like_opensfm, read_opensfm
 from geoloc.errors import CalibrationError
-from geoloc.rig import rig_from_document
+from geoloc.rig.rig import rig_from_document
 
 __all__ = ["CALIBRATION_KINDS", "CalibratedCamera", "calibration_kind", "read_cameras"]
 

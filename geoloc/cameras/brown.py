@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from geoloc.cameras.base import BoolArray, FloatArray
+from geoloc.arrays import BoolArray, FloatArray
 from geoloc.cameras.monotonic import (
     MIN_SLOPE_RATIO,
     derivative,

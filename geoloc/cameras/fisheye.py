@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from geoloc.cameras.base import BoolArray, FloatArray, Rays, check_focal_lengths, check_parameters
+from geoloc.arrays import BoolArray, FloatArray
+from geoloc.cameras.base import Rays, check_focal_lengths, check_parameters
 from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.errors import CalibrationError
 

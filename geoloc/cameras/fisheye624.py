@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.angles import sin_cos
-from geoloc.cameras.base import BoolArray, Columns, FloatArray, check_focal_lengths, check_parameters
+from geoloc.arrays import BoolArray, FloatArray
+from geoloc.cameras.base import Columns, check_focal_lengths, check_parameters, sin_cos
 from geoloc.cameras.brown import BrownDistortion
 from geoloc.cameras.planar import PlanarCamera
 from geoloc.errors import CalibrationError

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.angles import sin_cos
-from geoloc.cameras.base import FloatArray, check_focal_lengths, check_parameters
-from geoloc.cameras.linear import LinearTerms
-from geoloc.cameras.radial import RadialCamera
+from geoloc.arrays import FloatArray
+from geoloc.cameras.base import check_focal_lengths, check_parameters, sin_cos
+from geoloc.cameras.radial import LinearTerms, RadialCamera
 from geoloc.errors import CalibrationError
 
 # Kalibr's own limit: the formula begins with a point in a plane before the camera.

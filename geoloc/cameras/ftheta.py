@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.cameras.base import FloatArray, check_parameters
-from geoloc.cameras.linear import LinearTerms
+from geoloc.arrays import FloatArray
+from geoloc.cameras.base import check_parameters
 from geoloc.cameras.monotonic import derivative, invert_rising_polynomial, polynomial, reach, rising_limit
-from geoloc.cameras.radial import RadialCamera
+from geoloc.cameras.radial import LinearTerms, RadialCamera
 from geoloc.errors import CalibrationError
 
 # A constant term below this (about a thousandth of a pixel) is rounding in a file, above it another model.

@@ -11,9 +11,8 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from geoloc.arrays import FloatArray
 
 MIN_SLOPE_RATIO = 1e-3
 """A function counts as rising while its slope is above this part of its slope at zero: where it is flatter,

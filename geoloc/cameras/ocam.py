@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from geoloc.cameras.base import SHORTEST_FOCAL_LENGTH_PX, FloatArray, check_parameters
-from geoloc.cameras.linear import LinearTerms
+from geoloc.arrays import FloatArray
+from geoloc.cameras.base import SHORTEST_FOCAL_LENGTH_PX, check_parameters
 from geoloc.cameras.monotonic import MIN_SLOPE_RATIO, derivative, invert_rising, polynomial, smallest_root
-from geoloc.cameras.radial import RadialCamera
+from geoloc.cameras.radial import LinearTerms, RadialCamera
 from geoloc.errors import CalibrationError
 
 # No calibration means anything farther out than this many diagonals of its image.

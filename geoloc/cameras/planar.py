@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-from geoloc.cameras.base import BoolArray, Columns, FloatArray, Rays, inside_image, nan_where_not, on_image
+from geoloc.arrays import BoolArray, FloatArray
+from geoloc.cameras.base import Columns, Rays, inside_image, nan_where_not, on_image
 from geoloc.cameras.brown import BrownDistortion, one_to_one
 
 

@@ -1,1 +1,1 @@
-"""Parts of the simulator: earth, road, motion, noise, car and scenarios (see :mod:`geoloc.simulate`)."""
+"""Drives with known truth: road, motion, noise, car and scenarios."""

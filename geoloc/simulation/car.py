@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.cameras.ftheta import FThetaCamera
-from geoloc.geodesy import rotation_from_rpy
-from geoloc.rig import Antenna, Rig, RigCamera
+from geoloc.earth.geodesy import rotation_from_rpy
+from geoloc.rig.rig import Antenna, Rig, RigCamera
 from geoloc.simulation.noise import DrawnErrors
-
-FloatArray = NDArray[np.float64]
 
 FLU_FROM_RDF: FloatArray = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 MASK_SIZE = (302, 480)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.errors import GeolocError
 from geoloc.simulation.noise import NoiseSpec, damped_oscillation, drawn_slip_deg_per_mps2, stream
 from geoloc.simulation.road import MARGIN_M, Road
-
-FloatArray = NDArray[np.float64]
 
 WHEELBASE_M = 2.85
 REFERENCE_SPEED_MPS = 50.0 / 3.6

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.rig import RigCamera
+from geoloc.arrays import BoolArray, FloatArray
+from geoloc.rig.rig import RigCamera
 from geoloc.simulation.motion import TrueMotion
 from geoloc.simulation.noise import NoiseSpec
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 SHUTTER_ITERATIONS = 4
 """A foot moves by less than 0.04 rows a row of readout, so that four rounds reach 1e-5 px."""

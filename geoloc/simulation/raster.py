@@ -6,12 +6,10 @@ from functools import cache
 
 import numpy as np
 import pyproj
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.simulation.noise import stream
 from geoloc.simulation.road import MARGIN_M, Road
-
-FloatArray = NDArray[np.float64]
 
 _STATION_STEP_M = 0.25
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.simulation.motion import TrueMotion
 from geoloc.simulation.noise import gauss_markov, stream
 from geoloc.simulation.road import Road
 from geoloc.simulation.scenarios import Scenario
-from geoloc.trajectory import GnssFixes
-
-FloatArray = NDArray[np.float64]
+from geoloc.trajectory.trajectory import GnssFixes
 
 # Central difference of positions: shorter than anything a car does.
 _HALF_STEP_S = 0.005

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.errors import GeolocError
-from geoloc.simulation.earth import LocalFrame
+from geoloc.simulation.flat_frame import LocalFrame
 from geoloc.simulation.noise import stream
-
-FloatArray = NDArray[np.float64]
 
 STEP_M = 0.05
 """Grid of the integrated centre line: at a radius of 50 m the chord lies 6 µm inside the arc."""

@@ -11,7 +11,7 @@ import pytest
 from mutate import Draw, either, fuzzed, mutated, mutated_json, real_files
 
 from geoloc.cameras import PinholeCamera
-from geoloc.rig import Rig, RigCamera
+from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.annotated import gather
 from twin.drives.annotations_csv import looks_like_annotations_csv, read_annotations_csv
 from twin.drives.find_annotations import read_annotation_json

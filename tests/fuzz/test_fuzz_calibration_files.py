@@ -20,7 +20,7 @@ from geoloc.cameras import (
     FThetaCamera,
 )
 from geoloc.errors import CalibrationError
-from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document
+from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera, rig_document
 
 FTHETA = FThetaCamera(1920, 1208, 950.25, 610.5, (0.0, 1e-3, 2e-8, 4e-11))
 POSE = "  T_cam_imu:\n  - [0, -1, 0, 1]\n  - [1, 0, 0, 2]\n  - [0, 0, 1, 3]\n  - [0, 0, 0, 1]\n"

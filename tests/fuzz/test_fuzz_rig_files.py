@@ -13,7 +13,7 @@ from PIL import Image
 
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.cameras import FisheyeCamera
-from geoloc.rig import FLU_R_RDF, Rig, RigCamera, rig_document, rig_from_document
+from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera, rig_document, rig_from_document
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import ReadingNotes
 from twin.drives.rig_files import rig_of_folder

@@ -27,7 +27,7 @@ from track_writers import (
     sbp_velocity,
 )
 
-from geoloc.fixes import MAX_SPEED_MPS
+from geoloc.trajectory.fix_checks import MAX_SPEED_MPS
 from twin.drives.exif_positions import has_exif_position, read_exif_positions
 from twin.drives.gpx import looks_like_gpx, read_gpx
 from twin.drives.nmea import looks_like_nmea, read_nmea

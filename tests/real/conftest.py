@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from checkout import REAL, ROOT
 
-from geoloc.geodesy import geographic_from_enu, geographic_from_utm33
+from geoloc.earth.geodesy import geographic_from_enu, geographic_from_utm33
 from nvdb.skilt import skilt_from_les_v4
 
 BOLLARD = "c46bad07"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from geoloc.geodesy import enu_offset, rotation_enu_from_rig
+from geoloc.earth.geodesy import enu_offset, rotation_enu_from_rig
 from twin.drives.read import read_drive
 from twin.sighted import trajectory_of
 

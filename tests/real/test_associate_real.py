@@ -10,13 +10,12 @@ import pytest
 from checkout import REAL
 from numpy.typing import NDArray
 
-from geoloc.associate import associate, check_ids
-from geoloc.locate import Sightings
+from geoloc.arrays import IntArray
+from geoloc.association.associate import associate, check_ids
+from geoloc.locate.records import Sightings
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.sighted import trajectory_of
-
-IntArray = NDArray[np.int64]
 
 BOXES = REAL / "kitti_signs" / "associated_boxes.csv"
 

@@ -9,7 +9,7 @@ import pytest
 from checkout import ROOT
 
 from geoloc.cameras import FThetaCamera, OcamCamera
-from geoloc.rig import rig_from_document
+from geoloc.rig.rig import rig_from_document
 from twin.calibrate.camera_files import rig_with_camera
 
 RIG = ROOT.parent / "shared" / "real" / "naplab" / "ntnu_naplab_rig_carlo.json"

@@ -11,8 +11,8 @@ from checkout import REAL
 from scipy.optimize import brentq
 
 from geoloc.cameras import FThetaCamera
-from geoloc.geodesy import rotation_from_rpy
-from geoloc.rig import FLU_R_RDF
+from geoloc.earth.geodesy import rotation_from_rpy
+from geoloc.rig.rig import FLU_R_RDF
 
 COSMOS = REAL / "cosmos_ftheta"
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from checkout import ROOT
 
-from geoloc.calibration.verify import turned
-from geoloc.rig import rig_from_document
-from geoloc.rig_edit import with_extrinsics, with_rotation_correction
+from geoloc.calibration.verify_mounting import turned
+from geoloc.rig.edit import with_extrinsics, with_rotation_correction
+from geoloc.rig.rig import rig_from_document
 from twin.calibrate.given_rig import read_given_rig
 
 RIG = ROOT.parent / "shared" / "real" / "naplab" / "ntnu_naplab_rig_carlo.json"

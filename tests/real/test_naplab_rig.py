@@ -10,7 +10,7 @@ import pytest
 from checkout import REAL
 
 from geoloc.cameras import FThetaCamera
-from geoloc.rig import Rig, looks_like_rig, read_rig, rig_document, rig_from_document
+from geoloc.rig.rig import Rig, looks_like_rig, read_rig, rig_document, rig_from_document
 
 NAPLAB = REAL / "naplab"
 FULL = NAPLAB / "ntnu_naplab_rig_carlo.json"

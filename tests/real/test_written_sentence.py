@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from checkout import REAL
 
-from geoloc.simulate import scenario, simulate_drive
+from geoloc.simulation.simulate import scenario, simulate_drive
 from twin.drives.nmea import read_nmea
 from twin.drives.write import write_driveworks_trip
 

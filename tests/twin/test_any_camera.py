@@ -14,8 +14,8 @@ from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.calibration_files.ocamcalib import ocamcalib_text
 from geoloc.cameras import FisheyeCamera, FThetaCamera, OcamCamera
 from geoloc.cameras.monotonic import polynomial
-from geoloc.simulate import scenario, simulate_drive
 from geoloc.simulation.car import CAMERAS
+from geoloc.simulation.simulate import scenario, simulate_drive
 from twin import schema
 from twin.drives.write import write_driveworks_trip
 from twin.ingest import ingest_drive

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import shapely
 
-from geoloc.geodesy import geographic_from_utm33
+from geoloc.earth.geodesy import geographic_from_utm33
 from twin.cli.findings import person
 from twin.export import FILES
 

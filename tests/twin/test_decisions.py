@@ -15,7 +15,7 @@ import sqlalchemy as sa
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geoloc.geodesy import geographic_from_utm33
+from geoloc.earth.geodesy import geographic_from_utm33
 from twin import schema
 from twin.decisions.decide import Edit, decide, keep_edits, undo
 from twin.decisions.evidence import Evidence, changes_with_nvdb, differences

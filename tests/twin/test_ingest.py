@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 
-from geoloc.datum import euref89_from_itrf
-from geoloc.simulate import scenario, simulate_drive
+from geoloc.earth.datum import euref89_from_itrf
+from geoloc.simulation.simulate import scenario, simulate_drive
 from twin import schema
 from twin.drives.write import write_driveworks_trip, write_generic_folder
 from twin.errors import ConfigError, DriveError

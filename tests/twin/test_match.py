@@ -13,7 +13,7 @@ import pytest
 import shapely
 import sqlalchemy as sa
 
-from geoloc.locate import ErrorBudget
+from geoloc.locate.single_frame import ErrorBudget
 from twin import schema
 from twin.errors import ConfigError
 from twin.ingest import ingest_drive

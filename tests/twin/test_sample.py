@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 from checkout import ROOT
-from numpy.typing import NDArray
 
-from geoloc.geodesy import utm33_from_geographic
-from geoloc.simulate import NoiseSpec, scenario, simulate_drive
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import utm33_from_geographic
+from geoloc.simulation.simulate import NoiseSpec, scenario, simulate_drive
 from nvdb.client import NvdbClient
 from nvdb.paging import iter_pages
 from nvdb.replay import ReplayServer
@@ -26,7 +26,6 @@ from twin.errors import TwinError
 from twin.sample import MOVED, NEW, SEED, TRIP, WRONG_TYPE, main, make_sample
 
 DATA = ROOT / "data"
-FloatArray = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

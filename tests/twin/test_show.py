@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 
-from geoloc.accuracy import ellipse_coverage
-from geoloc.geodesy import geographic_from_utm33
-from geoloc.simulate import scenario, simulate_drive
+from geoloc.earth.geodesy import geographic_from_utm33
+from geoloc.locate.accuracy import ellipse_coverage
+from geoloc.simulation.simulate import scenario, simulate_drive
 from twin import schema
 from twin.drives.write import write_driveworks_trip
 from twin.errors import ConfigError, StoreError

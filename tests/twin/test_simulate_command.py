@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from geoloc.errors import GeolocError
-from geoloc.simulate import SCENARIOS
 from geoloc.simulation.noise import NoiseSpec
+from geoloc.simulation.simulate import SCENARIOS
 from twin import simulate as simulate_module
 from twin.cli.app import ScenarioName
 from twin.drives.read import read_drive

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geoloc.locate import ErrorBudget
-from geoloc.trajectory import Trajectory
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.trajectory.trajectory import Trajectory
 from twin.demo import sample_folder
 from twin.drives.drive import Drive, Skipped
 from twin.drives.identify import CAMERAS_DISAGREE, id_warnings

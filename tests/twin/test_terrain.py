@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 
-from geoloc.heights import nn2000_from_ellipsoidal
+from geoloc.earth.heights import nn2000_from_ellipsoidal
 from twin import terrain as module
 from twin.errors import TerrainError
 from twin.terrain import read_terrain

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.calibration.faults import Fault, some
-from geoloc.calibration.intrinsics import MIN_VIEWS
-from twin.calibrate.boards import Board, ByteArray
+from geoloc.arrays import ByteArray
+from geoloc.calibration.intrinsics.calibrate import MIN_VIEWS
+from geoloc.calibration.intrinsics.faults import Fault, some
+from twin.calibrate.boards import Board
 from twin.calibrate.detect import BLURRED_PX, detect
 from twin.calibrate.pictures import Picture
 

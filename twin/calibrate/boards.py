@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import ByteArray, FloatArray, IntArray
 from twin.errors import ConfigError
 
 if TYPE_CHECKING:
     from cv2.aruco import CharucoBoard
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-ByteArray = NDArray[np.uint8]
 
 _FORMS = (
     "checkerboard:COLUMNSxROWS:SQUARE (inner corners, metres) or "

@@ -8,14 +8,14 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from geoloc.calibration.comparison import Candidate
+from geoloc.calibration.intrinsics.comparison import Candidate
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.calibration_files.ocamcalib import ocamcalib_text
 from geoloc.calibration_files.opencv_file import opencv_text
 from geoloc.cameras import CameraModel, FThetaCamera, OcamCamera
 from geoloc.errors import CalibrationError
-from geoloc.rig import looks_like_rig, rig_from_document
-from geoloc.rig_models import model_properties
+from geoloc.rig.intrinsics import model_properties
+from geoloc.rig.rig import looks_like_rig, rig_from_document
 
 RIG_NAME = "rig.json"
 _INTRINSIC_KEYS = frozenset(

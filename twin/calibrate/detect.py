@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.calibration.views import MIN_CORNERS, View
-from twin.calibrate.boards import Board, ByteArray
+from geoloc.arrays import ByteArray, FloatArray, IntArray
+from geoloc.calibration.intrinsics.views import MIN_CORNERS, View
+from twin.calibrate.boards import Board
 from twin.calibrate.saddle import refined
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLURRED_PX = 5.0
 """Width of edges at which corners lose their sub-pixels."""

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from geoloc.arrays import ByteArray
 from geoloc.cameras import CameraModel, FThetaCamera
-from geoloc.simulation.board_views import draw_board_poses
 from geoloc.simulation.car import CAMERAS
-from geoloc.simulation.render import Plane, render_planes
-from twin.calibrate.boards import Board, ByteArray, board_from_text
+from geoloc.simulation.pictures.board_views import draw_board_poses
+from geoloc.simulation.pictures.render import Plane, render_planes
+from twin.calibrate.boards import Board, board_from_text
 from twin.calibrate.camera_files import new_rig_document, rig_text
 from twin.calibrate.intrinsics import Progress
 from twin.errors import ConfigError, RefusedError

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from geoloc.rig import Rig, rig_document
+from geoloc.rig.rig import Rig, rig_document
 from geoloc.simulation.car import simulated_rig
-from geoloc.simulation.yard import TAG_M, Yard, draw_yard, turned_camera, yard_picture
+from geoloc.simulation.pictures.yard import TAG_M, Yard, draw_yard, turned_camera, yard_picture
 from twin.calibrate.example import example_camera
 from twin.errors import RefusedError
 from twin.folders import make_folder

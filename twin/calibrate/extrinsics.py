@@ -11,15 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.calibration.extrinsics.calibrate import Extrinsics, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts, is_determined
-from geoloc.calibration.extrinsics.observed import TagPicture
+from geoloc.calibration.extrinsics.observations import TagPicture
 from geoloc.calibration_files.read import read_cameras
 from geoloc.cameras.base import CameraModel
+from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
-from geoloc.geodesy import rpy_from_rotation
-from geoloc.rig import FLU_R_RDF, Rig, rig_from_document
-from geoloc.rig_edit import with_extrinsics
+from geoloc.rig.edit import with_extrinsics
+from geoloc.rig.rig import FLU_R_RDF, Rig, rig_from_document
 from twin.calibrate.boards import Board
 from twin.calibrate.camera_files import RIG_NAME, file_name
 from twin.calibrate.detect import detect
@@ -33,7 +34,6 @@ from twin.drives.camera_names import named_in
 from twin.export.atomic import replace_file
 from twin.folders import make_folder
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[str, int, int | None], None]
 
 HAND = "hand"

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.calibration.extrinsics.calibrate import Extrinsics
-from geoloc.calibration.extrinsics.observed import Pose
+from geoloc.calibration.extrinsics.observations import Pose
 from twin.calibrate.layout import FIRST_BOARD, Layout, board_size_m, outline_m
 from twin.export.atomic import replace_file
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FloatArray = NDArray[np.float64]
 
 _SIZE_IN = (12.0, 7.0)
 _COLOURS = ("#1f6f8b", "#c8553d", "#6a994e", "#7b4b94", "#b08900", "#3d405b", "#0a9396", "#9b2226")

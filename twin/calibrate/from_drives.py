@@ -11,20 +11,18 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from geoloc.budget import ErrorBudget
-from geoloc.calibration.verify import mounting_part
-from geoloc.rig import Rig, rig_from_document
-from geoloc.rig_edit import with_rotation_correction
+from geoloc.arrays import FloatArray
+from geoloc.calibration.verify_mounting import mounting_part
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.rig.edit import with_rotation_correction
+from geoloc.rig.rig import Rig, rig_from_document
 from twin import schema
 from twin.errors import ConfigError
 from twin.export.atomic import replace_file
 from twin.folders import make_folder
 from twin.store import Store
-
-FloatArray = NDArray[np.float64]
 
 AXES = ("pitch", "yaw", "roll")
 """About the camera's own x, y and z."""

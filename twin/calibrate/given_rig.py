@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from geoloc.calibration.extrinsics.observed import Pose
+from geoloc.calibration.extrinsics.observations import Pose
 from geoloc.calibration_files.document import json_document
 from geoloc.calibration_files.read import calibration_kind, read_cameras
-from geoloc.rig import Rig, rig_from_document
-from geoloc.rig_edit import with_unknown_poses
+from geoloc.rig.edit import with_unknown_poses
+from geoloc.rig.rig import Rig, rig_from_document
 from twin.calibrate.camera_files import new_rig_document
 from twin.drives.driveworks import find_rig
 from twin.drives.folder import DriveFolder

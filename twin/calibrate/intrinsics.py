@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from geoloc.calibration.faults import ENOUGH_VIEWS, Fault, some
-from geoloc.calibration.fit import MODELS
-from geoloc.calibration.intrinsics import MIN_VIEWS, Intrinsics
-from geoloc.calibration.intrinsics import calibrate_intrinsics as calibrate_views
-from geoloc.calibration.selection import alike, sharp, spread
+from geoloc.calibration.intrinsics.calibrate import MIN_VIEWS, Intrinsics
+from geoloc.calibration.intrinsics.calibrate import calibrate_intrinsics as calibrate_views
+from geoloc.calibration.intrinsics.faults import ENOUGH_VIEWS, Fault, some
+from geoloc.calibration.intrinsics.fit import MODELS
+from geoloc.calibration.intrinsics.selection import alike, sharp, spread
 from geoloc.errors import CalibrationError
 from twin.calibrate.absent import Absent, absent_faults
 from twin.calibrate.boards import Board, board_from_text

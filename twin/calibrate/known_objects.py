@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.geodesy import utm33_from_geographic
-from geoloc.trajectory import Poses
+from geoloc.arrays import FloatArray, TextArray
+from geoloc.earth.geodesy import utm33_from_geographic
+from geoloc.trajectory.trajectory import Poses
 from twin.errors import TruthError
-
-FloatArray = NDArray[np.float64]
-StrArray = NDArray[np.str_]
 
 _FAR_M = 200.0
 _FITS_M = 100.0
@@ -20,7 +17,7 @@ _LEAST_M = 0.3
 """What a foot is off by at any survey: the pole's lean, kerbs, the car's own place."""
 
 
-def check_near(objects: StrArray, truth_m: FloatArray, poses: Poses) -> None:
+def check_near(objects: TextArray, truth_m: FloatArray, poses: Poses) -> None:
     """Refuse objects that were surveyed far from every place where they were annotated.
 
     Parameters
@@ -62,7 +59,7 @@ def _likely(truth_m: FloatArray, eye_m: FloatArray) -> str:
 
 
 def most_misplaced(
-    objects: StrArray, offset_m: FloatArray, covariance_m2: FloatArray
+    objects: TextArray, offset_m: FloatArray, covariance_m2: FloatArray
 ) -> tuple[str, float] | None:
     """Find the object that lies furthest from where the cameras see it, beyond what objects do.
 

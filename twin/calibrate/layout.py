@@ -33,13 +33,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.calibration.extrinsics.observed import Sigmas, Tag
+from geoloc.arrays import FloatArray
+from geoloc.calibration.extrinsics.observations import Sigmas, Tag
 from twin.calibrate.boards import Board, board_from_text
 from twin.errors import ConfigError, LayoutError
-
-FloatArray = NDArray[np.float64]
 
 FIRST_BOARD = 1_000_000
 """Boards are targets with ids from here on: 36h11 has 587 tags."""

@@ -7,16 +7,14 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.calibration_files.opencv_file import opencv_text
+from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
-from geoloc.geodesy import rpy_from_rotation
-from geoloc.rig import FLU_R_RDF, Rig, RigCamera
+from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
 from twin.drives.settings import CameraSettings
-
-FloatArray = NDArray[np.float64]
 
 _DIGITS = 5
 """Of degrees and metres: 0.2 mm at 1 km, and a hundredth of a millimetre."""

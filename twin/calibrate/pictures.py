@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoloc.arrays import ByteArray
 from geoloc.errors import CalibrationError
-from twin.calibrate.boards import ByteArray
 from twin.errors import DriveError
 
 if TYPE_CHECKING:

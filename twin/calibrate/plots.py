@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoloc.calibration.coverage import CELL_PX
-from geoloc.calibration.fit import Fit
-from geoloc.calibration.intrinsics import Intrinsics
-from geoloc.calibration.start import angle_between
+from geoloc.calibration.intrinsics.calibrate import Intrinsics
+from geoloc.calibration.intrinsics.coverage import CELL_PX
+from geoloc.calibration.intrinsics.fit import Fit
+from geoloc.calibration.intrinsics.initial_guess import angle_between
 from geoloc.cameras import CameraModel
 
 if TYPE_CHECKING:

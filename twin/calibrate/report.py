@@ -6,15 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.calibration.faults import some
-from geoloc.calibration.fit import Fit
-from geoloc.calibration.start import angle_between
-from geoloc.rig_models import model_properties
+from geoloc.calibration.intrinsics.faults import some
+from geoloc.calibration.intrinsics.fit import Fit
+from geoloc.calibration.intrinsics.initial_guess import angle_between
+from geoloc.rig.intrinsics import model_properties
 from twin.calibrate.intrinsics import Calibrated
-
-FloatArray = NDArray[np.float64]
 
 _NINTHS = 3
 

@@ -13,9 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-ByteArray = NDArray[np.uint8]
+from geoloc.arrays import BoolArray, ByteArray, FloatArray
 
 _NEAREST = (21, 9)
 """Corners that tell a map, round by round: first many, against wrong ones, then those next to it, for what a

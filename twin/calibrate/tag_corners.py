@@ -12,13 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import ByteArray, FloatArray, IntArray
 from geoloc.cameras.base import CameraModel
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-ByteArray = NDArray[np.uint8]
 
 CELLS = 8
 """Cells across the black square of a 36h11 tag."""

@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.accuracy import RANGE_EDGES_M
-from geoloc.budget import ErrorBudget
-from geoloc.calibration.verify import (
+from geoloc.arrays import FloatArray
+from geoloc.calibration.verify_mounting import (
     SURE_SIGMAS,
     CameraTurn,
     KnownSightings,
@@ -23,16 +22,18 @@ from geoloc.calibration.verify import (
     rig_turned,
     with_angles,
 )
-from geoloc.geodesy import (
+from geoloc.earth.geodesy import (
     enu_offset,
     geographic_from_utm33,
     rotation_enu_from_rig,
     utm33_covariance_from_enu,
     utm33_from_geographic,
 )
-from geoloc.rig import Rig
-from geoloc.rig_edit import with_rotation_correction
-from geoloc.trajectory import Poses, Trajectory
+from geoloc.locate.accuracy import RANGE_EDGES_M
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.rig.edit import with_rotation_correction
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin.calibrate.known_objects import check_near, most_misplaced
 from twin.calibrate.mounting_files import drive_tables
 from twin.drives.drive import Drive
@@ -43,8 +44,6 @@ from twin.evaluate import Truth, read_truth
 from twin.export.atomic import replace_file
 from twin.folders import make_folder
 from twin.sighted import SightedObjects, in_euref89, locate_annotations, trajectory_of
-
-FloatArray = NDArray[np.float64]
 
 _FEW_OBJECTS = 5
 LEAST_DEG = 0.02

@@ -9,7 +9,7 @@ from typing import Any
 
 from geoloc.calibration_files.document import json_document
 from geoloc.errors import CalibrationError
-from geoloc.rig import looks_like_rig
+from geoloc.rig.rig import looks_like_rig
 from twin.calibrate.camera_files import (
     RIG_NAME,
     cameras_of,

@@ -17,7 +17,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from geoloc.geodesy import geographic_from_utm33
+from geoloc.earth.geodesy import geographic_from_utm33
 from nvdb.datakatalog import snapshot
 from nvdb.endringssett import Earlier, Endring, Geometri
 from nvdb.geometri import point_from_wkt

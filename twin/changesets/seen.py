@@ -11,8 +11,8 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from geoloc.geodesy import geographic_from_utm33
-from geoloc.heights import nn2000_from_ellipsoidal
+from geoloc.earth.geodesy import geographic_from_utm33
+from geoloc.earth.heights import nn2000_from_ellipsoidal
 from nvdb.endringssett import Measured
 from twin import schema
 from twin.store import Snapshot

@@ -127,7 +127,7 @@ def export(
 
 
 def _print_export(files: Sequence[Path], folder: Path) -> None:
-    from geoloc.heights import nn2000_from_ellipsoidal
+    from geoloc.earth.heights import nn2000_from_ellipsoidal
 
     print_paths("Written:", files)
     note(f"How to open them in QGIS, and decide there: twin qgis {folder}")

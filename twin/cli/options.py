@@ -31,7 +31,7 @@ class Method(StrEnum):
 
 
 class ScenarioName(StrEnum):
-    """Worlds to simulate, as in :data:`geoloc.simulate.SCENARIOS`."""
+    """Worlds to simulate, as in :data:`geoloc.simulation.simulate.SCENARIOS`."""
 
     SAMPLE = "sample"
     STILL = "still"

@@ -219,7 +219,7 @@ def _day(epoch_ns: int) -> dt.date:
 def _inside(area: BaseGeometry, rows: Sequence[Row]) -> Sequence[bool]:
     import shapely
 
-    from geoloc.geodesy import geographic_from_utm33
+    from geoloc.earth.geodesy import geographic_from_utm33
 
     if not rows:
         return []

@@ -18,10 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray, IntArray
 from twin.errors import DriveError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 GREY = 114
 """What the family's own letterboxing fills the rest of the input with."""

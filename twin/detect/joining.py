@@ -11,12 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.associate import IdFinding, check_ids
-from geoloc.trajectory import Trajectory
+from geoloc.association.associate import IdFinding, check_ids
+from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.drive import Annotations, Drive
 from twin.drives.identify import association_input
-
-IntArray = NDArray[np.int64]
 
 _TWO_SIGNS = 0.15
 """Smaller shares of a track that fit another place are single wrong boxes: the adjustment leaves them out."""

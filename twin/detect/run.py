@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.rig import Rig, RigCamera
+from geoloc.arrays import IntArray
+from geoloc.rig.rig import Rig, RigCamera
 from twin.detect.network import Detector
 from twin.detect.rehearsal import rehearse
 from twin.detect.shapes import Looked, annotation_file
-from twin.drives.drive import IntArray, Skipped
+from twin.drives.drive import Skipped
 from twin.drives.shapes import AnnotationFile
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import ConfigError, DriveError

@@ -17,12 +17,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray, IntArray
 from twin.detect.contract import Detections
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MIN_BOXES = 3
 """A sign is passed within many pictures; what is seen in one or two is a reflection, or cannot be placed."""

@@ -35,10 +35,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.rig import Rig, RigCamera
+from geoloc.arrays import IntArray
+from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.camera_names import CameraChooser
 from twin.drives.drawn_size import check_reach, check_size
-from twin.drives.drive import Annotations, IntArray, Skipped
+from twin.drives.drive import Annotations, Skipped
 from twin.drives.frame_numbers import NOT_AMONG_PICTURES, frame_of, is_numbered
 from twin.drives.label_map import LabelMap, Meanings
 from twin.drives.labels import codes_from_attribute

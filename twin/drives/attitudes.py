@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.fixes import VERTICAL_FACTOR, sigma_of_fixes
-from geoloc.geodesy import geographic_from_enu, rotation_enu_from_rig
-from geoloc.trajectory import PoseTrack
-from twin.drives.drive import FloatArray, IntArray
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.geodesy import geographic_from_enu, rotation_enu_from_rig
+from geoloc.trajectory.fix_checks import VERTICAL_FACTOR, sigma_of_fixes
+from geoloc.trajectory.trajectory import PoseTrack
 from twin.drives.ordering import longest_increasing
 from twin.drives.poses_csv import DEFAULT_SIGMAS
 from twin.drives.track_read import FixesRead, LeftOutError, PosesRead, counted, listed

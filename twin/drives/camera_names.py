@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import PurePosixPath
 
 from geoloc.errors import CalibrationError
-from geoloc.rig import Rig, RigCamera
+from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.annotations_csv import TOOL as CSV
 from twin.drives.settings import SETTINGS_FILE
 from twin.drives.shapes import AnnotationFile, Shape

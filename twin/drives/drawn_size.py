@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from geoloc.rig import Rig, RigCamera
+from geoloc.arrays import FloatArray
+from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.camera_names import CameraChooser
-from twin.drives.drive import Annotations, FloatArray
+from twin.drives.drive import Annotations
 from twin.drives.shapes import AnnotationFile, Shape
 from twin.errors import DriveError
 

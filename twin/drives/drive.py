@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.rig import Rig
-from geoloc.trajectory import GnssFixes, PoseTrack
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 
 if TYPE_CHECKING:
     from twin.frames.find import Pictures
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

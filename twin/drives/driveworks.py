@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from geoloc.rig import RigCamera, looks_like_rig
+from geoloc.rig.rig import RigCamera, looks_like_rig
 from twin.drives.camera_names import named_in, plain
 from twin.drives.folder import DriveFolder
 from twin.drives.settings import SETTINGS_FILE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import PurePosixPath
 
-from geoloc.rig import Rig
+from geoloc.rig.rig import Rig
 from twin.drives.camera_names import named_in
 from twin.drives.exif_positions import has_exif_position, looks_like_jpeg
 from twin.drives.folder import DriveFolder

@@ -8,8 +8,9 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
+from geoloc.arrays import IntArray
 from twin.drives.annotations_csv import TOOL as CSV
-from twin.drives.drive import Annotations, IntArray
+from twin.drives.drive import Annotations
 from twin.drives.settings import SETTINGS_FILE
 from twin.drives.shapes import Shape
 from twin.drives.timestamps import NO_STAMP

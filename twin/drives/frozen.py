@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.interpolation import metres_per_degree
+from geoloc.earth.geodesy import metres_per_degree
 
 FROZEN = "position repeated while the car drove (frozen fix)"
 """Why such fixes are left out."""

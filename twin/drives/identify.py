@@ -8,16 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.associate import IdFinding, associate_drive, check_ids, poses_by_objects
-from geoloc.locate import Sightings
-from geoloc.poses import Poses
-from geoloc.rig import Rig
-from geoloc.trajectory import Trajectory
+from geoloc.arrays import IntArray
+from geoloc.association.associate import IdFinding, associate_drive, check_ids, poses_by_objects
+from geoloc.locate.records import Sightings
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.poses import Poses
+from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.annotated import epochs_of, only
 from twin.drives.camera_names import named_in
 from twin.drives.drive import Annotations, Drive, Skipped
-
-IntArray = NDArray[np.int64]
 
 FOUND = "auto"
 SLIP = "no object stands there, and one near it lacks this picture: a slip of the hand"

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from geoloc.fixes import HEADING_SIGMA_DEG, MAX_SPEED_MPS
+from geoloc.trajectory.fix_checks import HEADING_SIGMA_DEG, MAX_SPEED_MPS
 from twin.drives.track_read import LeftOutError
 
 HEADINGS = ("HDT", "THS")

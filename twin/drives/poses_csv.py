@@ -1,4 +1,4 @@
-"""``poses.csv``: full poses of an INS or SLAM → :class:`~geoloc.trajectory.PoseTrack`."""
+"""``poses.csv``: full poses of an INS or SLAM → :class:`~geoloc.trajectory.trajectory.PoseTrack`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from geoloc.trajectory import PoseTrack
+from geoloc.trajectory.trajectory import PoseTrack
 from twin.drives.clock import credible, unit_hint
 from twin.drives.frozen import FROZEN, frozen
 from twin.drives.ordering import longest_increasing

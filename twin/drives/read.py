@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoloc.rig import Rig
+from geoloc.rig.rig import Rig
 from twin.drives.annotated import stamped
 from twin.drives.drive import Drive
 from twin.drives.folder import DriveFolder

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from geoloc.errors import CalibrationError
-from geoloc.rig import Rig
+from geoloc.rig.rig import Rig
 from twin.drives.annotated import AnnotationsRead, gather
 from twin.drives.camera_names import which_camera
 from twin.drives.drawn_size import reach_warnings

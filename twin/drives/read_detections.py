@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from geoloc.arrays import IntArray
 from twin.detect.run import DetectorOptions, Found, Recorded, detect
 from twin.drives.annotated import AnnotationsRead, gather
-from twin.drives.drive import IntArray
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import ReadingNotes
 from twin.drives.read_annotations import read_drive_labels, unmapped_warning

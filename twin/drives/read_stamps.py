@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from geoloc.rig import Rig
-from twin.drives.drive import IntArray
+from geoloc.arrays import IntArray
+from geoloc.rig.rig import Rig
 from twin.drives.driveworks import find_timestamps
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import ReadingNotes

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoloc.errors import CalibrationError
-from geoloc.fixes import sigma_of_quality
-from geoloc.rig import Antenna, Rig, rig_with_lever_arms
-from geoloc.trajectory import GnssFixes, PoseTrack
+from geoloc.rig.rig import Antenna, Rig, rig_with_lever_arms
+from geoloc.trajectory.fix_checks import sigma_of_quality
+from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.attitudes import moved_to_rig_origin
 from twin.drives.exif_positions import read_exif_positions
 from twin.drives.find_track import (

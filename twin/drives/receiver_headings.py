@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoloc.heading import CourseCheck, heading_against_course
-from geoloc.interpolation import wrap_deg
-from geoloc.poses import GnssFixes, without_headings
+from geoloc.earth.geodesy import wrap_deg
+from geoloc.trajectory.heading import CourseCheck, heading_against_course
+from geoloc.trajectory.poses import GnssFixes, without_headings
 from twin.drives.settings import SETTINGS_FILE, DriveSettings
 
 

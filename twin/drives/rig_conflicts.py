@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from geoloc.errors import CalibrationError
-from geoloc.rig import Rig, RigCamera, looks_like_rig, rig_from_document
+from geoloc.rig.rig import Rig, RigCamera, looks_like_rig, rig_from_document
 from twin.drives.driveworks import LARGEST_RIG_BYTES
 from twin.drives.folder import DriveFolder
 from twin.drives.settings import SETTINGS_FILE, CameraSettings

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from geoloc.calibration_files.read import CalibratedCamera, read_cameras
 from geoloc.errors import CalibrationError
-from geoloc.rig import Rig, looks_like_rig, rig_from_document, without_template_masks
-from geoloc.rig_models import model_properties
-from geoloc.rig_properties import mask_document
+from geoloc.rig.intrinsics import model_properties
+from geoloc.rig.rig import Rig, looks_like_rig, rig_from_document, without_template_masks
+from geoloc.rig.sensor_entry import mask_document
 from twin.drives.camera_names import which_camera
 from twin.drives.driveworks import find_rig
 from twin.drives.folder import DriveFolder

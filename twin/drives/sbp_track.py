@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
-from geoloc.fixes import HEADING_SIGMA_DEG, MAX_SPEED_MPS
+from geoloc.trajectory.fix_checks import HEADING_SIGMA_DEG, MAX_SPEED_MPS
 from twin.drives import sbp_messages as sbp
 from twin.drives.attitudes import Attitudes, attitudes_from_rows, poses_of_fixes, rpy_deg_from_quaternion
 from twin.drives.gps_time import (

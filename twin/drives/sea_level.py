@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoloc.heights import ellipsoidal_from_nn2000
+from geoloc.earth.heights import ellipsoidal_from_nn2000
 from twin.drives.track_read import Fix
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any, TypeVar
 
-from geoloc.adjust import POLE_RADIUS_M
+from geoloc.adjustment.adjust import POLE_RADIUS_M
 from twin.drives.clock import credible
 from twin.drives.toml_values import (
     SETTINGS_FILE,

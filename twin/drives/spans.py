@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from geoloc.arrays import IntArray
 from twin.drives.annotated import epochs_of
 from twin.drives.clock import clock_hint, stamps_hint, utc_text
-from twin.drives.drive import Annotations, IntArray
+from twin.drives.drive import Annotations
 from twin.drives.read_track import Track
 from twin.drives.settings import SETTINGS_FILE
 from twin.errors import DriveError

@@ -7,8 +7,9 @@ from pathlib import PureWindowsPath
 
 import numpy as np
 
+from geoloc.arrays import IntArray
 from twin.drives.clock import credible, unit_hint
-from twin.drives.drive import IntArray, Skipped
+from twin.drives.drive import Skipped
 from twin.drives.ordering import longest_increasing
 from twin.errors import DriveError
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geoloc.trajectory import GnssFixes, PoseTrack
+from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.clock import credible
 from twin.drives.drive import Skipped
 from twin.drives.frozen import FROZEN, frozen, never_moves

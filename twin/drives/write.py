@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.rig import rig_document
-from geoloc.simulate import SimulatedDrive
-from geoloc.trajectory import GnssFixes
+from geoloc.rig.rig import rig_document
+from geoloc.simulation.simulate import SimulatedDrive
+from geoloc.trajectory.trajectory import GnssFixes
 from twin.drives.write_cvat import cvat_document
 from twin.errors import DriveError
 

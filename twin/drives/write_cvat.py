@@ -6,16 +6,14 @@ from datetime import UTC, datetime
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.simulate import SimulatedDrive
+from geoloc.arrays import IntArray
+from geoloc.simulation.simulate import SimulatedDrive
 
 LABEL = "skilt"
 """The one label of the task; what stands on the pole is in the attribute ``skiltnummer``."""
 CORNER_PX = 0.5
 """CVAT counts from the corner of the first pixel, this project from its centre."""
-
-IntArray = NDArray[np.int64]
 
 
 def cvat_document(drive: SimulatedDrive, camera: str) -> str:

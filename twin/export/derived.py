@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from twin.export.layers import COLUMNS, EPSG_UTM33, GIVEN, ExportLayers
 from twin.export.styles import SIGMAS_95
 

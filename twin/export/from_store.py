@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sqlalchemy as sa
 
-from geoloc.combine import cep95_m, ellipse
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
-from geoloc.heights import nn2000_from_ellipsoidal
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.earth.heights import nn2000_from_ellipsoidal
+from geoloc.locate.combine import cep95_m, ellipse
 from nvdb.datakatalog import SKILTPUNKT
 from twin import schema
 from twin.decisions.findings import findings_statement, told_reason

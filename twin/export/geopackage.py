@@ -141,7 +141,7 @@ def changes_in(path: Path) -> list[dict[str, Any]]:
     """
     import pyogrio
 
-    from geoloc.geodesy import utm33_from_geographic
+    from geoloc.earth.geodesy import utm33_from_geographic
 
     edited_decisions(path)
     frame = pyogrio.read_dataframe(path, layer="changes")

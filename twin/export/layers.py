@@ -184,7 +184,7 @@ class ExportLayers:
     estimates : GeoDataFrame of Point
         An annotated object a row. ``sigma_azimuth_deg`` is the direction of the ellipse's major axis,
         clockwise from true north; ``height_m`` is ellipsoidal, ``height_nn2000_m`` null where no geoid
-        model is installed (:mod:`geoloc.heights`); ``flags`` is joined by ";".
+        model is installed (:mod:`geoloc.earth.heights`); ``flags`` is joined by ";".
     nvdb_signs : GeoDataFrame of Point
         An object of NVDB a row. Where ``own_geometry`` is false the point lies on the road's centre line.
     drives : GeoDataFrame of LineString

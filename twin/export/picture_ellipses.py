@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from twin.export.picture_frame import Window, east_north, frame_map
 from twin.export.styles import SIGMAS_95
 from twin.export.verdicts import ESTIMATE_COLOUR, VERDICT

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoloc.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 
 if TYPE_CHECKING:
     import geopandas as gpd

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoloc.geodesy import geographic_from_utm33
+from geoloc.earth.geodesy import geographic_from_utm33
 from twin.export.layers import EPSG_WGS84
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
-from geoloc.rig import Rig, RigCamera
+from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.camera_names import named_in
 from twin.drives.folder import DriveFolder
 from twin.drives.settings import SETTINGS_FILE, DriveSettings, FrameSettings

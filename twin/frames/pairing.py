@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import IntArray
 from twin.drives.drive import Skipped
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
-
-IntArray = NDArray[np.int64]
 
 MOST_APART = 2
 """A recorder that is stopped may lose its last frames, or their stamps: NTNU's car loses up to two."""

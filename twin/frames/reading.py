@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import IntArray
 from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
 from twin.frames.find import Pictures
 from twin.frames.images import UnusableImageError, decoded_image
 from twin.frames.times import video_index
 from twin.frames.video import decoded
-
-IntArray = NDArray[np.int64]
 
 
 class Frame(NamedTuple):

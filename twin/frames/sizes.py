@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from geoloc.rig import Rig
+from geoloc.rig.rig import Rig
 from twin.errors import DriveError
 from twin.frames.find import Pictures
 from twin.frames.images import HEAD_BYTES, UnusableImageError, image_size

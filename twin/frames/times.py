@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import IntArray
 from twin.drives.drive import Skipped
 from twin.drives.settings import SETTINGS_FILE
 from twin.drives.timestamps import NO_STAMP, increasing, names_images, read_image_times, read_timestamps
@@ -17,7 +17,6 @@ from twin.frames.name_times import epoch_from_name, needs_zone
 from twin.frames.pairing import pair
 from twin.frames.video import VideoIndex, index_video
 
-IntArray = NDArray[np.int64]
 _NS = 1_000_000_000
 
 

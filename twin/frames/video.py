@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import IntArray
 from twin.drives.clock import credible
 from twin.drives.timestamps import MAX_FRAME
 from twin.errors import DriveError
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from av.video.frame import VideoFrame
     from av.video.stream import VideoStream
 
-IntArray = NDArray[np.int64]
 Image = NDArray[np.uint8]
 
 VIDEO_SUFFIXES = (".h264", ".264", ".h265", ".hevc", ".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".ts")

@@ -14,11 +14,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from geoloc.arrays import IntArray
 from geoloc.errors import GeolocError
-from geoloc.rig import Rig
-from geoloc.trajectory import trajectory_from_gnss
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.trajectory import trajectory_from_gnss
 from twin.drives.annotated import AnnotationsRead, epochs_of
-from twin.drives.drive import Drive, IntArray, Skipped
+from twin.drives.drive import Drive, Skipped
 from twin.drives.folder import DriveFolder
 from twin.drives.notes import Progress, ReadingNotes
 from twin.drives.read import read_drive

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from geoloc.calibration_files.read import CALIBRATION_KINDS, calibration_kind
-from geoloc.rig import looks_like_rig
+from geoloc.rig.rig import looks_like_rig
 from twin.drives.annotations_csv import looks_like_annotations_csv
 from twin.drives.coco import looks_like_coco
 from twin.drives.cvat import is_cvat

@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.fixes import quality_counts
-from geoloc.poses import GnssFixes, PoseTrack
+from geoloc.arrays import IntArray
+from geoloc.trajectory.fix_checks import quality_counts
+from geoloc.trajectory.poses import GnssFixes, PoseTrack
 from twin.drives.timestamps import NO_STAMP
-
-IntArray = NDArray[np.int64]
 
 _NS_PER_S = 1_000_000_000
 # A step this much longer than the usual one is a hole in the recording, and not one late sample.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from twin.matching.clusters import Cluster, clusters, extra_costs, lonely_pairs, solve
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import TERMS, Pairs, gated_pairs
@@ -16,7 +17,6 @@ from twin.matching.sites import Site
 
 __all__ = ["Assignment", "assign"]
 
-FloatArray = NDArray[np.float64]
 
 _NEVER_MATTERS = 12.0
 """A pair that would make the whole less likely by this many units of log odds is not looked at."""

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from geoloc.arrays import FloatArray, IntArray
 
 _IMPOSSIBLE = 1e6
 """Cost of a forbidden pair: above any sum of log likelihoods, finite so that the solver stays exact."""

@@ -10,12 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray, IntArray
 from twin.matching.config import MatchConfig
 from twin.matching.observed import ObservedPole
 from twin.matching.sites import Site
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 _NS_PER_YEAR = 365.25 * 86_400e9
 

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from geoloc.arrays import FloatArray, IntArray
 from twin.matching.config import MatchConfig
 from twin.matching.observed import ObservedPole
 from twin.matching.readings import family
 from twin.matching.sites import Site
 from twin.matching.texts import text_odds, text_pairs
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TERMS = ("position", "code", "text", "facing", "side", "presence")
 """What a pair is scored by, in the order of `Pairs.terms`."""

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from twin import schema
 from twin.matching.config import MatchConfig
 from twin.store import Row, Snapshot
-
-FloatArray = NDArray[np.float64]
 
 
 def mirror_near(view: Snapshot, places: FloatArray, config: MatchConfig) -> tuple[list[Row], list[Row]]:

@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray, IntArray
 from twin.matching.clusters import cheapest_pairs
 from twin.matching.config import MatchConfig
 from twin.matching.readings import PlateRead, Reader, Reading, code_now, is_disputed, text_now, together
 from twin.matching.texts import split_texts
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 _CHI2_999_2DOF = 13.816
 """99.9 % quantile of chi-square with two degrees of freedom: one true pair in a thousand is torn apart."""

@@ -11,12 +11,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray
 from twin.matching.config import MatchConfig
 from twin.matching.observed import split_codes
 
-FloatArray = NDArray[np.float64]
 Row = Mapping[str, Any]
 Picture = tuple[str, int, str]
 """Camera, frame, and the kind of what was marked: foot or box."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import BoolArray, FloatArray
 from twin.matching.assign import Assignment
 from twin.matching.change import (
     VERDICTS,
@@ -31,9 +32,6 @@ from twin.matching.sites import SKILTPUNKT, Site
 from twin.matching.texts import texts_compared
 
 __all__ = ["VERDICTS", "Change", "judge"]
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 def judge(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.arrays import FloatArray, IntArray
 from nvdb.datakatalog import ANSIKTSSIDE, Datakatalog, katalog_from_document, snapshot
 from nvdb.vegnett import BILVEG, Stedfester, Vegnett, facing_azimuth, true_azimuth
 from nvdb.vegnett.polylinjer import Polylinjer
@@ -18,9 +19,6 @@ from nvdb.vegnett.stedfest import ON_THE_LINE_M
 from twin import schema
 from twin.store import Row, Store
 from twin.vegnett.network import in_chunks, load_vegnett
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _COLUMNS = ("nvdb_id", "ansiktsside", "own_geometry", "east_m", "north_m", "stedfesting")
 _KATALOG_FACT = "datakatalog"
@@ -39,9 +37,9 @@ class _Stedfestet:
 class _Places:
     """The road beside n plates. NaN and empty where it is not known."""
 
-    metering_grid_deg: Floats
-    east: Floats
-    north: Floats
+    metering_grid_deg: FloatArray
+    east: FloatArray
+    north: FloatArray
     side: NDArray[np.object_]
 
 
@@ -136,10 +134,10 @@ class _Roads:
     def _put_stedfestet(
         self,
         places: _Places,
-        placed: Ints,
-        rows: Ints,
+        placed: IntArray,
+        rows: IntArray,
         stedfestet: Sequence[_Stedfestet],
-        at: tuple[Floats, Floats],
+        at: tuple[FloatArray, FloatArray],
     ) -> None:
         """Put the road of NVDB's own stedfesting in the place of the nearest one."""
         import shapely

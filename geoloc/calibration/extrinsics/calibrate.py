@@ -6,18 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.calibration.extrinsics.cleaned import Cleaned, cleaned
-from geoloc.calibration.extrinsics.floor import Floor
+from geoloc.arrays import BoolArray, FloatArray
+from geoloc.calibration.extrinsics.contradiction import refuse_contradictions, started
 from geoloc.calibration.extrinsics.network import Network, State
-from geoloc.calibration.extrinsics.observed import Pose, Sighting, Sigmas, Tag, TagPicture
+from geoloc.calibration.extrinsics.observations import Pose, Sighting, Sigmas, Tag, TagPicture
+from geoloc.calibration.extrinsics.outliers import Cleaned, cleaned
 from geoloc.calibration.extrinsics.solve import covariance_of
-from geoloc.calibration.extrinsics.whole import refuse_contradictions, started
+from geoloc.calibration.extrinsics.tilted_floor import Floor
 from geoloc.cameras.base import CameraModel
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

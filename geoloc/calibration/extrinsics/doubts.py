@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.calibration.extrinsics.bend import bends
+from geoloc.calibration.extrinsics.bent_board import bends
 from geoloc.calibration.extrinsics.calibrate import CameraPose, Extrinsics
-from geoloc.calibration.extrinsics.cleaned import MISTAPED_SIGMAS
-from geoloc.calibration.extrinsics.whole import FAIR_PX
-
-FloatArray = NDArray[np.float64]
+from geoloc.calibration.extrinsics.contradiction import FAIR_PX
+from geoloc.calibration.extrinsics.outliers import MISTAPED_SIGMAS
 
 OPEN_M, OPEN_DEG = 1.0, 2.0
 """Sigmas from which a part of a pose counts as not determined."""

@@ -12,13 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from geoloc.calibration.extrinsics.observed import Pose, Sighting, Sigmas, Tag
-
-FloatArray = NDArray[np.float64]
+from geoloc.arrays import FloatArray
+from geoloc.calibration.extrinsics.observations import Pose, Sighting, Sigmas, Tag
 
 WEAK_M, WEAK_RAD = 100.0, 30.0
 """Sigmas that say nothing: they keep the equations solvable where the tags leave something open."""

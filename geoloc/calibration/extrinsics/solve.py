@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from geoloc.arrays import FloatArray
 from geoloc.calibration.extrinsics.network import Equations, Network, State
-from geoloc.calibration.extrinsics.observed import Sighting, Sigmas, Tag
-
-FloatArray = NDArray[np.float64]
+from geoloc.calibration.extrinsics.observations import Sighting, Sigmas, Tag
 
 _HUBER = 2.5
 _MAX_STEPS = 100

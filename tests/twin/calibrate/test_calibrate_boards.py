@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from geoloc.calibration.views import View
+from geoloc.calibration.intrinsics.views import View
 from geoloc.cameras import CameraModel
 from geoloc.errors import CalibrationError
-from geoloc.simulation.board_views import draw_board_poses
-from geoloc.simulation.render import Plane, render_planes
+from geoloc.simulation.pictures.board_views import draw_board_poses
+from geoloc.simulation.pictures.render import Plane, render_planes
 from twin.calibrate.boards import Board, board_from_text
 from twin.calibrate.detect import Seen, detect
 from twin.calibrate.example import example_camera

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 import pytest
 
-from geoloc.calibration.start import angle_between
+from geoloc.calibration.intrinsics.initial_guess import angle_between
 from geoloc.calibration_files.read import read_cameras
 from geoloc.cameras import FThetaCamera
 from geoloc.errors import CalibrationError
-from geoloc.rig import read_rig
+from geoloc.rig.rig import read_rig
 from twin.calibrate.boards import Board, board_from_text
 from twin.calibrate.example import EXAMPLE_BOARD, EXAMPLE_CAMERA, example_camera, rendered
 from twin.calibrate.intrinsics import Calibrated, calibrate_intrinsics

@@ -14,10 +14,10 @@ import pytest
 from checkout import ROOT
 from scipy.spatial.transform import Rotation
 
-from geoloc.rig import read_rig
+from geoloc.rig.rig import read_rig
 from geoloc.simulation.car import simulated_rig
-from geoloc.simulation.render import Plane, render_planes
-from geoloc.simulation.yard import draw_yard, seen_tags, yard_picture
+from geoloc.simulation.pictures.render import Plane, render_planes
+from geoloc.simulation.pictures.yard import draw_yard, seen_tags, yard_picture
 from twin.calibrate.boards import board_from_text
 from twin.calibrate.camera_files import new_rig_document, rig_text
 from twin.calibrate.example_yard import write_yard

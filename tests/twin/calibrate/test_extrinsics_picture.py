@@ -10,9 +10,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
-from geoloc.calibration.extrinsics.observed import Sigmas
+from geoloc.calibration.extrinsics.observations import Sigmas
 from geoloc.simulation.car import simulated_rig
-from geoloc.simulation.yard import draw_yard, seen_tags
+from geoloc.simulation.pictures.yard import draw_yard, seen_tags
 from twin.calibrate.extrinsics_picture import extrinsics_figure
 from twin.calibrate.layout import Layout
 

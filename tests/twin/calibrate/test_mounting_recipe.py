@@ -19,10 +19,10 @@ from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.calibration_files.opencv_file import opencv_text
 from geoloc.calibration_files.read import read_cameras
 from geoloc.cameras import FisheyeCamera, PinholeCamera
-from geoloc.geodesy import rotation_from_rpy
-from geoloc.rig import FLU_R_RDF, RigCamera, read_rig
-from geoloc.simulate import scenario, simulate_drive
-from geoloc.simulation.yard import draw_yard, yard_picture
+from geoloc.earth.geodesy import rotation_from_rpy
+from geoloc.rig.rig import FLU_R_RDF, RigCamera, read_rig
+from geoloc.simulation.pictures.yard import draw_yard, yard_picture
+from geoloc.simulation.simulate import scenario, simulate_drive
 from twin import schema
 from twin.calibrate.camera_files import new_rig_document, rig_text
 from twin.calibrate.example import example_camera

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from geoloc.simulation.board_views import draw_board_poses
-from geoloc.simulation.render import Plane, render_planes
+from geoloc.simulation.pictures.board_views import draw_board_poses
+from geoloc.simulation.pictures.render import Plane, render_planes
 from twin.calibrate.boards import board_from_text
 from twin.calibrate.detect import detect
 from twin.calibrate.example import example_camera

@@ -12,8 +12,8 @@ import pytest
 import sqlalchemy as sa
 from pyproj import Transformer
 
-from geoloc.calibration.verify import turned
-from geoloc.rig import read_rig
+from geoloc.calibration.verify_mounting import turned
+from geoloc.rig.rig import read_rig
 from twin import schema
 from twin.calibrate.from_drives import DriveTurn
 from twin.calibrate.mounting_files import drive_tables

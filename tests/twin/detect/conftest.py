@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
 Array = NDArray[Any]
 
 

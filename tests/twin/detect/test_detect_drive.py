@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 
-from geoloc.geodesy import utm33_from_geographic
+from geoloc.earth.geodesy import utm33_from_geographic
 from twin import schema
 from twin.cli import run
 from twin.detect.run import DetectorOptions

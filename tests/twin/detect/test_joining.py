@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geoloc.trajectory import Trajectory
+from geoloc.trajectory.trajectory import Trajectory
 from twin.detect.joining import with_joined_tracks
 from twin.detect.run import DetectorOptions
 from twin.drives.drive import Drive

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geoloc.rig import rig_from_document
+from geoloc.rig.rig import rig_from_document
 from twin.drives.annotated import AnnotationsRead, gather
 from twin.drives.cvat import read_cvat
 from twin.drives.label_map import read_label_map

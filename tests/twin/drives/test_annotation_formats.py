@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from checkout import ROOT
 
-from geoloc.rig import Rig, rig_from_document
+from geoloc.rig.rig import Rig, rig_from_document
 from twin.drives.annotated import AnnotationsRead, gather
 from twin.drives.find_annotations import find_annotations, named_annotations
 from twin.drives.folder import DriveFolder

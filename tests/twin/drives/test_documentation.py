@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from checkout import ROOT
 
-from geoloc.rig import rig_from_document
+from geoloc.rig.rig import rig_from_document
 from twin.drives.poses_csv import read_poses
 from twin.drives.settings import read_settings
 from twin.errors import DriveError

@@ -89,7 +89,7 @@ def test_gpx_values_of_extensions_are_not_the_points_own() -> None:
 def test_gpx_height_is_brought_to_the_ellipsoid_where_the_geoid_is_known(monkeypatch: Any) -> None:
     """40 m above the sea at Trondheim are 79.4 m above the ellipsoid; without the model a warning says so."""
     import twin.drives.sea_level as module
-    from geoloc.heights import Heights
+    from geoloc.earth.heights import Heights
 
     plain = read_gpx(at("2026-06-10T08:00:00Z"), "a", "a.gpx")
     raised = Heights(np.array([79.4]), 0.02, "")

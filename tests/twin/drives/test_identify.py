@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from geoloc.trajectory import Trajectory
+from geoloc.trajectory.trajectory import Trajectory
 from twin.demo import sample_folder
 from twin.drives.drive import Drive
 from twin.drives.identify import FOUND, id_warnings, with_objects

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geoloc.poses import GnssFixes
+from geoloc.trajectory.poses import GnssFixes
 from twin.drives.nmea import read_nmea
 
 S = 1_000_000_000

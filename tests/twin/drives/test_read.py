@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geoloc.trajectory import PoseTrack
+from geoloc.trajectory.trajectory import PoseTrack
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.drives.timestamps import NO_STAMP

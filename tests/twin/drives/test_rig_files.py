@@ -14,7 +14,7 @@ from PIL import Image
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.calibration_files.opencv_file import opencv_text
 from geoloc.cameras import FisheyeCamera, FovCamera, FThetaCamera, PinholeCamera
-from geoloc.rig import rig_from_document
+from geoloc.rig.rig import rig_from_document
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.errors import DriveError

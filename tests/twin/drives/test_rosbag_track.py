@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from track_writers import Ros, S, Timed
 
-from geoloc.geodesy import rotation_enu_from_rig
+from geoloc.earth.geodesy import rotation_enu_from_rig
 from twin.drives import rosbag
 from twin.drives.rosbag import looks_like_rosbag, read_rosbag, read_rosbag_poses
 from twin.errors import DriveError

@@ -15,7 +15,7 @@ from sbp.orientation import MsgOrientEuler, MsgOrientQuat
 from sbp.table import dispatch
 from track_writers import S, sbp_clock, sbp_position, sbp_time
 
-from geoloc.geodesy import rotation_enu_from_rig
+from geoloc.earth.geodesy import rotation_enu_from_rig
 from twin.drives.sbp_messages import LAYOUTS, iter_messages, looks_like_sbp
 from twin.drives.sbp_track import read_sbp, read_sbp_poses
 from twin.errors import DriveError

@@ -26,9 +26,9 @@ from track_writers import (
     sbp_time,
 )
 
-from geoloc.geodesy import enu_offset
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
-from geoloc.trajectory import GnssFixes
+from geoloc.earth.geodesy import enu_offset
+from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.trajectory.trajectory import GnssFixes
 from twin import schema
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
@@ -256,7 +256,7 @@ def posed(recorded: Recorded, folder: Path, name: str, arm: tuple[float, float, 
 
 def ins_point(recorded: Recorded) -> list[tuple[int, tuple[float, float, float], tuple[float, float, float]]]:
     """Epoch, place of the INS's point, and roll, pitch, heading of the car (ISO 8855), of the true poses."""
-    from geoloc.geodesy import geographic_from_enu, rotation_enu_from_rig
+    from geoloc.earth.geodesy import geographic_from_enu, rotation_enu_from_rig
 
     poses = recorded.drive.poses
     turn = rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg)

@@ -12,8 +12,8 @@ import numpy as np
 import pynmea2
 import pytest
 
-from geoloc.rig import read_rig
-from geoloc.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.rig.rig import read_rig
+from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.drives.write import write_driveworks_trip, write_generic_folder

@@ -15,8 +15,8 @@ import pytest
 import shapely
 import sqlalchemy as sa
 
-from geoloc.geodesy import geographic_from_utm33
-from geoloc.heights import nn2000_from_ellipsoidal
+from geoloc.earth.geodesy import geographic_from_utm33
+from geoloc.earth.heights import nn2000_from_ellipsoidal
 from twin import schema
 from twin.cli import commands
 from twin.decisions.decide import decide

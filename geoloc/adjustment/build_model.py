@@ -1,0 +1,261 @@
+"""From rays and poses to the scene and the model that are solved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.adjustment.initial_points import first_guesses
+from geoloc.adjustment.model import Ground, MeasuredGround, Model
+from geoloc.adjustment.scene import (
+    Bodies,
+    Rays,
+    Scene,
+    bodies_at,
+    changes_of_slope,
+    instants,
+    nearest_knots,
+    origin_from_anchor,
+    rows_of,
+)
+from geoloc.adjustment.unknowns import PER_NODE, Layout, Nodes, Prior, links_of, nodes_of, prior_of
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.earth.geodesy import enu_offset, geographic_from_enu, grid_convergence_deg, utm33_from_geographic
+from geoloc.earth.terrain import Terrain
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.interpolation import NANOSECONDS
+from geoloc.trajectory.trajectory import Trajectory
+
+# The road under the car says less about the ground beside it than about the road ahead: crossfall ends at
+# the edge, verges and pavements rise or fall.
+_VERGE_SLOPE = 0.01
+# Most of a fix's error outlasts the passage of a sign and moves everything with the car.
+_CHANGING_SHARE = 0.5
+# A heading's error changes slowly, but for the noise of single fixes.
+_TREMBLING_SHARE = 0.25
+_FULL_RATE_MPS, _LEAST_RATE = 3.0, 0.001
+# What an engine and people in the car leave of the body's bounce while it stands.
+_IDLE_SHARE = 0.1
+_MIN_SIGMA_RAD, _MIN_SIGMA_M = np.radians(0.01), 0.002
+_OTHER_GROUND_M = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """Sightings that have a ray and a pose.
+
+    Attributes
+    ----------
+    row : int64 (n,)
+        Rows, of all that was given, that can take part.
+    point : int64 (n,)
+        Point of each.
+    object : int64 (m,)
+    is_foot : bool (m,)
+    epoch_ns, body, rays, sigma_px
+        Of all that was given.
+    """
+
+    row: IntArray
+    point: IntArray
+    object: IntArray
+    is_foot: BoolArray
+    epoch_ns: IntArray
+    body: Bodies
+    rays: Rays
+    sigma_px: FloatArray
+
+
+def scene_of(rig: Rig, camera: NDArray[np.str_], placed: Placed) -> Scene:
+    """Give every point its first guess; points without one, and their sightings, are left out."""
+    row = placed.row
+    names, index = np.unique(camera[row], return_inverse=True)
+    cameras = [rig.camera(str(name)) for name in names]
+    rotations = np.array([c.rig_R_camera for c in cameras]).reshape(-1, 3, 3)
+    positions = np.array([c.rig_t_camera_m for c in cameras]).reshape(-1, 3)
+    body, ray = rows_of(placed.body, row), placed.rays.ray[row]
+    anchor, start = np.empty((0, 2)), np.empty((0, 3))
+    if row.size:
+        in_rig = np.einsum("nij,nj->ni", rotations[index], ray)
+        anchor, start = first_guesses(body, in_rig, positions[index], placed.point, placed.is_foot)
+    found = np.asarray(np.isfinite(start).all(axis=1))
+    # Each point's frame is moved to the point itself: offsets are then small, and the frame level there.
+    latitude, longitude = geographic_from_enu(
+        anchor[found, 0], anchor[found, 1], start[found, 0], start[found, 1]
+    )
+    level = np.column_stack([np.zeros((found.sum(), 2)), start[found, 2]])
+    keep = found[placed.point] if row.size else np.zeros(0, dtype=bool)
+    instant, instant_ns = instants(placed.epoch_ns[row[keep]]) if keep.any() else (row[:0], row[:0])
+    return Scene(
+        row=row[keep],
+        point=(np.cumsum(found) - 1)[placed.point[keep]],
+        camera=index[keep],
+        epoch_ns=placed.epoch_ns[row[keep]],
+        instant=instant,
+        ray=ray[keep],
+        pixel_from_ray=placed.rays.pixel_from_ray[row[keep]],
+        readout=placed.rays.readout[row[keep]],
+        sigma_px=placed.sigma_px[row[keep]],
+        body=rows_of(body, keep),
+        cameras=tuple(str(name) for name in names),
+        rig_R_camera=rotations,
+        rig_t_camera_m=positions,
+        instant_ns=instant_ns,
+        object=placed.object[found],
+        is_foot=placed.is_foot[found],
+        anchor_deg=np.column_stack([latitude, longitude]),
+        start_m=level,
+    )
+
+
+def model_of(
+    scene: Scene,
+    trajectory: Trajectory,
+    budget: ErrorBudget,
+    readout_s: float = 0.0,
+    pole_radius_m: float = 0.0,
+) -> tuple[Model, Prior]:
+    """Lay out the unknowns of a scene, with the road's plane under every foot."""
+    feet = np.flatnonzero(scene.is_foot)
+    beside_ns = _beside(scene, trajectory, feet)
+    beside, _ = bodies_at(trajectory, beside_ns)
+    nodes = nodes_of(np.concatenate([scene.epoch_ns, beside_ns]))
+    sigma = np.concatenate([_slow_sigma(scene.body), _slow_sigma(beside)])
+    n = scene.row.size
+    layout = Layout(len(scene.cameras), len(scene.object), nodes.epoch_ns.size, scene.instant_ns.size)
+    slope = min(np.tan(np.radians(budget.ground_slope_deg)), changes_of_slope(trajectory))
+    ground = Ground(
+        feet,
+        beside,
+        origin := origin_from_anchor(beside, scene.anchor_deg[feet]),
+        _ground_sigma(scene, beside, origin, feet, slope, budget.ground_height_m),
+        nodes.left[n:],
+        nodes.share[n:],
+    )
+    ages_s = _ages_s(nodes, trajectory)
+    model = Model(
+        scene,
+        layout,
+        origin_from_anchor(scene.body, scene.anchor_deg[scene.point]),
+        nodes.left[:n],
+        nodes.share[:n],
+        nodes.epoch_ns,
+        ages_s,
+        readout_s,
+        np.where(scene.is_foot, pole_radius_m, 0.0)[scene.point],
+        np.einsum("nij,nj->ni", scene.body.enu_R_rig[:, :2], scene.rig_t_camera_m[scene.camera]),
+        trajectory.measured_at_m,
+        ground,
+    )
+    links = links_of(scene.object, scene.is_foot, _side_by_side(scene))
+    node_sigma = _at_nodes(nodes, sigma)
+    fast = _fast_sigma(scene, budget)
+    return model, prior_of(layout, budget, ages_s, node_sigma, scene.instant_ns, fast, links)
+
+
+def on_terrain(model: Model, terrain: Terrain, budget: ErrorBudget) -> Model:
+    """Put a measured terrain under the feet that it covers; the others keep the road's plane.
+
+    The raster says how much higher each foot stands than the car stood nearest to it, so that an error of all
+    its heights, or of the geoid, does no harm. Where it lies more than `_OTHER_GROUND_M` from the car (a
+    bridge, a tunnel) it shows another ground, and is not used.
+    """
+    scene, ground = model.scene, model.ground
+    latitude, longitude = scene.anchor_deg[ground.point].T
+    grid = np.stack(utm33_from_geographic(latitude, longitude), axis=1)
+    under_foot = terrain.height_m(grid[:, 0], grid[:, 1])
+    under_car = terrain.height_m(*utm33_from_geographic(ground.body.latitude_deg, ground.body.longitude_deg))
+    above = ground.body.height_m - under_car
+    with np.errstate(invalid="ignore"):
+        known = np.isfinite(under_foot) & (np.abs(above) < _OTHER_GROUND_M)
+    gamma = np.radians(grid_convergence_deg(latitude, longitude))
+    turn = np.stack([np.cos(gamma), -np.sin(gamma), np.sin(gamma), np.cos(gamma)], axis=1).reshape(-1, 2, 2)
+    sigma = np.hypot(budget.ground_height_m, np.sqrt(2.0) * terrain.noise_m)
+    return replace(
+        model,
+        terrain=MeasuredGround(
+            ground.point[known],
+            terrain,
+            grid[known],
+            turn[known],
+            above[known],
+            np.full(int(known.sum()), sigma),
+        ),
+        ground=Ground(
+            ground.point[~known],
+            rows_of(ground.body, ~known),
+            ground.origin_m[~known],
+            ground.sigma_m[~known],
+            ground.left[~known],
+            ground.share[~known],
+        ),
+    )
+
+
+def _beside(scene: Scene, trajectory: Trajectory, feet: IntArray) -> IntArray:
+    """Epoch at which the car stood nearest to each foot."""
+    if not feet.size:
+        return np.empty(0, dtype=np.int64)
+    first = np.full(len(scene.object), np.iinfo(np.int64).max)
+    last = np.full(len(scene.object), np.iinfo(np.int64).min)
+    np.minimum.at(first, scene.point, scene.epoch_ns)
+    np.maximum.at(last, scene.point, scene.epoch_ns)
+    return nearest_knots(trajectory, scene.anchor_deg[feet], first[feet], last[feet])
+
+
+def _ground_sigma(
+    scene: Scene, beside: Bodies, origin_m: FloatArray, feet: IntArray, slope: float, height_m: float
+) -> FloatArray:
+    """How well the road's plane tells the height of each foot: kerb at once, slopes with the distance."""
+    to_foot = scene.start_m[feet] - origin_m
+    in_rig = np.einsum("nji,nj->ni", beside.enu_R_rig, to_foot)
+    ahead = slope * in_rig[:, 0]
+    aside = _VERGE_SLOPE * in_rig[:, 1]
+    return np.asarray(np.sqrt(height_m**2 + ahead**2 + aside**2))
+
+
+def _side_by_side(scene: Scene) -> FloatArray:
+    """Starts of all points in one frame an object, so that foot and face of it can be compared."""
+    first = {int(o): i for i, o in reversed(list(enumerate(scene.object)))}
+    home = np.array([first[int(o)] for o in scene.object])
+    east, north = enu_offset(*scene.anchor_deg[home].T, *scene.anchor_deg.T)
+    return np.stack([east, north], axis=1)
+
+
+def _at_nodes(nodes: Nodes, sigma: FloatArray) -> FloatArray:
+    """Sigma of each node: the largest of what lies beside it."""
+    at_nodes = np.zeros((nodes.epoch_ns.size, PER_NODE))
+    for node in (nodes.left, nodes.left + 1):
+        np.maximum.at(at_nodes, node, sigma)
+    return at_nodes
+
+
+def _ages_s(nodes: Nodes, trajectory: Trajectory) -> FloatArray:
+    """Time of each node on a clock that runs fully at `_FULL_RATE_MPS` and almost stops with the car."""
+    knots = trajectory.knots
+    known = knots.valid
+    middle = nodes.epoch_ns[:-1] + np.diff(nodes.epoch_ns) // 2
+    speed = np.interp(middle, knots.epoch_ns[known], knots.speed_mps[known])
+    rate = np.clip(speed / _FULL_RATE_MPS, _LEAST_RATE, 1.0)
+    return np.concatenate([[0.0], np.cumsum(rate * np.diff(nodes.epoch_ns) / NANOSECONDS)])
+
+
+def _fast_sigma(scene: Scene, budget: ErrorBudget) -> FloatArray:
+    """Sigmas (k, 3) of what changes from one instant to the next: bounce, and the heading's trembling."""
+    heading, speed = np.zeros(scene.instant_ns.size), np.zeros(scene.instant_ns.size)
+    np.maximum.at(heading, scene.instant, scene.body.sigma_rad[:, 2])
+    np.maximum.at(speed, scene.instant, np.hypot(*scene.body.velocity_mps[:, :2].T))
+    liveliness = np.clip(speed / _FULL_RATE_MPS, _IDLE_SHARE, 1.0)
+    jitter = np.radians([budget.roll_jitter_deg, budget.pitch_jitter_deg])
+    trembling = np.maximum(_TREMBLING_SHARE * heading, _MIN_SIGMA_RAD)
+    return np.column_stack([liveliness[:, None] * jitter, trembling])
+
+
+def _slow_sigma(body: Bodies) -> FloatArray:
+    """Sigmas (n, 6) of the corrections at a node: attitude, and that part of the place that changes."""
+    across = _CHANGING_SHARE * np.maximum(body.sigma_horizontal_m, _MIN_SIGMA_M)
+    up = _CHANGING_SHARE * np.maximum(body.sigma_vertical_m, _MIN_SIGMA_M)
+    return np.column_stack([np.maximum(body.sigma_rad, _MIN_SIGMA_RAD), across, across, up])

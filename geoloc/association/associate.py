@@ -1,0 +1,295 @@
+"""Sightings → objects where no track ids were given, and a check of ids that were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.adjustment.adjust import adjust
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.association.bearings import AssociationRules, bearings_from_sightings
+from geoloc.association.faces_and_strays import faces_on_feet, strays
+from geoloc.association.id_contradictions import IdFinding, contradictions
+from geoloc.association.merging import refine
+from geoloc.association.tracking import numbered, track
+from geoloc.locate.records import Sightings
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.poses import Poses
+from geoloc.trajectory.trajectory import Trajectory
+
+__all__ = [
+    "AssociatedObject",
+    "Association",
+    "AssociationRules",
+    "IdFinding",
+    "associate",
+    "associate_drive",
+    "check_ids",
+    "poses_by_objects",
+]
+
+
+_DEFAULT_RULES = AssociationRules()
+# By which share of the poses' own sigma directions are widened in the passes before the last: narrow gates on
+# a poor track let sightings go to the neighbour, and what is wrongly put together spoils the correction.
+_WIDENED = (2.0 / 3.0, 2.0 / 9.0)
+
+
+class AssociatedObject(NamedTuple):
+    """One object that was found.
+
+    Attributes
+    ----------
+    number : int
+    n_sightings : int
+    label : str
+        The commonest that is not empty; of equals the first in alphabetical order.
+    flags : tuple of str
+        ``merged``: tracks that were followed apart were found to be one; ``split``: some of its sightings
+        were first followed with another object; ``one sighting``.
+    """
+
+    number: int
+    n_sightings: int
+    label: str
+    flags: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Association:
+    """Which object each sighting belongs to.
+
+    Attributes
+    ----------
+    object : int64 (n,)
+        0, 1, … in order of first sighting; -1 for none.
+    objects : tuple of AssociatedObject
+        By number.
+    reason : str (n,)
+        Why a sighting belongs to none; "" where it belongs to one.
+    """
+
+    object: IntArray
+    objects: tuple[AssociatedObject, ...]
+    reason: NDArray[np.str_]
+
+
+def associate(
+    rig: Rig,
+    sightings: Sightings,
+    poses: Poses,
+    kind: NDArray[np.str_],
+    label: NDArray[np.str_],
+    epoch_ns: IntArray,
+    rules: AssociationRules = _DEFAULT_RULES,
+) -> Association:
+    """Find out which sightings, of all cameras, show the same object.
+
+    Every object is a point in inverse-depth form that is followed through the pictures: in each, sightings
+    are assigned one-to-one by likelihood, and "a new object" competes. A foot starts with the depth that the
+    ground tells, a face with hardly any; parallax does the rest. Then, with the whole drive known, tracks
+    that are one object are merged, sightings go to the object that they fit best, and faces join the foot
+    that they stand over.
+
+    Parameters
+    ----------
+    rig : Rig
+    sightings : Sightings (n,)
+    poses : Poses (n,)
+        The rig's pose at the epoch of each sighting.
+    kind : str (n,)
+        ``foot`` (where the pole meets the ground), or ``box`` or ``face`` (`pixel_px` is the middle of the
+        sign's face).
+    label : str (n,)
+        Label or sign codes ("362.50;808.1"). One object has one label, but an empty one fits any; a face may
+        stand over a foot that has its codes among others.
+    epoch_ns : int64 (n,)
+        Of exposure, the same for all sightings of one picture.
+    rules : AssociationRules
+
+    Returns
+    -------
+    Association
+        The same for any order of the sightings.
+
+    Raises
+    ------
+    CalibrationError
+        If the rig lacks one of the cameras, or cannot compute with it.
+
+    Notes
+    -----
+    Inverse depth: Civera, Davison and Montiel (2008), doi:10.1109/TRO.2008.2003276. Assignment with a
+    competing "no match": Bar-Shalom, Willett and Tian (2011), *Tracking and Data Fusion*, 2-D assignment.
+    """
+    names, numbers = np.unique(np.concatenate([[""], label]), return_inverse=True)
+    seen, reason = bearings_from_sightings(
+        rig, sightings, poses, kind, numbers[1:].astype(np.int64), epoch_ns, rules
+    )
+    found = np.full(label.size, -1, dtype=np.int64)
+    if not seen.row.size:
+        return Association(found, (), reason)
+    group, merged, split = refine(seen, track(seen, rules), rules)
+    slips = strays(seen, group, rules)
+    group[list(slips)] = -1
+    group = numbered(faces_on_feet(seen, numbered(group), _on_pole(names), rules))
+    found[seen.row] = group
+    reason = reason.copy()
+    for row, (other, off_deg) in slips.items():
+        reason[seen.row[row]] = f"{off_deg:.1f}° off object {group[other]}, which its picture lacks"
+    return Association(found, _objects(group, label[seen.row], merged, split), reason)
+
+
+def associate_drive(
+    rig: Rig,
+    sightings: Sightings,
+    trajectory: Trajectory,
+    kind: NDArray[np.str_],
+    label: NDArray[np.str_],
+    epoch_ns: IntArray,
+    rules: AssociationRules = _DEFAULT_RULES,
+) -> Association:
+    """Find out which sightings of a drive show the same object, whatever its fixes are worth.
+
+    `associate` takes poses as they are. On a track of ordinary fixes, metres and degrees off and otherwise
+    every second, the rays to one pole miss one another, and it is found twice. But all poles of a moment
+    share these errors: an adjustment of the objects found first tells them, and on the track so corrected the
+    sightings are associated anew, twice. Directions are first widened by what the poses' sigmas say.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    rig, sightings, kind, label, epoch_ns, rules
+        As in `associate`.
+
+    Returns
+    -------
+    Association
+
+    Raises
+    ------
+    CalibrationError
+        If the rig lacks one of the cameras, or cannot compute with it.
+    """
+    poses = trajectory.poses_at(epoch_ns)
+    if not _shaky(poses, rules):
+        return associate(rig, sightings, poses, kind, label, epoch_ns, rules)
+    sigma_deg = float(np.nanmedian(_angle_deg(poses)))
+    for share in _WIDENED:
+        wide = replace(rules, angle_deg=float(np.hypot(rules.angle_deg, share * sigma_deg)))
+        found = associate(rig, sightings, poses, kind, label, epoch_ns, wide)
+        poses = poses_by_objects(rig, sightings, trajectory, kind, found.object, epoch_ns, rules)
+    return associate(rig, sightings, poses, kind, label, epoch_ns, rules)
+
+
+def poses_by_objects(
+    rig: Rig,
+    sightings: Sightings,
+    trajectory: Trajectory,
+    kind: NDArray[np.str_],
+    object_index: IntArray,
+    epoch_ns: IntArray,
+    rules: AssociationRules = _DEFAULT_RULES,
+) -> Poses:
+    """Give the poses at a drive's sightings, good enough to compare their rays.
+
+    Parameters
+    ----------
+    object_index : int64 (n,)
+        Which object a sighting is held for; negative: none.
+    rig, sightings, trajectory, kind, epoch_ns, rules
+        As in `associate_drive`.
+
+    Returns
+    -------
+    Poses (n,)
+        Those of the trajectory where it is known as well as `rules` take for granted, else corrected by an
+        adjustment of the objects.
+    """
+    poses = trajectory.poses_at(epoch_ns)
+    if not _shaky(poses, rules):
+        return poses
+    return adjust(rig, sightings, kind, object_index, epoch_ns, trajectory).poses
+
+
+def _shaky(poses: Poses, rules: AssociationRules) -> bool:
+    """Whether some pose is worse than the rules take for granted."""
+    return bool(np.any((_angle_deg(poses) > rules.angle_deg) | (poses.sigma_horizontal_m > rules.place_m)))
+
+
+def _angle_deg(poses: Poses) -> FloatArray:
+    """One sigma of the direction ahead."""
+    return np.asarray(np.fmax(poses.sigma_heading_deg, poses.sigma_pitch_deg))
+
+
+def check_ids(
+    rig: Rig,
+    sightings: Sightings,
+    poses: Poses,
+    kind: NDArray[np.str_],
+    label: NDArray[np.str_],
+    epoch_ns: IntArray,
+    ids: NDArray[np.str_],
+    rules: AssociationRules = _DEFAULT_RULES,
+) -> tuple[IdFinding, ...]:
+    """Find ids that hold two signs, and several ids that are one sign.
+
+    The sightings are associated without the ids. Where both disagree, one point is fitted to all sightings
+    in question, and a point to each side: only what one point explains clearly worse is two signs, and only
+    what one point explains as well is one.
+
+    Parameters
+    ----------
+    ids : str (n,)
+        Object or track id of each sighting; "" for none.
+    rig, sightings, poses, kind, label, epoch_ns, rules
+        As in `associate`.
+
+    Returns
+    -------
+    tuple of IdFinding
+        Splits first, each sorted by id. An id that marks several things in one picture (two plates of a pole)
+        is taken as meant.
+
+    Raises
+    ------
+    CalibrationError
+        If the rig lacks one of the cameras, or cannot compute with it.
+    """
+    association = associate(rig, sightings, poses, kind, label, epoch_ns, rules)
+    _, numbers = np.unique(label, return_inverse=True)
+    seen, _ = bearings_from_sightings(rig, sightings, poses, kind, numbers.astype(np.int64), epoch_ns, rules)
+    return contradictions(seen, association.object[seen.row], ids[seen.row], rules)
+
+
+def _on_pole(names: NDArray[np.str_]) -> BoolArray:
+    """Whether a face of one label (row) may hang on a pole of another (column): its codes are among them.
+
+    Words ("pole", "sign face") are no codes and say nothing about it.
+    """
+    codes = [{part for part in name.split(";") if part[:1].isdigit()} for name in names.tolist()]
+    return np.array([[face <= pole or not pole for pole in codes] for face in codes])
+
+
+def _objects(
+    group: IntArray, label: NDArray[np.str_], merged: BoolArray, split: BoolArray
+) -> tuple[AssociatedObject, ...]:
+    """Sum the sightings of each object up."""
+    order = np.argsort(group, kind="stable")
+    bounds = np.searchsorted(group[order], np.arange(int(group.max(initial=-1)) + 2))
+    objects = []
+    for number, (start, stop) in enumerate(pairwise(bounds)):
+        rows = order[start:stop]
+        flags = [flag for flag, where in (("merged", merged), ("split", split)) if where[rows].any()]
+        flags += ["one sighting"] if rows.size == 1 else []
+        objects.append(AssociatedObject(number, rows.size, _commonest(label[rows]), tuple(flags)))
+    return tuple(objects)
+
+
+def _commonest(label: NDArray[np.str_]) -> str:
+    named, count = np.unique(label[label != ""], return_counts=True)
+    return str(named[np.argmax(count)]) if named.size else ""

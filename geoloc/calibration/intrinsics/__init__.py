@@ -1,0 +1,1 @@
+"""Intrinsics with covariance from corners of printed boards, and compared camera models."""

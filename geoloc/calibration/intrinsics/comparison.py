@@ -1,0 +1,165 @@
+"""Camera models compared by views that they were not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.calibration.intrinsics.bundle import Bundle, State, adjust_poses, minimise
+from geoloc.calibration.intrinsics.fit import Fit, angular_residuals, fit, label
+from geoloc.calibration.intrinsics.initial_guess import Poses
+from geoloc.calibration.intrinsics.lens import Lens, RadialCurve
+from geoloc.calibration.intrinsics.views import Corners
+from geoloc.errors import CalibrationError
+
+_FOLDS = 5
+_EQUAL_SIGMAS = 2.0
+_EQUAL_PART = 0.01
+"""Models whose held-out error differs by less are equal in practice, however sure the difference is."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One model in the comparison.
+
+    Attributes
+    ----------
+    label : str
+    model : str
+    n_parameters : int
+    fit : Fit or None
+        From all views; None if it failed.
+    held_out_deg : float
+        RMS angle between the rays of corners and where the board says they are, in views that were left out
+        of the fit. Infinite if a corner has no ray.
+    square_by_view : float64 (v,)
+        Mean square of those angles view by view, deg².
+    reason : str
+        Why it failed; empty if it did not.
+    """
+
+    label: str
+    model: str
+    n_parameters: int
+    fit: Fit | None
+    held_out_deg: float
+    square_by_view: FloatArray
+    reason: str = ""
+
+
+def compare(
+    lenses: Sequence[Lens],
+    corners: Corners,
+    curve: RadialCurve,
+    poses: Poses,
+    *,
+    free_shape: Sequence[str] = (),
+    progress: Progress = lambda _text: None,
+) -> tuple[Candidate, ...]:
+    """Fit every lens, and judge each by views that it has not seen.
+
+    The corners that count are the same for all: those that the best-fitting model does not reject.
+
+    Raises
+    ------
+    CalibrationError
+        If none fits.
+    """
+    fits: dict[str, Fit | str] = {}
+    for lens in lenses:
+        progress(f"fitting {label(lens)}")
+        try:
+            made = fit(lens, corners, curve, poses, free_shape=free_shape)
+        except CalibrationError as error:
+            fits[label(lens)] = str(error)
+            continue
+        fits[label(lens)] = made
+    good = [made for made in fits.values() if isinstance(made, Fit)]
+    if not good:
+        reasons = "; ".join(str(reason) for reason in fits.values())
+        raise CalibrationError(f"No camera model fits these views: {reasons}. Is the board's size right?")
+    inlier = min(good, key=lambda made: made.adjusted.sigma_px).adjusted.inlier
+    candidates = []
+    for lens in lenses:
+        progress(f"leaving views out: {label(lens)}")
+        candidates.append(_judged(lens, fits[label(lens)], inlier))
+    return tuple(candidates)
+
+
+def best(candidates: Sequence[Candidate]) -> Candidate:
+    """Take the candidate with the smallest held-out error; a simpler one if that is as good.
+
+    As good: by less than two standard errors of the difference view by view, or by less than one per cent.
+
+    Raises
+    ------
+    CalibrationError
+        If no candidate has a held-out error.
+    """
+    known = [c for c in candidates if c.fit is not None and np.isfinite(c.held_out_deg)]
+    if not known:
+        raise CalibrationError("No camera model fits views that were left out: show the board in more views.")
+    first = min(known, key=lambda c: c.held_out_deg)
+    equal = [c for c in known if _as_good(c, first)]
+    return min(equal, key=lambda c: (c.n_parameters, c.held_out_deg))
+
+
+def _as_good(candidate: Candidate, first: Candidate) -> bool:
+    if candidate.held_out_deg <= (1.0 + _EQUAL_PART) * first.held_out_deg:
+        return True
+    worse = candidate.square_by_view - first.square_by_view
+    return bool(worse.mean() <= _EQUAL_SIGMAS * worse.std(ddof=1) / np.sqrt(len(worse)))
+
+
+def _judged(lens: Lens, made: Fit | str, inlier: BoolArray) -> Candidate:
+    n_parameters = len(lens.parameters)
+    if isinstance(made, str):
+        return Candidate(label(lens), lens.name, n_parameters, None, np.inf, np.array([]), made)
+    square, reason = held_out(made, inlier), ""
+    rms = float(np.degrees(np.sqrt(square.mean())))
+    if not np.isfinite(rms):
+        rms, reason = np.inf, "corners of views that were left out have no ray"
+    return Candidate(label(lens), lens.name, n_parameters, made, rms, np.degrees(1.0) ** 2 * square, reason)
+
+
+def held_out(made: Fit, inlier: BoolArray) -> FloatArray:
+    """Mean squares (v,) of the angles, rad², view by view: each by a camera fitted to other views.
+
+    In a view that was left out, the board's pose alone is adjusted. Infinite where a corner has no ray, or
+    the other views alone fit no camera.
+    """
+    corners, adjusted, poses = made.bundle.corners, made.adjusted, made.adjusted.state.poses
+    weight = inlier.astype(np.float64)
+    views = np.arange(corners.n_views)
+    square = np.full(corners.n_views, np.inf)
+    for fold in range(min(_FOLDS, corners.n_views)):
+        # Neighbours in a film look alike: every fold takes views from all over it.
+        out = views[fold :: min(_FOLDS, corners.n_views)]
+        kept = np.setdiff1d(views, out)
+        start = State(adjusted.state.lens, adjusted.state.shape, _some(poses, kept))
+        others = replace(made.bundle, corners=corners.of(kept))
+        state, converged = minimise(others, start, weight[np.isin(corners.view, kept)])
+        if not converged:
+            continue
+        bundle = replace(made.bundle, corners=corners.of(out))
+        start = State(state.lens, state.shape, _some(poses, out))
+        square[out] = _squares(made.lens, bundle, start, weight[np.isin(corners.view, out)])
+    return square
+
+
+def _squares(lens: Lens, bundle: Bundle, start: State, weight: FloatArray) -> FloatArray:
+    """Mean squares of the angles view by view, the poses adjusted."""
+    state = adjust_poses(bundle, start, weight)
+    angle = angular_residuals(lens.camera(state.lens), bundle, state)
+    square = np.where(weight > 0.0, np.where(np.isfinite(angle), angle**2, np.inf), 0.0)
+    first = bundle.corners.first
+    return np.asarray(np.add.reduceat(square, first) / np.add.reduceat(weight, first))
+
+
+def _some(poses: Poses, views: IntArray) -> Poses:
+    return Poses(poses.rotation[views], poses.position_m[views])

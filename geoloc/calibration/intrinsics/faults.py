@@ -1,0 +1,223 @@
+"""What is wrong with a set of views, named: what, how much, and what helps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+from geoloc.calibration.intrinsics.consistency import (
+    TwoCameras,
+    alikeness,
+    square_m,
+    two_cameras,
+    unlike_noise,
+)
+from geoloc.calibration.intrinsics.coverage import Coverage
+from geoloc.calibration.intrinsics.fit import Fit
+from geoloc.errors import CalibrationError
+
+ENOUGH_VIEWS = 10
+"""With fewer, the comparison of models and the uncertainties rest on little."""
+_SURE = 5.0
+"""Sigmas beyond which a board's shape is a finding."""
+_SMALLEST_PART = 1e-3
+"""Shape errors below this part of the board's half size are left alone: what a flat print has anyway."""
+_ENOUGH_COVERED = 0.6
+_WEAK_DEG = 0.05
+_DISTANCE_PART, _DISTANCE_M = 0.02, 0.01
+_NO_CAMERA_PX = 0.5
+_NAMES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One finding: its name for programs and a sentence for people."""
+
+    kind: str
+    sentence: str
+
+
+def some(names: Sequence[str]) -> str:
+    """The first five names, and how many more there are."""
+    more = f" and {len(names) - _NAMES} more" if len(names) > _NAMES else ""
+    return ", ".join(names[:_NAMES]) + more
+
+
+def _two_cameras(found: TwoCameras, names: Sequence[str]) -> CalibrationError:
+    x, y = found.shift_px
+    return CalibrationError(
+        f"The views do not fit one camera: {some([names[n] for n in found.other])} "
+        f"({len(found.other)} of {len(names)}) look like another camera, another zoom or focus, or turned "
+        f"pictures (focal length {found.zoom:.3f} times that of the others, principal point moved by "
+        f"{x:.1f}, {y:.1f} px): calibrate them apart."
+    )
+
+
+def misfit_faults(made: Fit, names: Sequence[str]) -> list[Fault]:
+    """Residuals that are no noise: the model does not fit; `names` are those of the views.
+
+    Raises
+    ------
+    CalibrationError
+        If the views are two cameras', or the residuals larger than half a pixel.
+    """
+    if not unlike_noise(made):
+        return []
+    found = two_cameras(made)
+    if found is not None:
+        raise _two_cameras(found, names)
+    sigma, alike = made.adjusted.sigma_px, alikeness(made)
+    if sigma > _NO_CAMERA_PX:
+        raise CalibrationError(
+            f"The views do not fit one camera: the best model, {made.label}, leaves {sigma:.2f} px a corner, "
+            f"and neighbouring corners are off alike (correlation {alike:.2f}). See that all pictures are of "
+            "one camera with fixed zoom and focus, not scaled or cropped, and of one flat board."
+        )
+    return [
+        Fault(
+            "misfit",
+            f"The model {made.label} does not fit: it leaves {sigma:.3f} px a corner, and neighbouring "
+            f"corners are off alike (correlation {alike:.2f}; noise has 0). The error bars are too small; "
+            "try --model auto, a fixed focus and a flatter board.",
+        )
+    ]
+
+
+def shape_findings(trial: Fit) -> tuple[str, ...]:
+    """Which parts of the board's shape, of those left free, a fit is sure of: ``stretch``, ``bend``."""
+    found = []
+    if "stretch" in trial.bundle.free_shape and _sure(*trial.shape["stretch"]):
+        found.append("stretch")
+    if "bend_xx" in trial.bundle.free_shape and _sure(*_bend(trial)):
+        found.append("bend")
+    return tuple(found)
+
+
+def _sure(value: float, sigma: float) -> bool:
+    return abs(value) > max(_SURE * sigma, _SMALLEST_PART)
+
+
+def shape_faults(made: Fit) -> list[Fault]:
+    """Sentences about the shape that was adjusted with the camera."""
+    faults, half_m, found = [], made.bundle.corners.half_size_m, shape_findings(made)
+    if "bend" in found:
+        bend, sigma = _bend(made)
+        size = _plus_minus(1e3 * half_m * abs(bend), 1e3 * half_m * sigma)
+        faults.append(
+            Fault(
+                "bent_board",
+                f"The board is bent: its edges stand {size} mm {'behind' if bend > 0.0 else 'before'} its "
+                "middle. The bend was estimated with the camera; better glue the print to a stiff, flat "
+                "plate.",
+            )
+        )
+    if "stretch" in found:
+        stretch, sigma = made.shape["stretch"]
+        faults.append(
+            Fault(
+                "stretched_board",
+                "The board is stretched, its squares are not square: "
+                f"{_plus_minus(100 * abs(stretch), 100 * sigma)} % "
+                f"{'higher' if stretch > 0.0 else 'lower'} than wide. The ratio was estimated with the "
+                "camera; measure the print, and print it at 100 % in both directions.",
+            )
+        )
+    return faults
+
+
+def _plus_minus(value: float, sigma: float) -> str:
+    """Write both with the digits that show the sigma's first."""
+    digits = max(1, -math.floor(math.log10(max(sigma, 1e-4))))
+    return f"{value:.{digits}f} ± {sigma:.{digits}f}"
+
+
+def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Fault]:
+    """Few views, poor coverage, rays that stay uncertain; `sigma_deg` is that of rays in covered cells."""
+    faults, n_views = [], made.bundle.corners.n_views
+    if n_views < ENOUGH_VIEWS:
+        faults.append(
+            Fault(
+                "few_views",
+                f"Only {n_views} views were used: take {ENOUGH_VIEWS} or more, better 30, near and tilted, "
+                "all over the image.",
+            )
+        )
+    missing = coverage.missing()
+    if coverage.fraction < _ENOUGH_COVERED:
+        where = f" (hardly any {', '.join(missing)})" if missing else ""
+        faults.append(
+            Fault(
+                "poor_coverage",
+                f"Boards cover {coverage.fraction:.0%} of the image{where}: nothing is vouched for "
+                "elsewhere; show the board there.",
+            )
+        )
+    worst = float(np.nanmax(sigma_deg, initial=0.0))
+    if worst > _WEAK_DEG:
+        faults.append(
+            Fault(
+                "weak_geometry",
+                f"Rays are uncertain by up to {worst:.2f}° (one sigma) even where boards were seen: show the "
+                "board nearer, so that it fills a third of the image or more, and tilted by 30 to 50 degrees "
+                "in all directions.",
+            )
+        )
+    return faults
+
+
+def domain_fault(made: Fit) -> list[Fault]:
+    """Pixels of the image for which the model has no ray, because its function stops rising."""
+    camera = made.camera
+    u, v = np.meshgrid(np.arange(0.0, camera.width_px, 16.0), np.arange(0.0, camera.height_px, 16.0))
+    part = float((~camera.camera_ray_from_pixel(np.stack([u, v], axis=-1))[1]).mean())
+    if part == 0.0:
+        return []
+    return [
+        Fault(
+            "no_rays",
+            f"The model {made.label} has no rays in {100 * part:.1f} % of the image, outside of all boards: "
+            "it does not rise there; show the board nearer to the corners.",
+        )
+    ]
+
+
+def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, float]) -> list[Fault]:
+    """Compare measured distances (camera to the middle of the board) with those of the views' poses.
+
+    A wrong square size scales all distances and leaves the camera's parameters as they are: only a distance
+    that was measured tells.
+    """
+    middle = np.append(made.bundle.corners.middle_m, 0.0)
+    poses = made.adjusted.state.poses
+    distance = np.linalg.norm(poses.position_m + poses.rotation @ middle, axis=-1)
+    found = [
+        (distance[names.index(name)], metres, name) for name, metres in measured_m.items() if name in names
+    ]
+    wrong = [f for f in found if abs(f[0] - f[1]) > _DISTANCE_PART * f[1] + _DISTANCE_M]
+    if not wrong:
+        return []
+    seen, metres, name = wrong[0]
+    square = square_m(made.bundle.corners)
+    return [
+        Fault(
+            "wrong_square_size",
+            f"View {name} was taken from {metres:.3f} m, but squares of {square:.4f} m put the board at "
+            f"{seen:.3f} m: they are rather {square * metres / seen:.4f} m; measure the print.",
+        )
+    ]
+
+
+def _bend(made: Fit) -> tuple[float, float]:
+    """Largest curvature of the board and its sigma: depth of the edges in half sizes."""
+    names = ("bend_xx", "bend_xy", "bend_yy")
+    xx, xy, yy = (made.shape[name][0] for name in names)
+    values, axes = np.linalg.eigh(np.array([[xx, 0.5 * xy], [0.5 * xy, yy]]))
+    x, y = axes[:, int(np.abs(values).argmax())]
+    slope = np.array([x * x, x * y, y * y])
+    first = len(made.lens.parameters) + made.bundle.free_shape.index("bend_xx")
+    covariance = made.adjusted.covariance[first : first + 3, first : first + 3]
+    return float(values[np.abs(values).argmax()]), float(np.sqrt(slope @ covariance @ slope))

@@ -1,0 +1,1 @@
+"""The earth: geodesy and UTM33, datums, heights, and what stands in for the ground."""

@@ -1,0 +1,1 @@
+"""Rendered pictures of boards and of a yard with AprilTags, for calibration tests and benchmarks."""

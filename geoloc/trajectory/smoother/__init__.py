@@ -1,0 +1,1 @@
+"""The smoother behind a trajectory from GNSS: plane, tilt, and what receivers say of their motion."""

@@ -1,0 +1,154 @@
+"""Least squares for a chain of states, each tied to the next, that share a few constants.
+
+The normal matrix is block tridiagonal with a border for the constants. It is factored as one band, so that an
+hour of epochs costs a second, and the diagonal blocks of its inverse, which are the covariances, follow from
+the factor by the recursion of a Rauch–Tung–Striebel smoother.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+
+MEDIAN_1D, MEDIAN_2D = 0.674, 1.177
+"""Median of the size of a unit normal, and of the distance of two."""
+_GATE = 3.0
+
+
+def robust_weight(off: FloatArray, median: float, power: int) -> tuple[FloatArray, float]:
+    """Weigh residuals by their size, and tell by what factor they scatter more than they should.
+
+    Parameters
+    ----------
+    off : float64 (n,)
+        Sizes of residuals in sigmas.
+    median : float
+        Of `off`, were the sigmas right: `MEDIAN_1D` or `MEDIAN_2D`.
+    power : int
+        1 for Huber's weights, 2 for their square.
+
+    Returns
+    -------
+    weight : float64 (n,)
+        1 up to three sigma of what they really scatter.
+    scale : float
+        1 or more.
+    """
+    scale = max(1.0, float(np.median(off)) / median)
+    gate = _GATE * scale
+    return np.minimum(1.0, gate / np.maximum(off, gate)) ** power, scale
+
+
+class Links:
+    """What ties each state to the next: ``by_here @ here - by_next @ next`` is 0 but for noise.
+
+    Parameters
+    ----------
+    by_here, by_next : float64 (n - 1, q, size)
+    information : float64 (n - 1, q, q)
+        Inverse of the noise's covariance.
+    """
+
+    def __init__(self, by_here: FloatArray, by_next: FloatArray, information: FloatArray) -> None:
+        self.by_here, self.by_next = by_here, by_next
+        self.by_here_weighted, self.by_next_weighted = information @ by_here, information @ by_next
+        self.here = by_here.swapaxes(1, 2) @ self.by_here_weighted
+        self.there = by_next.swapaxes(1, 2) @ self.by_next_weighted
+        self.across = -by_here.swapaxes(1, 2) @ self.by_next_weighted
+
+
+class Chain:
+    """Normal equations of `knots` states of `size` unknowns and of `constants` shared unknowns."""
+
+    def __init__(self, knots: int, size: int, constants: int) -> None:
+        self._diagonal = np.zeros((knots, size, size))
+        self._next = np.zeros((max(knots - 1, 0), size, size))
+        self._border = np.zeros((knots, size, constants))
+        self._corner = np.zeros((constants, constants))
+        self._right = np.zeros((knots, size))
+        self._right_constants = np.zeros(constants)
+        self._factor = np.zeros((0, 0))
+
+    def observe(
+        self, jacobian: FloatArray, residual: FloatArray, weight: FloatArray, by_constants: FloatArray | None
+    ) -> None:
+        """Add observations at the knots: ``residual = observed - expected``.
+
+        Parameters
+        ----------
+        jacobian : float64 (n, q, size)
+            Of the expected value, by the state.
+        residual, weight : float64 (n, q)
+            `weight` is one over the variance; 0 leaves an observation out.
+        by_constants : float64 (n, q, constants), optional
+        """
+        weighted = jacobian.swapaxes(1, 2) * weight[:, None, :]
+        self._diagonal += weighted @ jacobian
+        self._right += (weighted @ residual[:, :, None])[:, :, 0]
+        if by_constants is not None:
+            self._border += weighted @ by_constants
+            self._corner += np.einsum("nqi,nq,nqj->ij", by_constants, weight, by_constants)
+            self._right_constants += np.einsum("nqi,nq,nq->i", by_constants, weight, residual)
+
+    def tie(self, links: Links, state: FloatArray) -> None:
+        """Add the links between neighbours, at a state ``(n, size)``."""
+        residual = np.einsum("nij,nj->ni", links.by_here, state[:-1])
+        residual -= np.einsum("nij,nj->ni", links.by_next, state[1:])
+        self._diagonal[:-1] += links.here
+        self._diagonal[1:] += links.there
+        self._next += links.across
+        self._right[:-1] -= np.einsum("nij,ni->nj", links.by_here_weighted, residual)
+        self._right[1:] += np.einsum("nij,ni->nj", links.by_next_weighted, residual)
+
+    def expect_constants(self, residual: FloatArray, sigma: FloatArray) -> None:
+        """Add what is known beforehand of the constants."""
+        self._corner += np.diag(sigma**-2.0)
+        self._right_constants += residual / sigma**2
+
+    def solve(self) -> tuple[FloatArray, FloatArray]:
+        """Return the corrections of the states ``(n, size)`` and of the constants."""
+        from scipy.linalg import cho_solve_banded, cholesky_banded
+
+        n, size, constants = self._border.shape
+        self._factor = cholesky_banded(self._band(), lower=True, overwrite_ab=True)
+        flat = np.concatenate([self._right[:, :, None], self._border], axis=2).reshape(n * size, -1)
+        solved = cho_solve_banded((self._factor, True), flat).reshape(n, size, -1)
+        plain, self._by_constants = solved[:, :, 0], solved[:, :, 1:]
+        self._schur = self._corner - np.einsum("nic,nid->cd", self._border, self._by_constants)
+        rest = self._right_constants - np.einsum("nic,ni->c", self._border, plain)
+        step = np.linalg.solve(self._schur, rest) if constants else rest
+        return plain - self._by_constants @ step, step
+
+    def covariances(self) -> tuple[FloatArray, FloatArray]:
+        """Return the covariances of the states ``(n, size, size)`` and of the constants, after `solve`."""
+        n = len(self._border)
+        here, below = self._blocks()
+        inverse = np.linalg.inv(here)
+        result = inverse.swapaxes(1, 2) @ inverse
+        gain = below @ inverse[:-1]
+        gain_t = np.ascontiguousarray(gain.swapaxes(1, 2))
+        for k in range(n - 2, -1, -1):
+            result[k] += gain_t[k] @ result[k + 1] @ gain[k]
+        shared = np.linalg.inv(self._schur)
+        return result + self._by_constants @ shared @ self._by_constants.swapaxes(1, 2), shared
+
+    def _band(self) -> FloatArray:
+        """The normal matrix as lower bands: row i - j, column j (Fortran order, as LAPACK wants it)."""
+        n, size, _ = self._diagonal.shape
+        below = np.zeros((n, size, size))
+        below[:-1] = self._next.swapaxes(1, 2)
+        column = np.concatenate([self._diagonal, below], axis=1).transpose(0, 2, 1)
+        band = np.zeros((n, size, 2 * size))
+        for j in range(size):
+            band[:, j, : 2 * size - j] = column[:, j, j:]
+        return band.reshape(n * size, 2 * size).T
+
+    def _blocks(self) -> tuple[FloatArray, FloatArray]:
+        """The factor's blocks on the diagonal and below it."""
+        n, size, _ = self._diagonal.shape
+        band = self._factor.T.reshape(n, size, 2 * size)
+        column = np.zeros((n, size, 2 * size))
+        for j in range(size):
+            column[:, j, j:] = band[:, j, : 2 * size - j]
+        return column[:, :, :size].swapaxes(1, 2), column[:-1, :, size:].swapaxes(1, 2)

@@ -1,0 +1,351 @@
+"""The rig's track in the plane, by one least-squares fit to all fixes of a drive.
+
+State at each knot: position, velocity, acceleration, yaw (counter-clockwise from east), yaw rate, and what
+multipath adds to each antenna (and to each heading of a receiver). Shared by the drive: how far the antennas
+sit from where their lever arms say, relative to each other, how a receiver's heading is turned against the
+car, and how much the rear axle slips in bends. Tied together by:
+
+- each fix, at its own epoch, with its lever arm;
+- headings and velocities that receivers have of themselves (`geoloc.trajectory.smoother.receiver_motion`);
+- a jerk and a yaw acceleration that are noise of the size that driving has;
+- the rear axle, which does not move sideways but for that slip;
+- the path's curvature: a car that stands does not turn.
+
+Gauss–Newton with iterated weights (Huber's first, then the square of them, so that a fix metres away has no
+say) on the banded normal equations of `geoloc.trajectory.smoother.chain`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+from geoloc.trajectory.smoother.chain import MEDIAN_2D, Chain, Links, robust_weight
+from geoloc.trajectory.smoother.knot_fixes import KnotFixes
+from geoloc.trajectory.smoother.receiver_motion import MOUNTED_RAD, Headings, Velocities
+from geoloc.trajectory.smoother.state import (
+    ACCELERATION,
+    OWN,
+    POSITION,
+    VELOCITY,
+    YAW,
+    YAW_RATE,
+    forward_axis,
+    turned,
+)
+
+# Spectral density of the jerk, (m/s³)²·s: ordinary driving, braking and entering bends included.
+_JERK = 0.5**2
+# What a point on the ground below the axle does besides, m²/s: wheels on a rough road.
+_JOLT = 0.002**2
+# Lateral jerk of a driver who steers, m/s³: over the speed it is a yaw acceleration, but for a wheel that
+# turns only so fast; and where the speed changes in a bend, so does the yaw rate.
+_STEERING_MPS3 = 0.4
+_STEERING_BELOW_MPS = 2.0
+_STOPPING_RADPS2 = 0.05
+_YAW_WANDER = np.radians(0.02) ** 2
+# A standing car does not turn, a moving one along a radius of 10 m (one sigma) or more.
+_TURN_STANDING_RADPS = np.radians(0.05)
+_CURVATURE_PER_M = 0.1
+# What a rear axle does sideways besides its slip: every 0.2 s.
+_SIDEWAYS_MPS = 0.01
+_SIDEWAYS_RAD = np.radians(0.1)
+_SIDEWAYS_EVERY_S = 0.2
+SLIP_RAD_PER_MPS2 = (np.radians(0.25), np.radians(0.15))
+"""Slip angle of the rear axle a lateral acceleration, and its sigma: 2 to 3° per g for passenger cars."""
+AXLE_KNOWN_M = (0.0, 1e-3)
+"""How far ahead of the rear axle the rig's origin is, and its sigma: there, by definition."""
+MULTIPATH_S = 10.0
+"""Correlation time of what each antenna has of its own."""
+# Before anything is known, at the first knot of a stretch.
+_START_SIGMA = np.array([100.0, 100.0, 50.0, 50.0, 5.0, 5.0, 2.0, 1.0])
+_GATE = 3.0
+_TURN_LIMIT_RAD = 0.7
+
+_JERK_SHAPE = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+_TURN_SHAPE = np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlaneTrack:
+    """The state of the rig's origin at each knot; with one antenna and no lever arm, of that antenna.
+
+    Attributes
+    ----------
+    state, covariance : float64 (n, d), (n, d, d)
+        East, north (m), their rates (m/s, m/s²), yaw (rad, counter-clockwise from east), yaw rate (rad/s),
+        then what lasts of the receivers' errors (`geoloc.trajectory.smoother.state`).
+    constants, constants_covariance : float64 (c,), (c, c)
+        Differences of the antennas' places, x then y (`antenna_modes`), how each heading of a receiver is
+        turned against the car (rad), the slip (rad per m/s²), and how far the rig's origin is ahead of the
+        rear axle (m).
+    weight : float64 (n, m)
+        1 for a fix that fits, towards 0 for one that does not, and 0 for none.
+    """
+
+    state: FloatArray
+    covariance: FloatArray
+    constants: FloatArray
+    constants_covariance: FloatArray
+    weight: FloatArray
+
+    @property
+    def position_m(self) -> FloatArray:
+        """East and north ``(n, 2)``."""
+        return self.state[:, POSITION]
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """East and north ``(n, 2)``."""
+        return self.state[:, VELOCITY]
+
+    @property
+    def yaw_rad(self) -> FloatArray:
+        """Counter-clockwise from east ``(n,)``, not wrapped."""
+        return self.state[:, YAW]
+
+    @property
+    def yaw_sigma_rad(self) -> FloatArray:
+        """One sigma ``(n,)``."""
+        return np.sqrt(self.covariance[:, YAW, YAW])
+
+    @property
+    def position_sigma_m(self) -> FloatArray:
+        """One sigma a horizontal axis ``(n,)``, without what all antennas have in common."""
+        return np.sqrt(0.5 * (self.covariance[:, 0, 0] + self.covariance[:, 1, 1]))
+
+    @property
+    def velocity_sigma_mps(self) -> FloatArray:
+        """One sigma a horizontal axis ``(n,)``."""
+        return np.sqrt(0.5 * (self.covariance[:, 2, 2] + self.covariance[:, 3, 3]))
+
+    @property
+    def forward_mps(self) -> FloatArray:
+        """Speed along the heading ``(n,)``: negative where the car reverses."""
+        return np.asarray(np.einsum("nk,nk->n", self.velocity_mps, forward_axis(self.yaw_rad)))
+
+
+def antenna_modes(antennas: int) -> FloatArray:
+    """Orthonormal ways ``(antennas - 1, antennas)`` for antennas to sit wrong without moving their mean.
+
+    An error that they share moves the car and is not observable; it is in no covariance here.
+    """
+    from scipy.linalg import helmert
+
+    return np.asarray(helmert(antennas)) if antennas > 1 else np.zeros((0, 1))
+
+
+def smoothed_plane(
+    fixes: KnotFixes,
+    levers_m: FloatArray,
+    lever_sigma_m: float,
+    start: PlaneTrack,
+    *,
+    drift_mps: FloatArray | None = None,
+    axle_m: tuple[float, float] = AXLE_KNOWN_M,
+    iterations: int = 8,
+) -> PlaneTrack:
+    """Fit the track.
+
+    Parameters
+    ----------
+    fixes : KnotFixes
+    levers_m : float64 (n, m, 2)
+        Where each antenna sits ahead of and left of the rig's origin, level: a tilted car leans.
+    lever_sigma_m : float
+        One sigma of an antenna's place, an axis.
+    start : PlaneTrack
+        State, constants and weights to start from.
+    drift_mps : float64 (n,), optional
+        One sigma of a velocity that the antennas show of themselves, an axis: a rear axle that rolls no
+        faster says nothing of the heading. Without it the antennas are points that have no heading.
+    axle_m : (float, float)
+        How far ahead of the rear axle the origin is, and one sigma of that, where lever arms are unknown.
+    """
+    fit = _Fit(fixes, levers_m, lever_sigma_m, drift_mps, axle_m, start)
+    state, constants, weight = start.state.copy(), start.constants.copy(), start.weight
+    for i in range(iterations):
+        chain = fit.equations(state, constants, weight)
+        step, step_constants = chain.solve()
+        step[:, YAW:YAW_RATE] = np.clip(step[:, YAW:YAW_RATE], -_TURN_LIMIT_RAD, _TURN_LIMIT_RAD)
+        state, constants = state + step, constants + step_constants
+        previous, weight = weight, fit.weights(state, constants, power=1 if i < iterations // 2 else 2)
+        settled = np.abs(step[:, :OWN]).max() < 1e-4 and np.abs(weight - previous).max() < 0.02
+        if settled and i >= iterations // 2:
+            break
+    covariance, shared = chain.covariances()
+    return PlaneTrack(state, covariance, constants, shared, weight)
+
+
+class _Fit:
+    """The equations of one drive, linearised about any state."""
+
+    def __init__(
+        self,
+        fixes: KnotFixes,
+        levers_m: FloatArray,
+        lever_sigma_m: float,
+        drift_mps: FloatArray | None,
+        axle_m: tuple[float, float],
+        start: PlaneTrack,
+    ) -> None:
+        self.fixes, self.levers_m, self.drift_mps = fixes, levers_m, drift_mps
+        self.modes = antenna_modes(levers_m.shape[1])
+        self.velocities = Velocities(fixes)
+        self.headings = None if drift_mps is None else Headings(fixes, 2 * len(self.modes))
+        told = 0 if self.headings is None else len(self.headings.antennas)
+        self.size = 6 if drift_mps is None else OWN + 2 * levers_m.shape[1] + told
+        self.prior = np.append(np.zeros(2 * len(self.modes) + told), [SLIP_RAD_PER_MPS2[0], axle_m[0]])
+        sigma = [max(lever_sigma_m, 1e-6)] * (2 * len(self.modes)) + [MOUNTED_RAD] * told
+        self.prior_sigma = np.append(sigma, [SLIP_RAD_PER_MPS2[1], axle_m[1]])
+        self.scale = np.ones(levers_m.shape[1])
+        self.links = self._links(start.state)
+        if self.headings is not None:  # a point's velocity is not known to begin with
+            self.headings.weigh(start.state, start.constants, power=1)
+            self.velocities.weigh(start.state, self._sits(start.constants), power=1)
+
+    def equations(self, state: FloatArray, constants: FloatArray, weight: FloatArray) -> Chain:
+        """Normal equations at a state."""
+        chain = Chain(len(state), self.size, constants.size)
+        chain.expect_constants(self.prior - constants, self.prior_sigma)
+        self._start(chain, state)
+        chain.tie(self.links, state)
+        for antenna in range(self.levers_m.shape[1]):
+            jacobian, by_constants, residual = self._fix(antenna, state, constants)
+            variance = (self.fixes.white_m[:, antenna] * self.scale[antenna]) ** 2
+            information = weight[:, antenna] / np.where(self.fixes.seen[:, antenna], variance, 1.0)
+            chain.observe(jacobian, residual, np.repeat(information[:, None], 2, axis=1), by_constants)
+        self.velocities.observe(chain, state, self._sits(constants))
+        if self.headings is not None:
+            self.headings.observe(chain, state, constants)
+        if self.drift_mps is not None:
+            self._axle(chain, state, constants, self.drift_mps)
+        return chain
+
+    def weights(self, state: FloatArray, constants: FloatArray, power: int) -> FloatArray:
+        """Weight of each fix by its residual; also widens the noise of an antenna that scatters more.
+
+        Headings and velocities are weighed along with them, and keep their own weights.
+        """
+        self.velocities.weigh(state, self._sits(constants), power)
+        if self.headings is not None:
+            self.headings.weigh(state, constants, power)
+        weight = np.zeros(self.fixes.seen.shape)
+        for antenna, seen in enumerate(self.fixes.seen.T):
+            residual = self._fix(antenna, state, constants)[2][seen]
+            off = np.hypot(residual[:, 0], residual[:, 1]) / self.fixes.white_m[seen, antenna]
+            weight[seen, antenna], self.scale[antenna] = robust_weight(off, MEDIAN_2D, power)
+        return weight
+
+    def _fix(
+        self, antenna: int, state: FloatArray, constants: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Jacobian, that of the constants, and residual (n, 2) of one antenna."""
+        late = self.fixes.late_s[:, antenna, None]
+        expected = state[:, POSITION] + late * state[:, VELOCITY] + 0.5 * late**2 * state[:, ACCELERATION]
+        jacobian = np.zeros((len(state), 2, self.size))
+        for axis in range(2):
+            jacobian[:, axis, axis] = 1.0
+            jacobian[:, axis, 2 + axis] = late[:, 0]
+            jacobian[:, axis, 4 + axis] = 0.5 * late[:, 0] ** 2
+        by_constants = np.zeros((len(state), 2, constants.size))
+        if self.drift_mps is not None:
+            mode, c = self.modes[:, antenna], len(self.modes)
+            sits = self._sits(constants)[:, antenna]
+            ahead = forward_axis(state[:, YAW] + late[:, 0] * state[:, YAW_RATE])
+            arm = sits[:, :1] * ahead + sits[:, 1:] * turned(ahead)
+            jacobian[:, :, YAW] = turned(arm)
+            jacobian[:, :, YAW_RATE] = late * turned(arm)
+            own = OWN + 2 * antenna
+            slow = self.fixes.slow_m[:, antenna] * self.scale[antenna]
+            jacobian[:, 0, own] = jacobian[:, 1, own + 1] = slow
+            expected = expected + arm + slow[:, None] * state[:, own : own + 2]
+            by_constants[:, :, :c] = ahead[:, :, None] * mode
+            by_constants[:, :, c : 2 * c] = turned(ahead)[:, :, None] * mode
+        residual = np.where(self.fixes.seen[:, antenna, None], self.fixes.plane_m[:, antenna] - expected, 0.0)
+        return jacobian, by_constants, residual
+
+    def _sits(self, constants: FloatArray) -> FloatArray:
+        """Where the antennas are found to sit ahead of and left of the origin ``(n, m, 2)``."""
+        c = len(self.modes)
+        return self.levers_m + (self.modes.T @ constants[: 2 * c].reshape(2, c).T)
+
+    def _start(self, chain: Chain, state: FloatArray) -> None:
+        """What is known at the first knot of each stretch: next to nothing; yaw and multipath go on."""
+        sigma = np.append(_START_SIGMA, np.ones(self.size))[: self.size]
+        residual = -state
+        residual[:, POSITION] += self.fixes.path_m
+        residual[:, YAW:YAW_RATE] = 0.0
+        weight = np.where(self.fixes.first[:, None], sigma**-2.0, 0.0)
+        weight[1:, YAW:YAW_RATE] *= 1e-2
+        weight[1:, OWN:] = 0.0
+        unit = np.broadcast_to(np.eye(self.size), (len(state), self.size, self.size))
+        chain.observe(unit, residual, weight, None)
+
+    def _links(self, start: FloatArray) -> Links:
+        """How each state follows from the one before; yaw turns more easily at the speed of `start`."""
+        h, tied, size = self.fixes.step_s, self.fixes.tied, self.size
+        forward = np.zeros((h.size, size, size))
+        forward[:] = np.eye(size)
+        for axis in range(2):
+            forward[:, axis, 2 + axis] = forward[:, 2 + axis, 4 + axis] = h
+            forward[:, axis, 4 + axis] = 0.5 * h**2
+        information = np.zeros((h.size, size, size))
+        jerk = _process(h, np.full_like(h, _JERK), _JERK_SHAPE)
+        jerk[:, 0, 0] += _JOLT * h
+        driven = np.where(tied[:, None, None], np.linalg.inv(jerk), 0.0)
+        information[:, 0:6:2, 0:6:2] = information[:, 1:6:2, 1:6:2] = driven
+        if self.drift_mps is not None:
+            speed = np.hypot(*start[:, VELOCITY].T)
+            mean = 0.5 * (speed[1:] + speed[:-1])
+            steering = _STEERING_MPS3 * mean / np.maximum(mean, _STEERING_BELOW_MPS) ** 2
+            steering = np.maximum(steering, _STOPPING_RADPS2)
+            turn = _process(h, steering**2, _TURN_SHAPE)
+            turn[:, 0, 0] += _YAW_WANDER * h
+            forward[:, YAW, YAW_RATE] = np.where(tied, h, 0.0)
+            information[:, 6:8, 6:8] = np.where(tied[:, None, None], np.linalg.inv(turn), 0.0)
+            information[:, YAW, YAW] += np.where(tied, 0.0, self._held())
+            fading, own = np.exp(-h / MULTIPATH_S), np.arange(OWN, size)
+            forward[:, own, own] = fading[:, None]
+            information[:, own, own] = (1.0 / np.maximum(1.0 - fading**2, 1e-9))[:, None]
+        return Links(forward, np.broadcast_to(np.eye(size), forward.shape), information)
+
+    def _held(self) -> FloatArray:
+        """Information that the yaw carries over a gap: little where the car has moved."""
+        moved = np.linalg.norm(np.diff(self.fixes.path_m, axis=0), axis=1)
+        variance = (np.radians(0.05) * self.fixes.step_s) ** 2 + (np.radians(2.0) * moved) ** 2
+        return np.where(variance < np.radians(15.0) ** 2, 1.0 / np.maximum(variance, 1e-9), 0.0)
+
+    def _axle(self, chain: Chain, state: FloatArray, constants: FloatArray, drift_mps: FloatArray) -> None:
+        """The rear axle does not move sideways but slips in bends; a car that stands does not turn."""
+        ahead = forward_axis(state[:, YAW])
+        velocity, rate = state[:, VELOCITY], state[:, YAW_RATE]
+        slip, axle = constants[-2:]
+        forward, left = (np.einsum("nk,nk->n", velocity, axis) for axis in (ahead, turned(ahead)))
+        square = forward * np.abs(forward)
+        jacobian = np.zeros((len(state), 2, self.size))
+        jacobian[:, 0, VELOCITY] = turned(ahead) + (2.0 * slip * np.abs(forward) * rate)[:, None] * ahead
+        jacobian[:, 0, YAW] = 2.0 * slip * np.abs(forward) * rate * left - forward
+        jacobian[:, 0, YAW_RATE] = slip * square - axle
+        jacobian[:, 1, YAW_RATE] = 1.0
+        by_constants = np.zeros((len(state), 2, constants.size))
+        by_constants[:, 0, -2], by_constants[:, 0, -1] = square * rate, -rate
+        residual = -np.stack([left + (slip * square - axle) * rate, rate], axis=1)
+        share = self.fixes.share_s
+        speed = np.abs(forward)
+        sideways = _SIDEWAYS_MPS**2 + (_SIDEWAYS_RAD * speed) ** 2
+        turning = (_TURN_STANDING_RADPS + _CURVATURE_PER_M * speed) ** 2
+        # Noise in the place of a velocity has a direction too: it must not be taken for the heading.
+        real = np.maximum(0.0, 1.0 - (_GATE * drift_mps / np.maximum(speed, 1e-9)) ** 2)
+        weight = np.stack([real * share / _SIDEWAYS_EVERY_S / sideways, share / turning], axis=1)
+        chain.observe(jacobian, residual, weight, by_constants)
+
+
+def _process(step_s: FloatArray, density: FloatArray | float, shape: FloatArray) -> FloatArray:
+    """Covariance of integrated white noise over each step."""
+    order = len(shape)
+    power = step_s[:, None] ** np.arange(order - 1, -1, -1)
+    scale = np.broadcast_to(np.asarray(density) * step_s, step_s.shape)[:, None, None]
+    return np.asarray(scale * power[:, :, None] * power[:, None, :] * shape)

@@ -1,0 +1,184 @@
+"""Height, climb and crossfall of the road below the rig, by one least-squares fit to all heights of a drive.
+
+State at each knot: height of the rig's origin, rise a metre ahead, rise a metre to the left beyond what roads
+have, and what multipath adds to each antenna's height. Climb and crossfall change with the way driven, so
+that a car that stands keeps them. Vertical velocities of receivers tell the climb too. With the track in the
+plane known, all of it is linear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+from geoloc.trajectory.smoother.chain import MEDIAN_1D, Chain, Links, robust_weight
+from geoloc.trajectory.smoother.knot_fixes import KnotFixes
+from geoloc.trajectory.smoother.plane import MULTIPATH_S, antenna_modes
+from geoloc.trajectory.smoother.receiver_motion import VELOCITY_EVERY_S
+
+# Roads climb by about 4 %, and their climb is another after a few hundred metres.
+_CLIMB = np.tan(np.radians(2.5))
+_CLIMB_LASTS_M = 1000.0
+# A road falls to both sides of its crown, by 3 % where it is straight (Statens vegvesen, håndbok N100), so
+# that a car on the right leans to the right. Bends that fall inwards, by up to 8 % and either way, yards and
+# the car's springs make that 2 ± 3 %.
+_CROSSFALL, _LEAN = 0.02, 0.03
+_LEAN_LASTS_M = 300.0
+# Height over the road, m²/s: heave and roughness.
+_HEAVE = 0.003**2
+_RESTLESS = 1e-8
+# What heave adds to a vertical velocity.
+_RISE_FLOOR_MPS = 0.05
+_ITERATIONS = 6
+_OWN = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TiltTrack:
+    """Attributes are float64 (n,), angles in degrees, ISO 8855; sigmas are one sigma."""
+
+    height_m: FloatArray
+    height_sigma_m: FloatArray
+    pitch_deg: FloatArray
+    pitch_sigma_deg: FloatArray
+    roll_deg: FloatArray
+    roll_sigma_deg: FloatArray
+
+
+def smoothed_tilt(
+    fixes: KnotFixes, levers_m: FloatArray, lever_sigma_m: float, forward_mps: FloatArray
+) -> TiltTrack:
+    """Fit heights, climb and crossfall.
+
+    Parameters
+    ----------
+    fixes : KnotFixes
+    levers_m : float64 (m, 3)
+    lever_sigma_m : float
+        One sigma of an antenna's height over the car, against the other antennas.
+    forward_mps : float64 (n,)
+        Speed along the heading, negative where the car reverses.
+    """
+    fit = _Fit(fixes, levers_m, forward_mps)
+    state = np.zeros((len(forward_mps), _OWN + len(levers_m)))
+    state[:, 0] = np.where(fixes.seen, fixes.height_m - levers_m[:, 2], 0.0).sum(axis=1) / np.maximum(
+        fixes.seen.sum(axis=1), 1
+    )
+    constants = np.zeros(len(levers_m) - 1)
+    weight = fixes.seen.astype(np.float64)
+    for i in range(_ITERATIONS):
+        chain = fit.equations(state, constants, weight, lever_sigma_m)
+        step, step_constants = chain.solve()
+        state, constants = state + step, constants + step_constants
+        previous, weight = weight, fit.weights(state, constants, power=1 if i < _ITERATIONS // 2 else 2)
+        if np.abs(weight - previous).max() < 0.02:
+            break
+    covariance, _ = chain.covariances()
+    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    return TiltTrack(
+        height_m=state[:, 0],
+        height_sigma_m=sigma[:, 0],
+        pitch_deg=-np.degrees(np.arctan(state[:, 1])),
+        pitch_sigma_deg=np.degrees(sigma[:, 1]),
+        roll_deg=np.degrees(np.arctan(_CROSSFALL + state[:, 2])),
+        roll_sigma_deg=np.degrees(sigma[:, 2]),
+    )
+
+
+class _Fit:
+    def __init__(self, fixes: KnotFixes, levers_m: FloatArray, forward_mps: FloatArray) -> None:
+        self.fixes, self.levers_m, self.forward_mps = fixes, levers_m, forward_mps
+        self.modes = antenna_modes(len(levers_m))
+        self.size = _OWN + len(levers_m)
+        self.white_m, self.slow_m = fixes.up_over_plane * fixes.white_m, fixes.up_over_plane * fixes.slow_m
+        self.rising = np.isfinite(fixes.velocity_mps[:, :, 2])
+        self.scale = np.ones(len(levers_m))
+        self.links = self._links()
+
+    def equations(
+        self, state: FloatArray, constants: FloatArray, weight: FloatArray, lever_sigma_m: float
+    ) -> Chain:
+        chain = Chain(len(state), self.size, constants.size)
+        chain.expect_constants(-constants, np.full(constants.size, max(lever_sigma_m, 1e-6)))
+        self._start(chain, state)
+        chain.tie(self.links, state)
+        for antenna in range(len(self.levers_m)):
+            jacobian, by_constants, residual = self._fix(antenna, state, constants)
+            variance = (self.white_m[:, antenna] * self.scale[antenna]) ** 2
+            information = weight[:, antenna] / np.where(self.fixes.seen[:, antenna], variance, 1.0)
+            chain.observe(jacobian, residual, information[:, None], by_constants)
+            if self.rising[:, antenna].any():
+                self._rise(chain, state, antenna)
+        return chain
+
+    def _rise(self, chain: Chain, state: FloatArray, antenna: int) -> None:
+        """What a receiver's vertical velocity says of the climb."""
+        rising = self.rising[:, antenna]
+        jacobian = np.zeros((len(state), 1, self.size))
+        jacobian[:, 0, 1] = self.forward_mps
+        residual = (
+            np.where(rising, self.fixes.velocity_mps[:, antenna, 2], 0.0) - self.forward_mps * state[:, 1]
+        )
+        sigma = np.maximum(self.fixes.velocity_sigma_mps[rising, antenna, 1], _RISE_FLOOR_MPS)
+        weight, scale = robust_weight(np.abs(residual[rising]) / sigma, MEDIAN_1D, power=2)
+        information = np.zeros(len(state))
+        count = np.minimum(1.0, self.fixes.share_s[rising] / VELOCITY_EVERY_S)
+        information[rising] = weight * count / (sigma * scale) ** 2
+        chain.observe(jacobian, residual[:, None], information[:, None], None)
+
+    def weights(self, state: FloatArray, constants: FloatArray, power: int) -> FloatArray:
+        weight = np.zeros(self.fixes.seen.shape)
+        for antenna, seen in enumerate(self.fixes.seen.T):
+            residual = np.abs(self._fix(antenna, state, constants)[2][seen, 0])
+            off = residual / self.white_m[seen, antenna]
+            weight[seen, antenna], self.scale[antenna] = robust_weight(off, MEDIAN_1D, power)
+        return weight
+
+    def _fix(
+        self, antenna: int, state: FloatArray, constants: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        x, y, z = self.levers_m[antenna]
+        slow = self.slow_m[:, antenna] * self.scale[antenna]
+        jacobian = np.zeros((len(state), 1, self.size))
+        jacobian[:, 0, 0] = 1.0
+        jacobian[:, 0, 1] = x + self.fixes.late_s[:, antenna] * self.forward_mps
+        jacobian[:, 0, 2] = y
+        jacobian[:, 0, _OWN + antenna] = slow
+        upright = z / np.sqrt(1.0 + state[:, 1] ** 2 + (_CROSSFALL + state[:, 2]) ** 2)
+        expected = (jacobian @ state[:, :, None])[:, 0, 0] + y * _CROSSFALL + upright
+        expected += self.modes[:, antenna] @ constants
+        residual = np.where(self.fixes.seen[:, antenna], self.fixes.height_m[:, antenna] - expected, 0.0)
+        by_constants = np.broadcast_to(self.modes[:, antenna], (len(state), 1, constants.size))
+        return jacobian, by_constants, residual[:, None]
+
+    def _start(self, chain: Chain, state: FloatArray) -> None:
+        sigma = np.append([100.0, _CLIMB, _LEAN], np.ones(self.size - _OWN))
+        weight = np.where(self.fixes.first[:, None], sigma**-2.0, 0.0)
+        weight[1:, 1:] = 0.0
+        residual = -state
+        residual[:, 0] = 0.0
+        chain.observe(
+            np.broadcast_to(np.eye(self.size), (len(state), self.size, self.size)), residual, weight, None
+        )
+
+    def _links(self) -> Links:
+        h, size = self.fixes.step_s, self.size
+        tied = self.fixes.tied
+        along = h * 0.5 * (self.forward_mps[1:] + self.forward_mps[:-1])
+        way = np.where(tied, np.abs(along), np.linalg.norm(np.diff(self.fixes.path_m, axis=0), axis=1))
+        here, there = np.zeros((h.size, size, size)), np.zeros((h.size, size, size))
+        here[:], there[:] = np.eye(size), np.eye(size)
+        here[:, 0, 1], there[:, 0, 1] = 0.5 * along, -0.5 * along
+        information = np.zeros((h.size, size, size))
+        information[:, 0, 0] = np.where(tied, 1.0 / (_HEAVE * h), 0.0)
+        for row, sigma, lasts in ((1, _CLIMB, _CLIMB_LASTS_M), (2, _LEAN, _LEAN_LASTS_M)):
+            fading = np.exp(-way / lasts)
+            here[:, row, row] = fading
+            information[:, row, row] = 1.0 / (sigma**2 * (1.0 - fading**2) + _RESTLESS * h)
+        fading = np.exp(-h / MULTIPATH_S)
+        own = np.arange(_OWN, size)
+        here[:, own, own] = fading[:, None]
+        information[:, own, own] = (1.0 / np.maximum(1.0 - fading**2, 1e-9))[:, None]
+        return Links(here, there, information)

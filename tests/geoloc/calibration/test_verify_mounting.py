@@ -1,0 +1,112 @@
+"""Cameras against objects at known positions."""
+
+import numpy as np
+import pytest
+
+from geoloc.calibration.verify_mounting import KnownSightings, camera_turns, mounting_part, rig_turned, turned
+from geoloc.simulation.car import simulated_rig
+
+RIG = simulated_rig()
+WIDE = "C3_tricam120"
+
+
+def sightings(turn_deg: tuple[float, float, float], seed: int = 0, sigma_px: float = 0.5) -> KnownSightings:
+    """Nine poles seen by a wide camera that is turned away from the rig file."""
+    rng = np.random.default_rng(seed)
+    place = np.column_stack([rng.uniform(7.0, 25.0, 9), rng.uniform(-6.0, 6.0, 9), np.zeros(9)])
+    points = np.repeat(place, 20, axis=0)
+    camera = turned(RIG.cameras[WIDE], *turn_deg)
+    pixel, seen = camera.model.pixel_from_camera_point((points - camera.rig_t_camera_m) @ camera.rig_R_camera)
+    assert seen.all()
+    return KnownSightings(
+        camera=np.full(len(points), WIDE),
+        pixel_px=pixel + rng.normal(scale=sigma_px, size=pixel.shape),
+        rig_point_m=points,
+        object=np.repeat(np.arange(9), 20),
+    )
+
+
+def test_turn_of_a_camera_is_found_about_each_axis() -> None:
+    """Pitch, yaw and roll come back with their signs, to a hundredth of a degree."""
+    found = camera_turns(RIG, sightings((0.30, -0.20, 0.15)))[WIDE]
+    assert (found.pitch_deg, found.yaw_deg, found.roll_deg) == pytest.approx((0.30, -0.20, 0.15), abs=0.02)
+    assert found.after_px < 1.0 < found.before_px
+
+
+def test_positive_pitch_looks_further_up() -> None:
+    """A camera turned by positive pitch sees a point lower in its picture: rows grow downwards."""
+    point = np.array([[10.0, 0.0, 1.0]])
+
+    def row(pitch: float) -> float:
+        camera = turned(RIG.cameras[WIDE], pitch, 0.0, 0.0)
+        return float(
+            camera.model.pixel_from_camera_point((point - camera.rig_t_camera_m) @ camera.rig_R_camera)[0][
+                0, 1
+            ]
+        )
+
+    assert row(1.0) > row(0.0)
+
+
+def test_corrected_rig_leaves_nothing_to_find() -> None:
+    """With the rig turned as advised the same sightings ask for no further turn."""
+    known = sightings((0.4, 0.4, -0.2))
+    again = camera_turns(rig_turned(RIG, camera_turns(RIG, known)), known)[WIDE]
+    # The prior of the roll pulls once more, by its own small part.
+    assert max(abs(again.pitch_deg), abs(again.yaw_deg), abs(again.roll_deg)) < 2e-3
+
+
+def test_slips_of_the_annotator_do_not_turn_the_camera() -> None:
+    """A fifth of the pixels 60 px off leaves the turn within a few hundredths of a degree."""
+    known = sightings((0.2, 0.1, 0.0))
+    wrong = known.pixel_px.copy()
+    wrong[::5, 1] += 60.0
+    found = camera_turns(RIG, KnownSightings(known.camera, wrong, known.rig_point_m, known.object))[WIDE]
+    assert (found.pitch_deg, found.yaw_deg) == pytest.approx((0.2, 0.1), abs=0.05)
+
+
+def test_sigma_counts_objects_and_not_sightings() -> None:
+    """When each object's place is wrong by 5 cm, sigmas over many draws cover the true turn."""
+    inside = 0
+    for seed in range(40):
+        known = sightings((0.0, 0.0, 0.0), seed, sigma_px=0.2)
+        shift = np.random.default_rng(100 + seed).normal(scale=0.05, size=(9, 3)) * [1.0, 1.0, 0.0]
+        moved = known.rig_point_m + np.repeat(shift, 20, axis=0)
+        found = camera_turns(RIG, KnownSightings(known.camera, known.pixel_px, moved, known.object))[WIDE]
+        inside += abs(found.yaw_deg) < 2.0 * found.sigma_yaw_deg
+    # 95 % of a normal error; nine objects make the sigma itself uncertain.
+    assert inside >= 32
+
+
+def test_camera_with_too_few_sightings_is_left_alone() -> None:
+    """Two sightings are no ground to turn a camera."""
+    known = sightings((0.3, 0.0, 0.0))
+    few = KnownSightings(known.camera[:2], known.pixel_px[:2], known.rig_point_m[:2], known.object[:2])
+    assert camera_turns(RIG, few) == {}
+
+
+AHEAD = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+RIGHT = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, -1.0, 0.0]])
+
+
+def test_roll_of_the_drive_is_not_the_cameras() -> None:
+    """1.6° about the rig's x in cameras ahead and to the right go; the 0.3° by which one differs stay."""
+    cameras = np.array([AHEAD, RIGHT])
+    common = np.array([1.6, 0.0, 0.0])
+    turn = np.swapaxes(cameras, 1, 2) @ common + [[0.0, 0.3, 0.0], [0.0, 0.0, 0.0]]
+    noise = np.tile(0.02**2 * np.eye(3), (2, 1, 1))
+    found = mounting_part(cameras, turn, noise, np.array([1.2, 0.2, 0.01]))
+    assert found.common_deg[0] == pytest.approx(1.6, abs=1e-9)
+    assert found.is_known.tolist() == [False, False, True]
+    assert found.turn_deg == pytest.approx(np.array([[0.0, 0.3, 0.0], [0.0, 0.0, 0.0]]), abs=1e-9)
+    # The drive's roll is a camera's roll ahead, and its pitch to the right.
+    sigma = np.sqrt(np.diagonal(found.total_covariance_deg2, axis1=1, axis2=2))
+    assert (sigma[0, 2], sigma[1, 0]) == pytest.approx((1.2, 1.2), abs=0.01)
+
+
+def test_turn_of_one_camera_alone_needs_a_drive_that_knows() -> None:
+    """0.3° of pitch are the camera's where the drive knows its own to 0.1°, and nobody's where to 0.2°."""
+    turn, noise = np.array([[0.3, 0.0, 0.0]]), 0.02**2 * np.eye(3)[np.newaxis]
+    for sigma, pitch in ((0.1, 0.3), (0.2, 0.0)):
+        found = mounting_part(AHEAD[np.newaxis], turn, noise, np.full(3, sigma))
+        assert found.turn_deg[0, 0] == pytest.approx(pitch, abs=1e-9)

@@ -1,0 +1,32 @@
+"""How far fixes are trusted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geoloc.trajectory.fix_checks import SIGMA_FLOOR_M, noise_of_fixes, sigma_of_fixes
+from geoloc.trajectory.poses import GnssFixes
+
+NAN = np.nan
+
+
+def test_stated_sigma_is_taken_where_there_is_one() -> None:
+    """Else that of the quality; never below a centimetre."""
+    sigma = sigma_of_fixes(np.array([4, 4, 4, 1]), np.array([NAN, 0.002, 0.04, 0.6]))
+    assert sigma == pytest.approx([0.015, SIGMA_FLOOR_M, 0.04, 0.6])
+
+
+def test_good_fix_of_unknown_kind_shares_its_error_like_a_fixed_one() -> None:
+    """A third of the slow error is an antenna's own at 2 cm, nearly all of it at 2 m."""
+    sigma, white, slow = noise_of_fixes(np.array([1, 4, 1]), np.array([0.02, NAN, NAN]))
+    assert slow / sigma == pytest.approx([0.33, 0.33, 0.9])
+    assert white / sigma == pytest.approx([0.4] * 3)
+
+
+def test_fixes_without_stated_sigmas_have_nan() -> None:
+    """One NaN a fix, so that rows can be picked alike."""
+    stamp = np.arange(3)
+    fixes = GnssFixes("a", stamp, stamp, *(np.zeros(3) for _ in range(3)), np.full(3, 4))
+    assert np.isnan(fixes.sigma_horizontal_m).tolist() == [True] * 3
+    assert np.isnan(fixes.sigma_vertical_m).tolist() == [True] * 3
