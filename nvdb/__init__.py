@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from nvdb.area import Area
-    from nvdb.client import NvdbClient
+    from nvdb.client.client import NvdbClient
+    from nvdb.client.paging import iter_pages
     from nvdb.errors import NvdbError
-    from nvdb.geometri import Position
-    from nvdb.les_v4 import LesV4Source
-    from nvdb.mirror import MirrorStore, SyncReport, sync
-    from nvdb.paging import iter_pages
-    from nvdb.replay import ReplayServer
-    from nvdb.skilt import Skiltplate, Skiltpunkt
-    from nvdb.sources import Source
-    from nvdb.uberiket import UberiketSource
+    from nvdb.mirror.les_v4 import LesV4Source
+    from nvdb.mirror.source import Source
+    from nvdb.mirror.sync import MirrorStore, SyncReport, sync
+    from nvdb.mirror.uberiket import UberiketSource
+    from nvdb.objects.geometri import Position
+    from nvdb.objects.skilt import Skiltplate, Skiltpunkt
+    from nvdb.objects.vegobjekt import Vegobjekt, vegobjekt_from_les_v4
+    from nvdb.replay.server import ReplayServer
     from nvdb.vegnett import Vegnett, facing_azimuth, hent_vegnett
-    from nvdb.vegobjekt import Vegobjekt, vegobjekt_from_les_v4
 
 __all__ = [
     "Area",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from nvdb.errors import AreaError
-from nvdb.geometri import NORWAY_UTM33
+from nvdb.objects.geometri import NORWAY_UTM33
 
 _COUNTRY: Final = "the whole country"
 _UTM33: Final = "(UTM33)"

@@ -10,12 +10,12 @@ from typing import Any
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.les_v4 import LesV4Source
-from nvdb.mirror import SyncReport, sync
-from nvdb.replay import Fault, RequestInfo
-from nvdb.replay_world import ReplayWorld
-from nvdb.sources import Source
-from nvdb.uberiket import UberiketSource
+from nvdb.mirror.les_v4 import LesV4Source
+from nvdb.mirror.source import Source
+from nvdb.mirror.sync import SyncReport, sync
+from nvdb.mirror.uberiket import UberiketSource
+from nvdb.replay.server import Fault, RequestInfo
+from nvdb.replay.world import ReplayWorld
 from twin import schema
 from twin.mirror_store import StoreMirror, raw_object
 from twin.store import Store

@@ -6,8 +6,8 @@ import json
 from functools import lru_cache
 from typing import Any
 
-from nvdb.skilt import Skiltplate, Skiltpunkt
-from nvdb.vegobjekt import Stedfesting
+from nvdb.objects.skilt import Skiltplate, Skiltpunkt
+from nvdb.objects.vegobjekt import Stedfesting
 from twin.mirror_raw import packed
 
 _NOWHERE = (None, None, None)

@@ -1,4 +1,4 @@
-"""The store as :class:`nvdb.mirror_states.MirrorStore`: what readers see is always a whole mirror."""
+"""The store as :class:`nvdb.mirror.states.MirrorStore`: what readers see is always a whole mirror."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from nvdb.mirror_states import Applied, Backfill, Following, Ids
-from nvdb.skilt import Skiltplate, Skiltpunkt
-from nvdb.sources import FetchResult, SourcePage
+from nvdb.mirror.source import FetchResult, SourcePage
+from nvdb.mirror.states import Applied, Backfill, Following, Ids
+from nvdb.objects.skilt import Skiltplate, Skiltpunkt
 from twin import schema
 from twin.mirror_counts import Counts, Kind, counted, counts_from_document, document_from_counts
 from twin.mirror_raw import raw_object, same_object

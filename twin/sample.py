@@ -21,7 +21,7 @@ from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.simulation.noise import stream
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
-from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
+from nvdb.datakatalog.ids import SKILTPLATE, SKILTPUNKT
 from twin.drives.write import write_driveworks_trip
 from twin.drives.write_cvat import LABEL
 from twin.errors import TwinError

@@ -10,12 +10,13 @@ from typing import Any
 from urllib.parse import urlencode
 
 from nvdb.area import Area
-from nvdb.client import Json, NvdbClient, Params
-from nvdb.datakatalog import Datakatalog, hent_datakatalog, katalog_from_document, snapshot
-from nvdb.datakatalog_diff import diff
+from nvdb.client.client import Json, NvdbClient, Params
+from nvdb.datakatalog.diff import diff
+from nvdb.datakatalog.katalog import Datakatalog, hent_datakatalog, katalog_from_document, snapshot
 from nvdb.errors import AreaError, BodyError, HttpStatusError, SchemaError
-from nvdb.les_v4 import LesV4Source
-from nvdb.mirror import (
+from nvdb.mirror.les_v4 import LesV4Source
+from nvdb.mirror.source import Source
+from nvdb.mirror.sync import (
     MAX_DELETED_SHARE,
     SKILT_TYPES,
     SyncProgress,
@@ -25,8 +26,7 @@ from nvdb.mirror import (
     reaches,
     sync,
 )
-from nvdb.sources import Source
-from nvdb.uberiket import UberiketSource
+from nvdb.mirror.uberiket import UberiketSource
 from twin.errors import RefusedError
 from twin.lock import exclusive
 from twin.mirror_counts import Counts, by_accuracy, by_capture_method, without_own_geometry
@@ -247,7 +247,7 @@ def dry_run(
 
 
 def _plan(source: Source, area: Area, store: Store | None, fresh: bool) -> tuple[str, str | None, str | None]:
-    """Mode, position in the feed and cursor with which :func:`nvdb.mirror.sync` would begin."""
+    """Mode, position in the feed and cursor with which :func:`nvdb.mirror.sync.sync` would begin."""
     mirror = None if store is None else StoreMirror(store)
     known = mirror and mirror.following()
     begun = mirror and mirror.backfill()

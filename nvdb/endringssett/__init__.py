@@ -27,7 +27,7 @@ from nvdb.endringssett.document import (
     Stedfesting,
     endringssett,
 )
-from nvdb.endringssett.funn import ADVARSEL, FEIL, Finding
+from nvdb.endringssett.finding import ADVARSEL, FEIL, Finding
 from nvdb.endringssett.inverse import Earlier, earlier_from_vegobjekt, inverse
 from nvdb.endringssett.json import from_json, to_json
 from nvdb.endringssett.measured import (

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from datetime import date
 
 from nvdb import datakatalog
-from nvdb.datakatalog import (
+from nvdb.datakatalog.ids import (
     ANSIKTSSIDE,
     PLASSERINGSKODE,
     SKILTNUMMER,
@@ -20,8 +20,8 @@ from nvdb.datakatalog import (
     SKILTPLATER_I_SKILTPUNKT,
     SKILTPUNKT,
     TEKST,
-    Datakatalog,
 )
+from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.endringssett.document import (
     Assosiasjon,
     Datter,

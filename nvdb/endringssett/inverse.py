@@ -28,8 +28,8 @@ from nvdb.endringssett.document import (
 )
 from nvdb.endringssett.measured import punkt_from_stedfesting
 from nvdb.errors import RequestError
-from nvdb.geometri import Position
-from nvdb.vegobjekt import Vegobjekt
+from nvdb.objects.geometri import Position
+from nvdb.objects.vegobjekt import Vegobjekt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 
 from nvdb.endringssett.document import Endringssett
-from nvdb.endringssett.reading import endringssett_from_tree
-from nvdb.endringssett.tree import tree_from_endringssett
+from nvdb.endringssett.read_tree import endringssett_from_tree
+from nvdb.endringssett.write_tree import tree_from_endringssett
 from nvdb.errors import SchemaError
 
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, date, datetime
 
-from nvdb.datakatalog import GEOMETRI_PUNKT, SKILTPLATE, SKILTPUNKT
+from nvdb.datakatalog.ids import GEOMETRI_PUNKT, SKILTPLATE, SKILTPUNKT
 from nvdb.endringssett.document import Egenskap, Geometri, Kvalitet, Punkt, Stedfesting
 from nvdb.errors import RequestError
-from nvdb.geometri import in_norway
-from nvdb.skilt import Skiltplate, Skiltpunkt
-from nvdb.vegobjekt import Stedfesting as LesStedfesting
+from nvdb.objects.geometri import in_norway
+from nvdb.objects.skilt import Skiltplate, Skiltpunkt
+from nvdb.objects.vegobjekt import Stedfesting as LesStedfesting
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class NewPlate:
     skiltnummer : str
         Sign code, ``362.50``.
     ansiktsside : int or None
-        Enum id, see :class:`nvdb.datakatalog.Ansiktsside`.
+        Enum id, see :class:`nvdb.datakatalog.ids.Ansiktsside`.
     plasseringskode : int or None
         10, 20, 30 … from the top down.
     tekst : str or None

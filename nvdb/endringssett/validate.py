@@ -13,7 +13,7 @@ from datetime import date
 from typing import Final
 
 from nvdb import datakatalog
-from nvdb.datakatalog import Datakatalog, Stedfestingskrav
+from nvdb.datakatalog.katalog import Datakatalog, Stedfestingskrav
 from nvdb.endringssett.document import (
     DELVIS,
     MAX_VEGOBJEKTER,
@@ -23,9 +23,9 @@ from nvdb.endringssett.document import (
     Endringssett,
     Punkt,
 )
-from nvdb.endringssett.funn import ADVARSEL, FEIL, Finding
-from nvdb.endringssett.regler import ANBEFALT, OBLIGATORISK, SIDEPOSISJONER
-from nvdb.endringssett.validate_verdi import check_egenskap
+from nvdb.endringssett.finding import ADVARSEL, FEIL, Finding
+from nvdb.endringssett.rules import ANBEFALT, OBLIGATORISK, SIDEPOSISJONER
+from nvdb.endringssett.validate_value import check_egenskap
 
 _FELT: Final = re.compile(r"[1-9]\d?[A-ZØ]{0,2}\d?")
 _VERSION: Final = re.compile(r"\d+\.\d+")

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Final
 from xml.etree import ElementTree as ET
 
 from nvdb.endringssett.document import Endringssett
-from nvdb.endringssett.reading import endringssett_from_tree
-from nvdb.endringssett.tree import decimal_text, tree_from_endringssett
+from nvdb.endringssett.read_tree import endringssett_from_tree
+from nvdb.endringssett.write_tree import decimal_text, tree_from_endringssett
 from nvdb.errors import RequestError, SchemaError
 
 if TYPE_CHECKING:

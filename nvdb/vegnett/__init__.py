@@ -1,8 +1,8 @@
 """The road network (vegnett): links, and where along them a point lies (stedfesting).
 
->>> from nvdb.vegnett import Vegnett, hent_vegnett
+>>> from nvdb.vegnett import Vegnett, hent_vegnett, stedfester
 >>> nett = Vegnett.from_les_v4(link for page in hent_vegnett(client, area) for link in page.objects)
->>> places = nett.stedfest(east, north, on_date=date(2026, 5, 4))
+>>> places = stedfester(nett, on_date=date(2026, 5, 4)).stedfest(east, north)
 
 The page ``docs/vegnett.md`` explains what is computed and how it was checked.
 """
@@ -10,7 +10,7 @@ The page ``docs/vegnett.md`` explains what is computed and how it was checked.
 from nvdb.vegnett.hent import hent_vegnett
 from nvdb.vegnett.nett import BILVEG, Vegnett
 from nvdb.vegnett.retning import facing_azimuth, true_azimuth
-from nvdb.vegnett.stedfest import Stedfester, Stedfestinger
+from nvdb.vegnett.stedfest import Stedfester, Stedfestinger, stedfester
 from nvdb.vegnett.veglenke import Veglenke, Vegreferanse, veglenke_from_les_v4, veglenker_from_uberiket
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "Vegreferanse",
     "facing_azimuth",
     "hent_vegnett",
+    "stedfester",
     "true_azimuth",
     "veglenke_from_les_v4",
     "veglenker_from_uberiket",

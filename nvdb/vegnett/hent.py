@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from datetime import date
 from typing import TYPE_CHECKING, Final
 
-from nvdb.paging import Page, RawObject, iter_pages
+from nvdb.client.paging import Page, RawObject, iter_pages
 
 if TYPE_CHECKING:
     from nvdb.area import Area
-    from nvdb.client import NvdbClient
+    from nvdb.client.client import NvdbClient
 
 SEGMENTERT: Final = "/vegnett/api/v4/veglenkesekvenser/segmentert"
 PAGE_SIZE: Final = 1000
@@ -49,7 +49,7 @@ def hent_vegnett(
     Raises
     ------
     NvdbError
-        As :func:`nvdb.paging.iter_pages`.
+        As :func:`nvdb.client.paging.iter_pages`.
     """
     params: dict[str, str | int] = {"srid": "5973", "antall": antall, **area.params()}
     if tidspunkt is not None:

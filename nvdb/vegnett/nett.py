@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from datetime import UTC, date, datetime
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from nvdb.errors import SchemaError
-from nvdb.vegnett.stedfest import Stedfester, Stedfestinger
 from nvdb.vegnett.veglenke import (
     RawObject,
     Veglenke,
@@ -154,86 +153,6 @@ class Vegnett:
         day = np.datetime64(on_date or datetime.now(UTC).date(), "D")
         ended = ~np.isnat(self.sluttdato) & (self.sluttdato <= day)
         return (self.startdato <= day) & ~ended
-
-    def stedfester(
-        self,
-        *,
-        on_date: date | None = None,
-        allow_konnektering: bool = False,
-        allow_detaljert: bool = False,
-        vegkategorier: Collection[str] | None = None,
-        trafikantgruppe: str | None = None,
-        type_veg: Collection[str] | None = None,
-    ) -> Stedfester:
-        """Index the links that points may be placed on; keep it to place points more than once.
-
-        Parameters
-        ----------
-        on_date : date, optional
-            Day on which the links have to be valid: the day of the drive. Today if left out.
-        allow_konnektering, allow_detaljert : bool
-            Also links that only connect, and links below the level of vegtrasé. NVDB refuses the first for
-            most object types and places none on the second.
-        vegkategorier : collection of str, optional
-            Only roads of these: ``{"E", "R", "F", "K"}`` is what NVDB's own stedfesting takes if nothing
-            else is asked. Links without a road reference do not pass.
-        trafikantgruppe : str, optional
-            ``K`` or ``G``. ``K`` keeps a sign beside a cycleway from being placed on the cycleway. Links
-            without a road reference do not pass.
-        type_veg : collection of str, optional
-            SOSI names. API Skriv's own example for a Skiltpunkt takes :data:`BILVEG`.
-        """
-        usable = self.valid(on_date)
-        if not allow_konnektering:
-            usable &= ~self.konnektering
-        if not allow_detaljert:
-            usable &= ~self.detaljert
-        if vegkategorier is not None:
-            usable &= np.isin(self.vegkategori.astype(np.str_), sorted(vegkategorier))
-        if trafikantgruppe is not None:
-            usable &= self.trafikantgruppe == trafikantgruppe
-        if type_veg is not None:
-            usable &= np.isin(self.type_veg.astype(np.str_), sorted(type_veg))
-        return Stedfester(self, np.flatnonzero(usable))
-
-    def stedfest(
-        self,
-        east: ArrayLike,
-        north: ArrayLike,
-        *,
-        on_date: date | None = None,
-        max_distance_m: float = 50.0,
-        allow_konnektering: bool = False,
-        allow_detaljert: bool = False,
-        vegkategorier: Collection[str] | None = None,
-        trafikantgruppe: str | None = None,
-        type_veg: Collection[str] | None = None,
-    ) -> Stedfestinger:
-        """Place points on the nearest link: :meth:`stedfester` and :meth:`Stedfester.stedfest` in one.
-
-        Parameters
-        ----------
-        east, north : array_like (n,)
-            EPSG:25833, metres.
-        max_distance_m : float
-            Points that are farther than this from every usable link are not placed.
-        on_date, allow_konnektering, allow_detaljert, vegkategorier, trafikantgruppe, type_veg
-            As :meth:`stedfester`.
-
-        Returns
-        -------
-        Stedfestinger
-            One row a point, in the order of the points.
-        """
-        index = self.stedfester(
-            on_date=on_date,
-            allow_konnektering=allow_konnektering,
-            allow_detaljert=allow_detaljert,
-            vegkategorier=vegkategorier,
-            trafikantgruppe=trafikantgruppe,
-            type_veg=type_veg,
-        )
-        return index.stedfest(east, north, max_distance_m=max_distance_m)
 
 
 _COLUMNS = tuple(column.name for column in fields(Vegnett) if column.name != "rejected")

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from nvdb.geometri import UNKNOWN_HEIGHT
+from nvdb.objects.geometri import UNKNOWN_HEIGHT
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nvdb.datakatalog import Ansiktsside
+from nvdb.datakatalog.ids import Ansiktsside
 
 _AGAINST_METERING: Final = 180.0
 
@@ -45,7 +45,7 @@ def facing_azimuth(
     Parameters
     ----------
     ansiktsside : array_like of int (...)
-        Enum ids of :class:`nvdb.datakatalog.Ansiktsside`. Anything else (0, unknown ids) gives NaN.
+        Enum ids of :class:`nvdb.datakatalog.ids.Ansiktsside`. Anything else (0, unknown ids) gives NaN.
     metering_azimuth_deg : array_like (...)
         Direction of growing meter values where the sign stands, clockwise from grid or true north.
     sideposisjon : array_like of str (...)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
+from datetime import date
 from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
@@ -242,3 +244,46 @@ def position_text(position: float) -> str:
     ('0.95432972', '1.0')
     """
     return np.format_float_positional(position, precision=POSITION_DECIMALS, trim="0")
+
+
+def stedfester(
+    nett: Vegnett,
+    *,
+    on_date: date | None = None,
+    allow_konnektering: bool = False,
+    allow_detaljert: bool = False,
+    vegkategorier: Collection[str] | None = None,
+    trafikantgruppe: str | None = None,
+    type_veg: Collection[str] | None = None,
+) -> Stedfester:
+    """Index the links that points may be placed on; keep it to place points more than once.
+
+    Parameters
+    ----------
+    nett : Vegnett
+    on_date : date, optional
+        Day on which the links have to be valid: the day of the drive. Today if left out.
+    allow_konnektering, allow_detaljert : bool
+        Also links that only connect, and links below the level of vegtrasé. NVDB refuses the first for
+        most object types and places none on the second.
+    vegkategorier : collection of str, optional
+        Only roads of these: ``{"E", "R", "F", "K"}`` is what NVDB's own stedfesting takes if nothing
+        else is asked. Links without a road reference do not pass.
+    trafikantgruppe : str, optional
+        ``K`` or ``G``. ``K`` keeps a sign beside a cycleway from being placed on the cycleway. Links
+        without a road reference do not pass.
+    type_veg : collection of str, optional
+        SOSI names. API Skriv's own example for a Skiltpunkt takes :data:`BILVEG`.
+    """
+    usable = nett.valid(on_date)
+    if not allow_konnektering:
+        usable &= ~nett.konnektering
+    if not allow_detaljert:
+        usable &= ~nett.detaljert
+    if vegkategorier is not None:
+        usable &= np.isin(nett.vegkategori.astype(np.str_), sorted(vegkategorier))
+    if trafikantgruppe is not None:
+        usable &= nett.trafikantgruppe == trafikantgruppe
+    if type_veg is not None:
+        usable &= np.isin(nett.type_veg.astype(np.str_), sorted(type_veg))
+    return Stedfester(nett, np.flatnonzero(usable))

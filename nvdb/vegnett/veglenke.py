@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from datetime import date
 from typing import TYPE_CHECKING, Any, Final
 
-from nvdb.fields import Fields
-from nvdb.geometri import in_norway
+from nvdb.client.fields import Fields
+from nvdb.objects.geometri import in_norway
 
 if TYPE_CHECKING:
     from shapely import LineString

@@ -17,9 +17,9 @@ GRIDS = REAL / "proj_grids"
 CODE = """
 import json, sys
 import numpy as np
-from geoloc.datum import euref89_from_itrf
-from geoloc.geodesy import enu_offset
-from geoloc.heights import ellipsoidal_from_nn2000, nn2000_from_ellipsoidal
+from geoloc.earth.datum import euref89_from_itrf
+from geoloc.earth.geodesy import enu_offset
+from geoloc.earth.heights import ellipsoidal_from_nn2000, nn2000_from_ellipsoidal
 
 def shift(frame, lat, lon, year):
     moved = euref89_from_itrf(frame, lat, lon, 80.0, year)

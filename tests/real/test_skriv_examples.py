@@ -11,9 +11,9 @@ import defusedxml.ElementTree
 import pytest
 from checkout import REAL
 
-from nvdb import skriv_status
 from nvdb.endringssett import errors, from_json, from_xml, to_json, to_xml, validate
-from nvdb.endringssett.regler import ANBEFALT, GRENSER, OBLIGATORISK
+from nvdb.endringssett.rules import ANBEFALT, GRENSER, OBLIGATORISK
+from nvdb.skriv import status as skriv_status
 
 NVDB = REAL / "nvdb"
 EXAMPLES = NVDB / "skriv_v3_examples"

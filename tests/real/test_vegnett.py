@@ -14,8 +14,8 @@ import shapely
 from checkout import REAL
 from defusedxml import ElementTree
 
-from nvdb.geometri import point_from_wkt
-from nvdb.vegnett import Veglenke, Vegnett, Vegreferanse
+from nvdb.objects.geometri import point_from_wkt
+from nvdb.vegnett import Veglenke, Vegnett, Vegreferanse, stedfester
 from nvdb.vegnett.stedfest import meter_kortform, position_text
 
 NVDB = REAL / "nvdb"
@@ -94,7 +94,7 @@ def test_stedfest_finds_known_places_on_recorded_roads(nett: Vegnett) -> None:
     aside = rng.choice([-0.01, 0.01], len(rows))
     right = np.column_stack([direction[:, 1], -direction[:, 0]])
     points = at + aside[:, np.newaxis] * right
-    place = nett.stedfest(points[:, 0], points[:, 1], on_date=DAY)
+    place = stedfester(nett, on_date=DAY).stedfest(points[:, 0], points[:, 1])
     assert place.found.all()
     # Some recorded links lie on top of each other at intersections: those points may be on the neighbour.
     same = place.veglenke == rows
@@ -150,7 +150,9 @@ def test_stedfest_of_the_documented_anchor_lands_on_nvdbs_network_point() -> Non
         startdato=date(2000, 1, 1),
         referanse=Vegreferanse("FV6690 S1D1 m0-160", "F", "V", 6690, "K", "MED", 0.0, 160.0),
     )
-    found = Vegnett.from_veglenker([link]).stedfest(*anchor[:, np.newaxis], on_date=date(2020, 1, 1))
+    found = stedfester(Vegnett.from_veglenker([link]), on_date=date(2020, 1, 1)).stedfest(
+        *anchor[:, np.newaxis]
+    )
     assert found.distance_m == pytest.approx([np.hypot(2.9663, 0.9893)], abs=1e-4)
     assert np.hypot(found.east[0] - foot[0], found.north[0] - foot[1]) < 1e-6
     assert found.veglenkeposisjoner() == [f"{position_text(position)}@{sekvens}"]

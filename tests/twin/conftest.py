@@ -13,10 +13,10 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client import NvdbClient
-from nvdb.geometri import point_from_wkt
-from nvdb.replay import ReplayServer
-from nvdb.replay_world import ReplayWorld
+from nvdb.client.client import NvdbClient
+from nvdb.objects.geometri import point_from_wkt
+from nvdb.replay.server import ReplayServer
+from nvdb.replay.world import ReplayWorld
 from twin import schema
 from twin.cli import run
 from twin.demo import sample_folder

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from nvdb.replay import Fault, ReplayServer
+from nvdb.replay.server import Fault, ReplayServer
 from twin import schema
 from twin.store import Store
 

@@ -13,13 +13,13 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client import NvdbClient
-from nvdb.les_v4 import LesV4Source
-from nvdb.mirror import sync
-from nvdb.replay import ReplayServer
-from nvdb.replay_world import ReplayWorld
-from nvdb.sources import Source
-from nvdb.uberiket import UberiketSource
+from nvdb.client.client import NvdbClient
+from nvdb.mirror.les_v4 import LesV4Source
+from nvdb.mirror.source import Source
+from nvdb.mirror.sync import sync
+from nvdb.mirror.uberiket import UberiketSource
+from nvdb.replay.server import ReplayServer
+from nvdb.replay.world import ReplayWorld
 from twin import schema
 from twin.errors import StoreError
 from twin.history import mirror_as_of

@@ -20,13 +20,13 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client import RETRY_AFTER_CAP_S, NvdbClient
+from nvdb.client.client import RETRY_AFTER_CAP_S, NvdbClient
 from nvdb.errors import NvdbError, PagingError, SchemaError, TransportError
-from nvdb.geometri import in_norway
-from nvdb.mirror import MassDeletionError, ShortBackfillError
-from nvdb.replay import Fault, ReplayServer, RequestInfo
-from nvdb.replay_generate import GeneratedWorld
-from nvdb.replay_world import ReplayWorld
+from nvdb.mirror.sync import MassDeletionError, ShortBackfillError
+from nvdb.objects.geometri import in_norway
+from nvdb.replay.generated import GeneratedWorld
+from nvdb.replay.server import Fault, ReplayServer, RequestInfo
+from nvdb.replay.world import ReplayWorld
 from twin import schema
 from twin.cli import exit_code
 from twin.errors import RefusedError, StoreError, TwinError

@@ -25,8 +25,8 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.replay import ReplayServer, RequestInfo
-from nvdb.replay_generate import GeneratedWorld
+from nvdb.replay.generated import GeneratedWorld
+from nvdb.replay.server import ReplayServer, RequestInfo
 from twin import schema
 from twin.mirror_store import StoreMirror, raw_object
 from twin.store import Store

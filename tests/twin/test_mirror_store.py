@@ -12,12 +12,12 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.mirror import MassDeletionError
-from nvdb.mirror_states import Backfill, Following
-from nvdb.replay import ReplayServer
-from nvdb.replay_generate import GeneratedWorld
-from nvdb.skilt import skilt_from_les_v4
-from nvdb.sources import FetchResult, SourcePage
+from nvdb.mirror.source import FetchResult, SourcePage
+from nvdb.mirror.states import Backfill, Following
+from nvdb.mirror.sync import MassDeletionError
+from nvdb.objects.skilt import skilt_from_les_v4
+from nvdb.replay.generated import GeneratedWorld
+from nvdb.replay.server import ReplayServer
 from twin import schema
 from twin.mirror_store import StoreMirror, raw_object
 from twin.store import Store

@@ -16,10 +16,10 @@ import pytest
 import sqlalchemy as sa
 
 import twin.changesets.accepted as accepted_findings
-from nvdb.datakatalog import snapshot
+from nvdb.datakatalog.katalog import snapshot
 from nvdb.endringssett import Geometri
-from nvdb.geometri import point_from_wkt
-from nvdb.replay_skriv import ReplayObject, SkrivReplayServer, SkrivWorld
+from nvdb.objects.geometri import point_from_wkt
+from nvdb.replay.skriv.server import ReplayObject, SkrivReplayServer, SkrivWorld
 from twin import schema
 from twin.changesets.mirrored import earlier_from_raw
 from twin.cli.submit import PASSWORD

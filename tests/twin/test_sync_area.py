@@ -12,9 +12,9 @@ import sqlalchemy as sa
 
 from nvdb.area import Area
 from nvdb.errors import HttpStatusError
-from nvdb.replay import Fault, ReplayServer, RequestInfo
-from nvdb.replay_generate import GeneratedWorld
-from nvdb.replay_world import ReplayWorld
+from nvdb.replay.generated import GeneratedWorld
+from nvdb.replay.server import Fault, ReplayServer, RequestInfo
+from nvdb.replay.world import ReplayWorld
 from twin import schema
 from twin.errors import RefusedError
 from twin.store import Store

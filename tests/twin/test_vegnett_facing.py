@@ -12,9 +12,9 @@ import pytest
 from vegnett_links import segment
 
 from nvdb.area import Area
-from nvdb.client import NvdbClient
-from nvdb.replay import ReplayServer
-from nvdb.replay_world import ReplayWorld
+from nvdb.client.client import NvdbClient
+from nvdb.replay.server import ReplayServer
+from nvdb.replay.world import ReplayWorld
 from twin.errors import StoreError
 from twin.store import Store
 from twin.sync import sync_nvdb

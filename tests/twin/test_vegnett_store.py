@@ -12,12 +12,12 @@ import shapely
 from vegnett_links import segment
 
 from nvdb.area import Area
-from nvdb.client import NvdbClient
+from nvdb.client.client import NvdbClient
 from nvdb.errors import SchemaError
-from nvdb.mirror import MassDeletionError, ShortBackfillError
-from nvdb.replay import ReplayServer
-from nvdb.replay_world import ReplayWorld
-from nvdb.vegnett import Vegnett
+from nvdb.mirror.sync import MassDeletionError, ShortBackfillError
+from nvdb.replay.server import ReplayServer
+from nvdb.replay.world import ReplayWorld
+from nvdb.vegnett import Vegnett, stedfester
 from twin import schema
 from twin.errors import RefusedError, StoreError
 from twin.lock import exclusive
@@ -125,8 +125,8 @@ def test_network_of_the_store_places_points_as_the_fetched_one_does(empty: Store
     sync_vegnett(empty, AREA, client=net.client)
     rng = np.random.default_rng(5)
     east, north = rng.uniform(270_000, 274_000, 200), rng.uniform(7_039_990, 7_040_080, 200)
-    got = load_vegnett(empty).stedfest(east, north)
-    want = Vegnett.from_les_v4(net.world.vegnett or ()).stedfest(east, north)
+    got = stedfester(load_vegnett(empty)).stedfest(east, north)
+    want = stedfester(Vegnett.from_les_v4(net.world.vegnett or ())).stedfest(east, north)
     assert got.found.any()
     np.testing.assert_array_equal(got.relativ_posisjon, want.relativ_posisjon)
     np.testing.assert_array_equal(got.meter, want.meter)

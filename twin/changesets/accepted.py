@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from nvdb.datakatalog import Datakatalog, katalog_from_document, snapshot
+from nvdb.datakatalog.katalog import Datakatalog, katalog_from_document, snapshot
 from nvdb.endringssett import ADVARSEL, Endringssett, endringssett, errors, validate
 from twin.changesets.mirrored import earlier_states, mirrored_near
 from twin.changesets.operations import Group, LeftOut, Scene, known_pole, new_pole

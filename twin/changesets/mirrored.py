@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from nvdb.datakatalog import Datakatalog
+from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.endringssett import Earlier, Endring, Punkt, Target, earlier_from_vegobjekt
 from nvdb.errors import NvdbError, RequestError
-from nvdb.uberiket_form import vegobjekt_from_uberiket
-from nvdb.vegobjekt import vegobjekt_from_les_v4
+from nvdb.objects.uberiket import vegobjekt_from_uberiket
+from nvdb.objects.vegobjekt import vegobjekt_from_les_v4
 from twin import schema
 from twin.matching.config import MatchConfig
 from twin.matching.nearby import mirror_near

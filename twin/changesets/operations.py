@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nvdb.datakatalog import Ansiktsside, Datakatalog
+from nvdb.datakatalog.ids import Ansiktsside
+from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.endringssett import (
     Endring,
     Measured,

@@ -6,10 +6,10 @@ import datetime as dt
 import math
 from functools import cache
 
-from nvdb.datakatalog import Ansiktsside
+from nvdb.datakatalog.ids import Ansiktsside
 from nvdb.endringssett import Punkt
 from nvdb.errors import RequestError
-from nvdb.vegnett import BILVEG, Stedfester, Stedfestinger, Vegnett
+from nvdb.vegnett import BILVEG, Stedfester, Stedfestinger, Vegnett, stedfester
 from twin.store import Store
 from twin.vegnett import load_vegnett
 from twin.vegnett.network import FACT
@@ -35,7 +35,7 @@ class Places:
         return load_vegnett(self._store)
 
     def _index(self, day: dt.date) -> Stedfester:
-        return self._nett().stedfester(on_date=day, type_veg=BILVEG)
+        return stedfester(self._nett(), on_date=day, type_veg=BILVEG)
 
     def place(
         self,

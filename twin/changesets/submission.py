@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nvdb.datakatalog import Datakatalog, snapshot
+from nvdb.datakatalog.katalog import Datakatalog, snapshot
 from nvdb.endringssett import ADVARSEL, errors, validate
-from nvdb.skriv import SkrivClient
-from nvdb.skriv_status import FINAL, IKKE_STARTET, Status
+from nvdb.skriv.client import SkrivClient
+from nvdb.skriv.status import FINAL, IKKE_STARTET, Status
 from twin.changesets.exported import ExportedSet
 from twin.changesets.receipts import NEW, Receipts
 from twin.changesets.undo import write_undo

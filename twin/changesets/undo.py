@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from nvdb.datakatalog import snapshot
+from nvdb.datakatalog.katalog import snapshot
 from nvdb.endringssett import Earlier, Egenskap, inverse, to_xml
 from nvdb.errors import RequestError
-from nvdb.geometri import point_from_wkt
-from nvdb.skriv_status import Status
+from nvdb.objects.geometri import point_from_wkt
+from nvdb.skriv.status import Status
 from twin.changesets.exported import ExportedSet
 from twin.changesets.mirrored import earlier_from_raw, name
 from twin.export.atomic import replace_file

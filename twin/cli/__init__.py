@@ -84,7 +84,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _with_option(error: Exception) -> str:
     """Return an error's sentence; where the library knows a cure but not the option for it, with that."""
-    from nvdb.mirror import MassDeletionError
+    from nvdb.mirror.sync import MassDeletionError
 
     if isinstance(error, MassDeletionError):
         return f"{str(error).removesuffix('.')} (--confirm-deletions)."
@@ -95,7 +95,7 @@ def exit_code(error: BaseException) -> int:
     """Return the exit code that belongs to an exception; 1 for what twin does not expect."""
     from geoloc.errors import GeolocError
     from nvdb.errors import NvdbError, RequestError, TransportError
-    from nvdb.mirror import MassDeletionError
+    from nvdb.mirror.sync import MassDeletionError
     from twin.errors import ConfigError, RefusedError, TwinError
 
     if isinstance(error, RefusedError | MassDeletionError):

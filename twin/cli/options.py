@@ -75,7 +75,7 @@ class SetDecision(StrEnum):
 
 
 class Realm(StrEnum):
-    """Kinds of users of API Skriv, as in :data:`nvdb.skriv_login.Realm`."""
+    """Kinds of users of API Skriv, as in :data:`nvdb.skriv.login.Realm`."""
 
     EMPLOYEE = "EMPLOYEE"
     SERVICE_ACCOUNT = "SERVICE_ACCOUNT"

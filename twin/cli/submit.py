@@ -17,7 +17,7 @@ from twin.cli.output import note, print_json, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
 
 if TYPE_CHECKING:
-    from nvdb.skriv import SkrivClient
+    from nvdb.skriv.client import SkrivClient
     from twin.changesets import ChangeSets
     from twin.changesets.exported import ExportedSet
     from twin.changesets.submission import Submitted
@@ -127,8 +127,8 @@ def _do(
 @contextmanager
 def _client(api: _Api, credentials: Credentials, say: Callable[[str], None]) -> Iterator[SkrivClient]:
     from nvdb import NvdbClient
-    from nvdb.skriv import SkrivClient
-    from nvdb.skriv_login import OidcLogin
+    from nvdb.skriv.client import SkrivClient
+    from nvdb.skriv.login import OidcLogin
 
     def wait(seconds: float) -> None:
         say(f"the set is being worked on: asking again in {seconds:.0f} s")

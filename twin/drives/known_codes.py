@@ -5,7 +5,9 @@ from __future__ import annotations
 import difflib
 from functools import cache
 
-from nvdb.datakatalog import SKILTNUMMER, sign_code, snapshot
+from nvdb.datakatalog.ids import SKILTNUMMER
+from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog.sign_codes import sign_code
 from twin.drives.label_map import LabelMap, default_label_map
 
 _MOST_CODES = 8

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nvdb.vegnett import stedfester
 from twin.matching.config import MatchConfig
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ def along_the_road(sites: Sequence[Site], nett: Vegnett) -> list[Site]:
     if not loose:
         return list(sites)
     east, north = np.array([(sites[k].east_m, sites[k].north_m) for k in loose]).T
-    azimuth = nett.stedfest(east, north, type_veg=BILVEG).metering_azimuth_grid_deg
+    azimuth = stedfester(nett, type_veg=BILVEG).stedfest(east, north).metering_azimuth_grid_deg
     placed = list(sites)
     for k, degrees in zip(loose, azimuth.tolist(), strict=True):
         placed[k] = replace(sites[k], road_azimuth_deg=degrees)

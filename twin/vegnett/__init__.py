@@ -2,7 +2,7 @@
 
 >>> from twin.vegnett import facing, load_vegnett, sync_vegnett
 >>> sync_vegnett(store, Area(kommuner=(5001,)), client=client)      # doctest: +SKIP
->>> load_vegnett(store).stedfest(east, north)                       # doctest: +SKIP
+>>> stedfester(load_vegnett(store)).stedfest(east, north)                       # doctest: +SKIP
 
 The page ``docs/vegnett.md`` explains what is kept and how a direction is worked out.
 """

@@ -13,9 +13,9 @@ from dataclasses import asdict, dataclass, replace
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client import NvdbClient
+from nvdb.client.client import NvdbClient
 from nvdb.errors import HttpStatusError, NvdbError, SchemaError
-from nvdb.mirror import (
+from nvdb.mirror.sync import (
     FEW_DELETED,
     MAX_DELETED_SHARE,
     MIN_RECEIVED_SHARE,

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
-from nvdb.datakatalog import ANSIKTSSIDE, Datakatalog, katalog_from_document, snapshot
-from nvdb.vegnett import BILVEG, Stedfester, Vegnett, facing_azimuth, true_azimuth
+from nvdb.datakatalog.ids import ANSIKTSSIDE
+from nvdb.datakatalog.katalog import Datakatalog, katalog_from_document, snapshot
+from nvdb.vegnett import BILVEG, Stedfester, Vegnett, facing_azimuth, stedfester, true_azimuth
 from nvdb.vegnett.polylinjer import Polylinjer
 from nvdb.vegnett.stedfest import ON_THE_LINE_M
 from twin import schema
@@ -100,7 +101,7 @@ class _Roads:
         self._begins = list(
             zip(nett.veglenkesekvensid[rows].tolist(), nett.startposisjon[rows].tolist(), strict=True)
         )
-        self._nearest: Stedfester = nett.stedfester(on_date=on_date, type_veg=BILVEG)
+        self._nearest: Stedfester = stedfester(nett, on_date=on_date, type_veg=BILVEG)
 
     def beside(self, plates: Sequence[Row]) -> _Places:
         """Say of each plate which road it stands beside."""

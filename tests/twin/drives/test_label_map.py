@@ -9,7 +9,7 @@ from importlib.resources import files
 import pytest
 from checkout import ROOT
 
-from nvdb.datakatalog import snapshot
+from nvdb.datakatalog.katalog import snapshot
 from twin.drives.label_map import LABELS_FILE, Meaning, default_label_map, plain_label, read_label_map
 from twin.errors import DriveError
 

@@ -1,0 +1,263 @@
+"""Skiltpunkt (95) and Skiltplate (96): the typed view that the twin works with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from nvdb import datakatalog
+from nvdb.client.fields import INT64
+from nvdb.errors import SchemaError
+from nvdb.objects.geometri import Position
+from nvdb.objects.les_v4_fast import UsualEgenskap, UsualParts, usual_parts
+from nvdb.objects.vegobjekt import Egenskap, RawObject, Stedfesting, Vegobjekt, vegobjekt_from_les_v4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Skilt:
+    """What Skiltpunkt and Skiltplate share.
+
+    Attributes
+    ----------
+    nvdb_id : int
+    version : int or None
+    start_date, end_date : str or None
+        ISO dates of validity.
+    last_modified : str or None
+        NVDB's text, UTC by its documentation.
+    position : Position or None
+        EPSG:25833 and NN2000. A sign's position only if `own_geometry`; else a point on the centre line.
+    own_geometry : bool
+        ``egengeometri`` is true.
+    accuracy_cm : float or None
+        Stated standard deviation in plan; None if unknown. 100 by ``ukj`` looks like a default.
+    capture_method : str or None
+        ``datafangstmetode``: ``sat``, ``fot``, ``dig``, ``ukj`` …
+    road_reference : str or None
+        Short form of the first vegsystemreferanse.
+    kommuner : tuple of int
+    stedfesting : tuple of Stedfesting
+    problems : tuple of str
+        Values that could not be used, one clause each.
+    raw : dict
+        The object as received.
+    """
+
+    nvdb_id: int
+    version: int | None = None
+    start_date: str | None = None
+    end_date: str | None = None
+    last_modified: str | None = None
+    position: Position | None = None
+    own_geometry: bool = False
+    accuracy_cm: float | None = None
+    capture_method: str | None = None
+    road_reference: str | None = None
+    kommuner: tuple[int, ...] = ()
+    stedfesting: tuple[Stedfesting, ...] = ()
+    problems: tuple[str, ...] = ()
+    raw: RawObject = field(default_factory=dict, repr=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Skiltpunkt(Skilt):
+    """What plates are mounted on; `plate_ids` are its children of type 96."""
+
+    plate_ids: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Skiltplate(Skilt):
+    """One plate.
+
+    Attributes
+    ----------
+    point_id : int or None
+        Its Skiltpunkt; None if the answer names none; the points' `plate_ids` say the same.
+    skiltnummer : str or None
+        Sign code, ``362.50``; None if the first word of 5530 is no code.
+    skiltnummer_text : str or None
+        All of 5530, ``362.50 - Fartsgrense, 50 km/t``.
+    enum_id : int or None
+        Of 5530.
+    ansiktsside : str or None
+        1894 in words; `ansiktsside_enum_id` is one of :class:`nvdb.datakatalog.ids.Ansiktsside` if known.
+    text : str or None
+        1910, as written (``.`` and ``N/A`` are fillers).
+    plasseringskode : int or None
+        5128: 10, 20, 30 … from the top down.
+    """
+
+    point_id: int | None = None
+    skiltnummer: str | None = None
+    skiltnummer_text: str | None = None
+    enum_id: int | None = None
+    ansiktsside: str | None = None
+    ansiktsside_enum_id: int | None = None
+    text: str | None = None
+    plasseringskode: int | None = None
+
+    @property
+    def retired(self) -> bool:
+        """Whether the code is one that is no longer put up (``U…``)."""
+        return self.skiltnummer is not None and datakatalog.is_retired(self.skiltnummer)
+
+
+def skiltpunkt_from_vegobjekt(vegobjekt: Vegobjekt) -> Skiltpunkt:
+    """View an object of type 95 as a Skiltpunkt; SchemaError for any other type."""
+    _check_type(vegobjekt, datakatalog.SKILTPUNKT)
+    plates = (
+        plate
+        for relasjon in vegobjekt.barn
+        if relasjon.type_id == datakatalog.SKILTPLATE
+        for plate in relasjon.vegobjekter
+    )
+    return Skiltpunkt(**_shared(vegobjekt, []), plate_ids=tuple(plates))
+
+
+def skiltplate_from_vegobjekt(vegobjekt: Vegobjekt) -> Skiltplate:
+    """View an object of type 96 as a Skiltplate; SchemaError for any other type."""
+    _check_type(vegobjekt, datakatalog.SKILTPLATE)
+    problems: list[str] = []
+    nummer = vegobjekt.egenskaper.get(datakatalog.SKILTNUMMER)
+    nummer_text = _text(nummer, problems)
+    side = vegobjekt.egenskaper.get(datakatalog.ANSIKTSSIDE)
+    return Skiltplate(
+        point_id=_point_id(vegobjekt, problems),
+        skiltnummer=_code(nummer_text, problems),
+        skiltnummer_text=nummer_text,
+        enum_id=nummer.enum_id if nummer else None,
+        ansiktsside=_text(side, problems),
+        ansiktsside_enum_id=side.enum_id if side else None,
+        text=_text(vegobjekt.egenskaper.get(datakatalog.TEKST), problems),
+        plasseringskode=_integer(vegobjekt.egenskaper.get(datakatalog.PLASSERINGSKODE), problems),
+        **_shared(vegobjekt, problems),  # last: the lines above add to `problems`
+    )
+
+
+def skilt_from_les_v4(raw: RawObject, type_id: int) -> Skiltpunkt | Skiltplate:
+    """Parse one object of an answer for `type_id` 95 or 96.
+
+    Raises
+    ------
+    SchemaError
+        The object breaks the documented form, or is of another type.
+    """
+    usual = usual_parts(raw, type_id)
+    skilt = None if usual is None else _usual_skilt(usual, type_id)
+    if skilt is not None:
+        return skilt
+    vegobjekt = vegobjekt_from_les_v4(raw, type_id=type_id)
+    if type_id == datakatalog.SKILTPUNKT:
+        return skiltpunkt_from_vegobjekt(vegobjekt)
+    return skiltplate_from_vegobjekt(vegobjekt)
+
+
+def _usual_skilt(parts: UsualParts, type_id: int) -> Skiltpunkt | Skiltplate | None:
+    """View an object in its usual form; None where there is something to tell about it."""
+    if type_id == datakatalog.SKILTPUNKT:
+        return Skiltpunkt(**parts.shared, plate_ids=parts.barn(datakatalog.SKILTPLATE))
+    get = parts.egenskaper.get
+    nummer, side = get(datakatalog.SKILTNUMMER), get(datakatalog.ANSIKTSSIDE, _NONE)
+    text = get(datakatalog.TEKST, _NONE).verdi
+    code = get(datakatalog.PLASSERINGSKODE, _NONE).verdi
+    points = set(parts.foreldre(datakatalog.SKILTPUNKT))
+    usual = (
+        nummer is not None
+        and type(nummer.verdi) is str
+        and (side.verdi is None or type(side.verdi) is str)
+        and (text is None or type(text) is str)
+        and (code is None or (type(code) is int and code in INT64))
+        and len(points) <= 1
+    )
+    skiltnummer = _known_code(nummer.verdi) if nummer is not None and usual else None
+    if nummer is None or skiltnummer is None:
+        return None
+    return Skiltplate(
+        **parts.shared,
+        point_id=next(iter(points), None),
+        skiltnummer=skiltnummer,
+        skiltnummer_text=nummer.verdi,
+        enum_id=nummer.enum_id,
+        ansiktsside=side.verdi,
+        ansiktsside_enum_id=side.enum_id,
+        text=text,
+        plasseringskode=code,
+    )
+
+
+_NONE = UsualEgenskap(id=0)
+
+
+@lru_cache(maxsize=4096)
+def _known_code(text: str) -> str | None:
+    """Sign code of a value of 5530; a country has some 640 of these."""
+    return datakatalog.sign_code(text)
+
+
+def _check_type(vegobjekt: Vegobjekt, type_id: int) -> None:
+    if vegobjekt.type_id != type_id:
+        msg = f"Vegobjekt {vegobjekt.id} is of type {vegobjekt.type_id}, not {type_id}: ask for {type_id}."
+        raise SchemaError(msg)
+
+
+def _shared(vegobjekt: Vegobjekt, problems: list[str]) -> dict[str, Any]:
+    """Fields of :class:`Skilt`."""
+    kvalitet = vegobjekt.kvalitet
+    return {
+        "nvdb_id": vegobjekt.id,
+        "version": vegobjekt.versjon,
+        "start_date": vegobjekt.startdato,
+        "end_date": vegobjekt.sluttdato,
+        "last_modified": vegobjekt.sist_modifisert,
+        "position": vegobjekt.position,
+        "own_geometry": vegobjekt.own_geometry,
+        "accuracy_cm": kvalitet.noyaktighet_cm if kvalitet else None,
+        "capture_method": kvalitet.datafangstmetode if kvalitet else None,
+        "road_reference": next(iter(vegobjekt.vegsystemreferanser), None),
+        "kommuner": vegobjekt.kommuner,
+        "stedfesting": vegobjekt.stedfestinger,
+        "problems": (*vegobjekt.problems, *problems),
+        "raw": vegobjekt.raw,
+    }
+
+
+def _point_id(vegobjekt: Vegobjekt, problems: list[str]) -> int | None:
+    """The one parent of type 95."""
+    parents = {
+        parent
+        for relasjon in vegobjekt.foreldre
+        if relasjon.type_id == datakatalog.SKILTPUNKT
+        for parent in relasjon.vegobjekter
+    }
+    if len(parents) > 1:
+        problems.append(f"has {len(parents)} Skiltpunkt above it, none is used")
+        return None
+    return next(iter(parents), None)
+
+
+def _code(text: str | None, problems: list[str]) -> str | None:
+    code = datakatalog.sign_code(text) if text else None
+    if code is None:
+        problems.append(f"skiltnummer {text[:30]!r} is no sign code" if text else "skiltnummer is missing")
+    return code
+
+
+def _text(egenskap: Egenskap | None, problems: list[str]) -> str | None:
+    if egenskap is None or egenskap.verdi is None:
+        return None
+    if not isinstance(egenskap.verdi, str):
+        problems.append(f"egenskap {egenskap.id} is {egenskap.verdi!r:.30} instead of text")
+        return None
+    return egenskap.verdi
+
+
+def _integer(egenskap: Egenskap | None, problems: list[str]) -> int | None:
+    if egenskap is None or egenskap.verdi is None:
+        return None
+    verdi = egenskap.verdi
+    if isinstance(verdi, bool) or not isinstance(verdi, int) or verdi not in INT64:
+        problems.append(f"egenskap {egenskap.id} is {egenskap.verdi!r:.30} instead of a whole number")
+        return None
+    return verdi

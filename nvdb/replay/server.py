@@ -1,0 +1,299 @@
+"""A local server that answers as API Les V4, Uberiket V1 and the datakatalog do.
+
+For the demo, for tests, for benchmarks, and for trying things out.
+
+>>> with ReplayServer("recorded_pages") as server:              # doctest: +SKIP
+...     client = NvdbClient(server.url)
+
+or ``python -m nvdb.replay recorded_pages --port 8096``; and a whole country of generated signs by
+``python -m nvdb.replay --generate 573299,1153655``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import socket
+import socketserver
+import sys
+import threading
+from collections.abc import Mapping
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+from urllib.parse import parse_qsl, urlsplit
+
+from nvdb.datakatalog.katalog import Datakatalog
+from nvdb.errors import NvdbError, ReplaySourceError
+from nvdb.replay.faults import LOOP_PATH, OF_CONTENT, Fault, FaultPlan, Faults, RequestInfo, send_fault
+from nvdb.replay.generated import GeneratedWorld
+from nvdb.replay.pages import Generated, ReplaySource
+from nvdb.replay.routes import Answer, Routes, json_answer, problem
+from nvdb.replay.world import ReplayWorld
+
+__all__ = ["Fault", "ReplayServer", "ReplayWorld", "RequestInfo", "main"]
+
+log = logging.getLogger(__name__)
+
+NO_CLIENT: Final = "X-Client må være satt når du kaller API Les V4."
+RATE_LIMIT: Final = 200
+TOUCH_PATH: Final = "/replay/touch"
+"""POST here tells a generated world that some of its objects have changed: for benchmarks."""
+
+
+class ReplayServer:
+    """Serve recorded or generated objects on loopback until the ``with`` block ends.
+
+    Parameters
+    ----------
+    source : Path, str, mapping or ReplaySource
+        A folder of recorded pages (``*.json``, ``*.ndjson``, also ``.gz``), type → objects in V4's form, or
+        a :class:`~nvdb.replay.world.ReplayWorld` that changes while it is served.
+    host : str
+    port : int
+        0 takes a free one.
+    faults : iterable or callable, optional
+        See :class:`nvdb.replay.faults.FaultPlan`.
+    katalog : Datakatalog, optional
+        What the datakatalog's addresses say; the shipped snapshot if omitted.
+
+    Raises
+    ------
+    ReplaySourceError
+        Nothing to serve, or the port is taken.
+    """
+
+    def __init__(
+        self,
+        source: Path | str | Generated | ReplaySource,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        faults: Faults | None = None,
+        katalog: Datakatalog | None = None,
+    ) -> None:
+        self._source = source if isinstance(source, ReplaySource) else ReplaySource(source)
+        self.routes = Routes(self._source, katalog)
+        """What is served; its ``katalog`` may be replaced while the server runs."""
+        self._host = host
+        self._port = port
+        self._plan = FaultPlan(faults)
+        self._server: _Server | None = None
+        self._thread: threading.Thread | None = None
+        self.requests: list[RequestInfo] = []
+        """Every request so far, in order of arrival."""
+
+    @property
+    def url(self) -> str:
+        """Base URL, ``http://127.0.0.1:43211``; only while the server runs."""
+        if self._server is None:
+            msg = "The replay server is not running: use it in a with block."
+            raise ReplaySourceError(msg)
+        return f"http://{self._host}:{self._server.server_address[1]}"
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """How many objects of each type are served."""
+        return self._source.counts()
+
+    def __enter__(self) -> ReplayServer:
+        try:
+            self._server = _Server((self._host, self._port), self.routes, self._plan, self.requests)
+        except (OSError, OverflowError) as error:
+            msg = f"Port {self._port} on {self._host} cannot be used ({error}): take another one, or 0."
+            raise ReplaySourceError(msg) from error
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._server is not None and self._thread is not None:
+            self._server.stop()
+            self._thread.join()
+        self._server = self._thread = None
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    """TCPServer and not HTTPServer, which asks the name service for its own name before it starts."""
+
+    # On Windows the same option would let two servers share one port.
+    allow_reuse_address = os.name == "posix"
+    daemon_threads = False  # threads are joined on closing, so that no socket outlives the server
+    request_queue_size = 32
+
+    def __init__(
+        self, address: tuple[str, int], routes: Routes, plan: FaultPlan, requests: list[RequestInfo]
+    ) -> None:
+        self.routes = routes
+        self.plan = plan
+        self.requests = requests
+        self.stopping = threading.Event()
+        self._lock = threading.Lock()
+        self._open: set[socket.socket] = set()
+        super().__init__(address, _Handler)
+
+    def note(self, path: str, query: Mapping[str, str], headers: Mapping[str, str]) -> RequestInfo:
+        """Enter a request into the list."""
+        with self._lock:
+            info = RequestInfo(len(self.requests), path, query, headers)
+            self.requests.append(info)
+        return info
+
+    def stop(self) -> None:
+        """Stop accepting, end the connections that clients keep open, wait for the threads."""
+        self.stopping.set()
+        self.shutdown()
+        with self._lock:
+            waiting = list(self._open)
+        for connection in waiting:
+            with suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
+        self.server_close()
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Start a thread for a connection."""
+        with self._lock:
+            self._open.add(request)
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """End a connection."""
+        with self._lock:
+            self._open.discard(request)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ARG002 (signature of the base)
+        """A client that has gone is no news; anything else is a fault of this server."""
+        if not isinstance(sys.exception(), ConnectionError):
+            log.exception("the replay server failed to answer a request")
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One connection."""
+
+    protocol_version = "HTTP/1.1"
+    server_version = "nvdb-replay"
+    sys_version = ""
+    wbufsize = -1  # headers and body leave in one piece
+    disable_nagle_algorithm = True
+    server: _Server
+
+    def do_GET(self) -> None:
+        """Answer one GET."""
+        parts = urlsplit(self.path)
+        query = dict(parse_qsl(parts.query, keep_blank_values=True))
+        info = self.server.note(parts.path, query, dict(self.headers.items()))
+        fault = self.server.plan.next(info)
+        of_content = fault is not None and fault.kind in OF_CONTENT
+        world = self.server.routes.source
+        if isinstance(world, ReplayWorld) and world.on_request is not None:
+            world.on_request(info)
+        answer = self._answer(info, fault.kind if fault is not None and of_content else None)
+        if fault is None or of_content:
+            self._send(answer)
+        else:
+            send_fault(self, fault, answer.body, self.server.stopping)
+
+    def do_POST(self) -> None:
+        """Change a generated world from outside: ``/replay/touch?type=96&antall=1000``."""
+        parts = urlsplit(self.path)
+        query = dict(parse_qsl(parts.query))
+        self.rfile.read(int(self.headers.get("Content-Length") or 0))
+        world = self.server.routes.source
+        if parts.path != TOUCH_PATH or not isinstance(world, GeneratedWorld):
+            self._send(problem(404, "Not Found", "Only a generated world can be touched", parts.path))
+            return
+        try:
+            ids = world.ids(int(query["type"]), int(query["antall"]), int(query.get("fra", "0")))
+        except (KeyError, ValueError):
+            self._send(problem(400, "Bad Request", "Give type=95|96 and antall", parts.path))
+            return
+        world.touch(ids)
+        self._send(json_answer(200, {"antall": len(ids)}))
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (signature of the base)
+        """Log instead of writing to stderr."""
+        log.debug("%s " + format, self.address_string(), *args)
+
+    def _send(self, answer: Answer) -> None:
+        self.send_response(answer.status)
+        self.send_header("Content-Type", answer.content_type)
+        self.send_header("Content-Length", str(len(answer.body)))
+        self.send_header("x-ratelimit-remaining", str(RATE_LIMIT))
+        for name, value in answer.headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(answer.body)
+
+    def _answer(self, info: RequestInfo, fault: str | None) -> Answer:
+        """The good answer to a request, or one with a fault of its content."""
+        if info.path == LOOP_PATH:
+            return Answer(302, b"", headers={"Location": LOOP_PATH})
+        if not (self.headers.get("X-Client") or "").strip():
+            return Answer(400, NO_CLIENT.encode(), "text/plain;charset=UTF-8")
+        if info.path in {"", "/", "/status"}:
+            return json_answer(200, {"status": "OK", "vegobjekter": self.server.routes.source.counts()})
+        base = f"http://{self.headers.get('Host', 'localhost')}"
+        return self.server.routes.answer(info.path, info.query, base, fault)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Serve until Ctrl-C: ``python -m nvdb.replay FOLDER`` or ``--generate POINTS,PLATES``."""
+    options = _parser().parse_args(arguments)
+    try:
+        source = _source(options)
+        # Ctrl-C may come at any moment once the address is out, so it is not the wait alone that expects it.
+        with (
+            suppress(KeyboardInterrupt),
+            ReplayServer(source, host=options.host, port=options.port) as server,
+        ):
+            counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
+            sys.stdout.write(f"{server.url} serves {counts}; Ctrl-C ends it.\n")
+            sys.stdout.flush()
+            threading.Event().wait()
+    except NvdbError as error:
+        sys.stderr.write(f"{error}\n")
+        return 4
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m nvdb.replay",
+        description="Serve recorded or generated signs as API Les V4 and Uberiket V1 would.",
+        epilog="Examples: python -m nvdb.replay recorded_pages --port 8096; "
+        "python -m nvdb.replay --generate 573299,1153655",
+    )
+    given = parser.add_mutually_exclusive_group(required=True)
+    given.add_argument(
+        "folder", type=Path, nargs="?", help="folder of recorded pages (*.json, *.json.gz, *.ndjson)"
+    )
+    given.add_argument(
+        "--generate",
+        type=_two_counts,
+        metavar="POINTS,PLATES",
+        help="serve this many generated signs instead",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the generated signs (default: %(default)s)")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
+    parser.add_argument("--port", type=int, default=8096, help="0 takes a free one (default: %(default)s)")
+    return parser
+
+
+def _source(options: argparse.Namespace) -> Path | ReplaySource:
+    if options.generate is None:
+        return Path(options.folder)
+    n_points, n_plates = options.generate
+    return GeneratedWorld(n_points, n_plates, options.seed)
+
+
+def _two_counts(text: str) -> tuple[int, int]:
+    points, plates = (int(part) for part in text.split(","))
+    if points < 0 or plates < 0 or (plates and not points):
+        raise ValueError(text)
+    return points, plates

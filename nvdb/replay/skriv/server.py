@@ -1,0 +1,300 @@
+"""A local server that speaks the change-set protocol of API Skriv V3, with its refusals.
+
+For tests, and for trying out what a change set would meet, without an account:
+
+>>> with SkrivReplayServer(SkrivWorld(), users={"olanor": "hemmelig"}) as server:    # doctest: +SKIP
+...     http = NvdbClient(server.url)
+...     client = SkrivClient(http, OidcLogin(http, lambda: ("olanor", "hemmelig")))
+
+It speaks XML. What it knows of NVDB is a :class:`nvdb.replay.skriv.world.SkrivWorld`.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import logging
+import re
+import secrets
+import socketserver
+import threading
+import uuid
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from http.server import BaseHTTPRequestHandler
+from types import TracebackType
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from nvdb.endringssett import Endringssett, Finding, errors, from_xml, validate
+from nvdb.errors import ReplaySourceError, SchemaError
+from nvdb.replay.skriv.answers import fault_xml, fremdrift_xml, ressurser_xml, status_xml
+from nvdb.replay.skriv.world import NO_RIGHT, ReplayObject, SkrivWorld
+from nvdb.skriv.status import AVVIST, FINAL, IKKE_STARTET, KANSELLERT, UTFORT
+
+__all__ = ["ReplayObject", "SkrivReplayServer", "SkrivWorld"]
+
+log = logging.getLogger(__name__)
+
+TOKEN_S: Final = 900
+_SETS: Final = re.compile(r"(?:/nvdb/apiskriv)?/rest/v3/endringssett(?:/([^/]+)(?:/(\w+))?)?")
+_LOGIN: Final = re.compile(r"(?:/nvdb/apiskriv)?/rest/v1/oidc/(authenticate|refresh)")
+
+
+@dataclass(slots=True)
+class _Set:
+    """A registered set and what is to be said about it, one code a question."""
+
+    sett: Endringssett
+    dry_run: bool
+    received: datetime
+    codes: list[str] = field(default_factory=lambda: [IKKE_STARTET])
+    findings: tuple[Finding, ...] = ()
+    made: Mapping[int, tuple[int, int]] = field(default_factory=dict)
+    done: datetime | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    status: int
+    body: bytes
+    content_type: str = "application/xml; charset=UTF-8"
+    headers: Mapping[str, str] = field(default_factory=dict)
+
+
+class _RefusedError(Exception):
+    """A request that is not taken."""
+
+    def __init__(self, status: int, message: str) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+class SkrivReplayServer:
+    """Serve API Skriv on loopback until the ``with`` block ends.
+
+    Parameters
+    ----------
+    world : SkrivWorld
+    users : mapping of user name → password
+    roles : bool
+        Whether the users have the role that the endpoints demand; without it every answer is 403.
+    on_the_way : sequence of str
+        Codes that are shown between the start and the final one, one a question.
+
+    Attributes
+    ----------
+    requests : list of (method, path)
+        In order of arrival.
+    lose : list of str
+        Ends of paths whose next answer is lost after the request was carried out.
+    """
+
+    def __init__(
+        self,
+        world: SkrivWorld,
+        *,
+        users: Mapping[str, str],
+        roles: bool = True,
+        on_the_way: Sequence[str] = ("BEHANDLES",),
+    ) -> None:
+        self.world = world
+        self.users = dict(users)
+        self.roles = roles
+        self.on_the_way = tuple(on_the_way)
+        self.requests: list[tuple[str, str]] = []
+        self.lose: list[str] = []
+        self._sets: dict[str, _Set] = {}
+        self._tokens: dict[str, float] = {}
+        self._lock = threading.Lock()
+        self._server: _Server | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def url(self) -> str:
+        """Base URL; only while the server runs."""
+        if self._server is None:
+            msg = "The replay server is not running: use it in a with block."
+            raise ReplaySourceError(msg)
+        return f"http://127.0.0.1:{self._server.server_address[1]}"
+
+    def __enter__(self) -> SkrivReplayServer:
+        self._server = _Server(("127.0.0.1", 0), _Handler)
+        self._server.replay = self
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._server is not None and self._thread is not None:
+            self._server.shutdown()
+            self._server.server_close()
+            self._thread.join()
+        self._server = self._thread = None
+
+    def end_tokens(self) -> None:
+        """Let every id token end now."""
+        self._tokens.clear()
+
+    def answer(self, method: str, path: str, headers: Mapping[str, str], body: bytes) -> _Answer:
+        """Answer one request."""
+        with self._lock:
+            self.requests.append((method, path))
+            try:
+                login = _LOGIN.fullmatch(path)
+                if login is not None:
+                    return self._login(login.group(1), body)
+                set_id, action = self._allowed(path, headers)
+                if set_id is None or set_id == "validator":
+                    return self._new(method, set_id, headers, body)
+                return self._known(method, set_id, action)
+            except _RefusedError as refusal:
+                return _Answer(refusal.status, fault_xml(str(refusal)))
+
+    def _allowed(self, path: str, headers: Mapping[str, str]) -> tuple[str | None, str | None]:
+        """Id and action of a path, for those who may ask."""
+        match = _SETS.fullmatch(path)
+        if match is None:
+            raise _RefusedError(404, "Ressursen ble ikke funnet")
+        bearer = headers.get("Authorization", "").removeprefix("Bearer ")
+        if self._tokens.get(bearer, 0.0) < self.world.now().timestamp():
+            raise _RefusedError(401, "Mangler eller ugyldig autentiseringstoken")
+        if not self.roles:
+            raise _RefusedError(403, "Brukeren mangler rolle for endepunktet")
+        if not headers.get("X-Client"):
+            raise _RefusedError(400, "X-Client mangler")
+        return match.group(1), match.group(2)
+
+    def _login(self, operation: str, body: bytes) -> _Answer:
+        try:
+            question = json.loads(body)
+        except ValueError as error:
+            raise _RefusedError(400, "Ugyldig JSON") from error
+        known = question.get("refreshToken", "").startswith("refresh-")
+        if operation == "authenticate":
+            name = question.get("username")
+            known = name in self.users and self.users[name] == question.get("password")
+        if not known:
+            return _Answer(200, b"{ }", "application/json; charset=utf-8")
+        ends = self.world.now().timestamp() + TOKEN_S
+        claims = base64.urlsafe_b64encode(json.dumps({"exp": ends}).encode()).decode().rstrip("=")
+        token = f"e30.{claims}.{secrets.token_hex(8)}"
+        self._tokens[token] = ends
+        tokens = {
+            "idToken": token,
+            "accessToken": "unused",
+            "refreshToken": f"refresh-{secrets.token_hex(8)}",
+        }
+        return _Answer(200, json.dumps(tokens).encode(), "application/json; charset=utf-8")
+
+    def _new(self, method: str, kind: str | None, headers: Mapping[str, str], body: bytes) -> _Answer:
+        """Validate a set, or register one."""
+        if method != "POST":
+            raise _RefusedError(405, "Metoden er ikke tillatt")
+        if not headers.get("Content-Type", "").startswith("application/xml"):
+            raise _RefusedError(415, "Media-typen støttes ikke")
+        try:
+            sett = from_xml(body)
+        except SchemaError as error:
+            raise _RefusedError(400, str(error)) from error
+        now = self.world.now()
+        if kind == "validator":
+            found = validate(sett, self.world.katalog)
+            code = AVVIST if errors(found) else UTFORT
+            return _Answer(200, status_xml(sett, code, found, now, _reason(code, found)))
+        if not sett.endringer:
+            raise _RefusedError(422, "Endringssettet inneholder ingen vegobjekter")
+        set_id = str(uuid.uuid4())
+        dry_run = headers.get("X-NVDB-DryRun", "").lower() in {"true", "ja"}
+        self._sets[set_id] = _Set(sett, dry_run, now)
+        relations = ("self", "start", "kanseller", "status", "fremdrift")
+        where = {"Location": f"{self.url}/rest/v3/endringssett/{set_id}"}
+        return _Answer(201, ressurser_xml(self.url, set_id, relations), headers=where)
+
+    def _known(self, method: str, set_id: str, action: str | None) -> _Answer:
+        """Start, cancel or tell about a registered set."""
+        entry = self._sets.get(set_id)
+        if entry is None or action not in {"start", "kanseller", "fremdrift", "status"}:
+            raise _RefusedError(404, f"Endringssettet {set_id} ble ikke funnet")
+        if method != ("POST" if action in {"start", "kanseller"} else "GET"):
+            raise _RefusedError(405, "Metoden er ikke tillatt")
+        if action == "fremdrift":
+            code = entry.codes.pop(0) if len(entry.codes) > 1 else entry.codes[0]
+            return _Answer(200, fremdrift_xml(code))
+        if action == "status":
+            return self._status(entry)
+        if action == "start":
+            if entry.codes != [IKKE_STARTET]:
+                raise _RefusedError(422, f"Endringssettet er allerede startet: {entry.codes[0]}")
+            self._process(entry)
+        else:
+            if entry.codes[0] in FINAL:
+                raise _RefusedError(422, f"Endringssettet er ferdigbehandlet: {entry.codes[0]}")
+            entry.codes = [KANSELLERT]
+        return _Answer(202, ressurser_xml(self.url, set_id, ("fremdrift", "status", "self")))
+
+    def _status(self, entry: _Set) -> _Answer:
+        code = entry.codes[0]
+        shown = entry.findings if code in FINAL else ()
+        made = entry.made if code in FINAL else {}
+        reason = _reason(code, shown)
+        return _Answer(200, status_xml(entry.sett, code, shown, entry.received, reason, made, entry.done))
+
+    def _process(self, entry: _Set) -> None:
+        entry.findings = self.world.refusals(entry.sett)
+        refused = bool(errors(entry.findings))
+        if not refused and not entry.dry_run:
+            entry.made = self.world.carry_out(entry.sett)
+            entry.done = self.world.now()
+        entry.codes = [*self.on_the_way, AVVIST if refused else UTFORT]
+
+
+def _reason(code: str, findings: Sequence[Finding]) -> str | None:
+    if code != AVVIST:
+        return None
+    return "IKKE_AUTORISERT" if any(f.code == NO_RIGHT for f in findings) else "VALIDERINGSFEIL"
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    """TCPServer and not HTTPServer, which asks the name service for its own name before it starts."""
+
+    daemon_threads = False
+    replay: SkrivReplayServer
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """One connection, for one request."""
+
+    server: _Server
+
+    def do_GET(self) -> None:
+        """Answer one GET."""
+        self._reply("GET")
+
+    def do_POST(self) -> None:
+        """Answer one POST."""
+        self._reply("POST")
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (signature of the base)
+        """Log instead of writing to stderr."""
+        log.debug("%s " + format, self.address_string(), *args)
+
+    def _reply(self, method: str) -> None:
+        body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
+        path = urlsplit(self.path).path
+        replay = self.server.replay
+        answer = replay.answer(method, path, dict(self.headers.items()), body)
+        for end in replay.lose:
+            if path.endswith(end):
+                replay.lose.remove(end)
+                return  # the connection closes without a word
+        self.send_response(answer.status)
+        self.send_header("Content-Type", answer.content_type)
+        self.send_header("Content-Length", str(len(answer.body)))
+        for name, value in answer.headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(answer.body)
