@@ -29,7 +29,7 @@ real: $(VENV)/.installed          ## real recordings (../shared/real): errors on
 	$(BIN)/python benchmarks/real.py
 
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
-	$(BIN)/python -m twin.sample data
+	$(BIN)/python -m twin.samples.sample data
 
 bench: $(VENV)/.installed         ## errors of every method on simulated drives, against the bars and the bound
 	$(BIN)/python benchmarks/accuracy.py

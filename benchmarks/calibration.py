@@ -33,9 +33,9 @@ from geoloc.rig.rig import read_rig
 from geoloc.simulation.car import CAMERAS
 from geoloc.simulation.pictures.board_views import draw_board_poses
 from geoloc.simulation.pictures.render import Plane, render_planes
-from twin.calibrate.boards import Board, board_from_text
-from twin.calibrate.detect import detect
-from twin.calibrate.example import EXAMPLE_BOARD, N_PICTURES, example_camera, rendered
+from twin.calibrate.boards.boards import Board, board_from_text
+from twin.calibrate.boards.detect import detect
+from twin.calibrate.intrinsics.example import EXAMPLE_BOARD, N_PICTURES, example_camera, rendered
 from twin.cli.output import console, print_table
 
 NOISE_PX, GREY_NOISE = 0.1, 2.0

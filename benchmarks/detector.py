@@ -27,14 +27,14 @@ from geoloc.simulation.noise import stream
 from geoloc.simulation.observe import horizontal_range_m, project
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
-from twin.detect.contract import Detections
-from twin.detect.joining import with_joined_tracks
-from twin.detect.shapes import Looked, annotation_file
-from twin.drives.annotated import gather
+from twin.drives.annotations.gather import gather
+from twin.drives.detection.shapes import Looked, annotation_file
+from twin.drives.detection.yolo_output import Detections
+from twin.drives.objects.join_tracks import with_joined_tracks
 from twin.drives.read import read_drive
-from twin.drives.write import write_driveworks_trip
-from twin.estimates import positions_of
-from twin.sighted import in_euref89, locate_annotations, trajectory_of
+from twin.ingest.locate import in_euref89, locate_annotations, trajectory_of
+from twin.ingest.rows import positions_of
+from twin.samples.write_drive import write_driveworks_trip
 
 FACE_M, FACE_UP_M, EVERY = 0.6, 2.2, 3
 NEAREST_M, FARTHEST_M, SMALLEST_PX = 4.0, 60.0, 8.0

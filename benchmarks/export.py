@@ -31,10 +31,11 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from twin import schema
 from twin.cli.output import print_table
-from twin.mirror_raw import packed
-from twin.store import Store
+from twin.matching.save import save_changes
+from twin.mirror.raw import packed
+from twin.store import schema
+from twin.store.store import Store
 
 Times = tuple[float, float]
 Run = tuple[float, float, float]
@@ -184,7 +185,7 @@ def fill(path: Path, n_changes: int, n_accepted: int) -> None:
         keys = {pole["estimate"]["estimate_id"]: str(i) for i, pole in enumerate(poles) if "estimate" in pole}
         run = {"method": METHOD, "at": "2026-06-10T08:00:00Z", "config_sha256": "9f" * 32}
         settings = {"software": "nvdb-twin 0.1.0"}
-        store.save_changes([p["change"] for p in poles], keys, {**run, "settings": settings})
+        save_changes(store, [p["change"] for p in poles], keys, {**run, "settings": settings})
         accepted = [p["change"]["change_id"] for p in poles if p["change"]["verdict"] == "wrong_type"]
         if n_accepted:
             decide(store, accepted[:n_accepted], "accept", by="benchmark")
@@ -205,10 +206,9 @@ def export(store: Path, folder: Path, profile: bool) -> None:
 
 def frames(store: Path, pickled: Path) -> None:
     """Keep the frames that an export writes, for the baseline."""
-    from twin.export.derived import file_layers
+    from twin.export.derived_layers import file_layers, in_wgs84
     from twin.export.from_store import layers_from_store
     from twin.export.layers import normalised
-    from twin.export.wgs84 import in_wgs84
 
     with Store.open(store, create=False) as opened:
         metres = file_layers(normalised(layers_from_store(opened, METHOD)))

@@ -15,11 +15,11 @@ from pathlib import Path
 from rich.progress import track
 
 from twin.cli.output import console
-from twin.evaluate import Truth, evaluate, plot, read_truth
-from twin.ingest import ingest_drive
-from twin.match import METHODS
-from twin.simulate import simulate
-from twin.store import Store
+from twin.ingest.ingest import ingest_drive
+from twin.reports.evaluate import Truth, evaluate, plot, read_truth
+from twin.samples.simulate import simulate
+from twin.store.schema import METHODS
+from twin.store.store import Store
 
 DRIVES = [("urban", 25.0), ("highway", 35.0), ("highway", 45.0), ("highway", 60.0), ("highway", 80.0)]
 SEEDS = (1, 2)

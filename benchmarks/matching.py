@@ -23,15 +23,14 @@ import numpy as np
 import sqlalchemy as sa
 from municipality_world import BLOCK_M, BLOCKS, NVDB_SIGMA_M, World, make_world
 
-from twin import schema
 from twin.cli.output import print_table
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
-from twin.matching.nearby import mirror_near
-from twin.matching.observed import observed_poles
-from twin.matching.sites import sites_from_mirror
-from twin.matching.verdict import judge
-from twin.store import Store
+from twin.matching.poles.poles import observed_poles
+from twin.matching.sites import mirror_near, sites_from_mirror
+from twin.matching.verdicts.judge import judge
+from twin.store import schema
+from twin.store.store import Store
 
 TILE = 5000
 GAP_M = 1000.0

@@ -101,8 +101,8 @@ def bare(url: str, source: str, most: int = 10**9) -> int:
 def mirrored(url: str, source: str, store_path: str) -> dict[str, float]:
     """Sync once, in this process; gives seconds, objects, changed objects and requests."""
     from nvdb.area import Area
-    from twin.store import Store
-    from twin.sync import sync_nvdb
+    from twin.mirror.sync import sync_nvdb
+    from twin.store.store import Store
 
     n_requests, send = 0, requests.Session.send
 

@@ -27,14 +27,14 @@ from rich.progress import track
 
 from geoloc.arrays import FloatArray, IntArray
 from twin.cli.output import console, print_table
+from twin.matching.absence import Evidence, evidence_of_absence, still_seen
 from twin.matching.assign import Assignment, assign
-from twin.matching.change import Change
 from twin.matching.config import MatchConfig
-from twin.matching.evidence import Evidence, evidence_of_absence, still_seen
 from twin.matching.likelihood import TERMS, gated_pairs
-from twin.matching.observed import ObservedPole, observed_poles
+from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.sites import Site
-from twin.matching.verdict import judge
+from twin.matching.verdicts.change import Change
+from twin.matching.verdicts.judge import judge
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1.0001)
 

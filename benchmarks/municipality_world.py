@@ -14,11 +14,11 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.simulation.car import simulated_rig
 from geoloc.trajectory.poses import Poses
-from twin.match import views_of_places
+from twin.matching.absence import Passage, Views, front_views
 from twin.matching.config import MatchConfig
-from twin.matching.evidence import Passage, Views, front_views
-from twin.matching.observed import ObservedPole
-from twin.matching.readings import family
+from twin.matching.match import views_of_places
+from twin.matching.plates.readings import family
+from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
 
 ORIGIN = np.array([270_000.0, 7_040_000.0])

@@ -27,14 +27,14 @@ from real_kitti import kitti_drives
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig, utm33_from_geographic
 from geoloc.locate.accuracy import ellipse_coverage
-from twin import schema
 from twin.cli.output import print_table
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
-from twin.evaluate import read_truth
-from twin.ingest import ingest_drive
-from twin.sighted import trajectory_of
-from twin.store import Store
+from twin.ingest.ingest import ingest_drive
+from twin.ingest.locate import trajectory_of
+from twin.reports.evaluate import read_truth
+from twin.store import schema
+from twin.store.store import Store
 
 PLAIN = "plain triangulation"
 MIN_FEET_FRAMES = 10

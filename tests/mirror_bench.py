@@ -16,9 +16,9 @@ from nvdb.mirror.sync import SyncReport, sync
 from nvdb.mirror.uberiket import UberiketSource
 from nvdb.replay.server import Fault, RequestInfo
 from nvdb.replay.world import ReplayWorld
-from twin import schema
-from twin.mirror_store import StoreMirror, raw_object
-from twin.store import Store
+from twin.mirror.mirror_tables import StoreMirror, raw_object
+from twin.store import schema
+from twin.store.store import Store
 
 COUNTRY = Area()
 KINDS: dict[str, Any] = {"les-v4": LesV4Source, "uberiket": UberiketSource}

@@ -12,13 +12,13 @@ from mutate import Draw, either, fuzzed, mutated, mutated_json, real_files
 
 from geoloc.cameras import PinholeCamera
 from geoloc.rig.rig import Rig, RigCamera
-from twin.drives.annotated import gather
-from twin.drives.annotations_csv import looks_like_annotations_csv, read_annotations_csv
-from twin.drives.find_annotations import read_annotation_json
-from twin.drives.label_map import read_label_map
-from twin.drives.labelme_xml import looks_like_labelme_xml, read_labelme_xml
-from twin.drives.shapes import AnnotationFile
-from twin.drives.yolo import YoloClasses, looks_like_yolo, read_yolo, read_yolo_classes
+from twin.drives.annotations.find import read_annotation_json
+from twin.drives.annotations.formats.labelme_xml import looks_like_labelme_xml, read_labelme_xml
+from twin.drives.annotations.formats.plain_csv import looks_like_annotations_csv, read_annotations_csv
+from twin.drives.annotations.formats.shapes import AnnotationFile
+from twin.drives.annotations.formats.yolo import YoloClasses, looks_like_yolo, read_yolo, read_yolo_classes
+from twin.drives.annotations.gather import gather
+from twin.drives.annotations.labels import read_label_map
 from twin.errors import DriveError
 
 COCO = {

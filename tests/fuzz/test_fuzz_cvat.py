@@ -6,7 +6,7 @@ import math
 
 from mutate import fuzzed, mutated, real_files
 
-from twin.drives.cvat import is_cvat, read_cvat
+from twin.drives.annotations.formats.cvat import is_cvat, read_cvat
 from twin.errors import DriveError
 
 SOUND = b"""<?xml version="1.0" encoding="utf-8"?>

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from mutate import fuzzed, mutated
 
-from twin.drives.clock import credible
-from twin.drives.timestamps import NO_STAMP, names_images, read_image_times, read_timestamps
+from twin.drives.epochs import credible
+from twin.drives.frames.find import in_order
+from twin.drives.frames.images import UnusableImageError, decoded_image, exif_epoch, exif_needs_zone
+from twin.drives.frames.name_times import epoch_from_name, needs_zone
+from twin.drives.frames.stamp_files import NO_STAMP, names_images, read_image_times, read_timestamps
+from twin.drives.frames.video import decoded, index_video
 from twin.errors import DriveError
-from twin.frames.find import in_order
-from twin.frames.images import UnusableImageError, decoded_image, exif_epoch, exif_needs_zone
-from twin.frames.name_times import epoch_from_name, needs_zone
-from twin.frames.video import decoded, index_video
 
 STAMPS = b"".join(b"%d\t%d\n" % (i, 1_781_078_400_000_000 + 33_333 * i) for i in range(20))
 TABLE = b"frame,time_ns\n" + b"".join(b"%d,%d\n" % (i, 1_781_078_400_000_000_000 + i) for i in range(20))

@@ -9,8 +9,8 @@ import numpy as np
 from mutate import either, fuzzed, listed, mutated
 from onnx import TensorProto, helper, numpy_helper
 
-from twin.detect.contract import Letterbox, candidates, kept
-from twin.detect.onnx_header import read_onnx_header
+from twin.drives.detection.onnx_header import read_onnx_header
+from twin.drives.detection.yolo_output import Letterbox, candidates, kept
 from twin.errors import DriveError
 
 

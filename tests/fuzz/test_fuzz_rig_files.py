@@ -14,10 +14,10 @@ from PIL import Image
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.cameras import FisheyeCamera
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera, rig_document, rig_from_document
-from twin.drives.folder import DriveFolder
-from twin.drives.notes import ReadingNotes
-from twin.drives.rig_files import rig_of_folder
-from twin.drives.settings import DriveSettings, read_settings
+from twin.drives.folder.drive_toml import DriveSettings, read_settings
+from twin.drives.folder.files import DriveFolder
+from twin.drives.folder.notes import ReadingNotes
+from twin.drives.rig.rig_files import rig_of_folder
 from twin.errors import DriveError
 
 MODEL = FisheyeCamera(64, 40, 30.0, 30.5, 31.0, 19.5, (0.01, -0.002, 0.0, 0.0))

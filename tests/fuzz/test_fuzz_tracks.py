@@ -28,14 +28,14 @@ from track_writers import (
 )
 
 from geoloc.trajectory.fix_checks import MAX_SPEED_MPS
-from twin.drives.exif_positions import has_exif_position, read_exif_positions
-from twin.drives.gpx import looks_like_gpx, read_gpx
-from twin.drives.nmea import looks_like_nmea, read_nmea
-from twin.drives.poses_csv import looks_like_poses, read_poses
-from twin.drives.rosbag import looks_like_rosbag, read_rosbag, read_rosbag_poses
-from twin.drives.sbp_messages import LAYOUTS, looks_like_sbp
-from twin.drives.sbp_track import read_sbp, read_sbp_poses
-from twin.drives.track_read import FixesRead
+from twin.drives.track.fixes import FixesRead
+from twin.drives.track.formats.exif import has_exif_position, read_exif_positions
+from twin.drives.track.formats.gpx import looks_like_gpx, read_gpx
+from twin.drives.track.formats.nmea import looks_like_nmea, read_nmea
+from twin.drives.track.formats.poses_csv import looks_like_poses, read_poses
+from twin.drives.track.formats.rosbag import looks_like_rosbag, read_rosbag, read_rosbag_poses
+from twin.drives.track.formats.sbp import read_sbp, read_sbp_poses
+from twin.drives.track.formats.sbp_messages import LAYOUTS, looks_like_sbp
 from twin.errors import DriveError
 
 START_NS = int(datetime(2026, 6, 10, 8, 0, tzinfo=UTC).timestamp()) * S

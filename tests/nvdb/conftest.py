@@ -14,7 +14,7 @@ from skriv_desk import Desk
 from nvdb.client.client import NvdbClient
 from nvdb.replay.server import ReplayServer
 from nvdb.replay.world import ReplayWorld
-from twin import mirror_store
+from twin.mirror import mirror_tables as mirror_store
 
 Raw = dict[str, Any]
 

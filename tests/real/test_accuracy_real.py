@@ -12,7 +12,7 @@ import numpy as np
 
 from geoloc.earth.geodesy import enu_offset, rotation_enu_from_rig
 from twin.drives.read import read_drive
-from twin.sighted import trajectory_of
+from twin.ingest.locate import trajectory_of
 
 
 def test_kitti_folders_show_the_scanned_signs_where_they_were_boxed(kitti_folders: list[Any]) -> None:

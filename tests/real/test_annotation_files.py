@@ -7,11 +7,11 @@ from collections import Counter
 import pytest
 from checkout import REAL
 
-from twin.drives.find_annotations import read_annotation_json
-from twin.drives.label_map import default_label_map
-from twin.drives.labelme_xml import looks_like_labelme_xml, read_labelme_xml
-from twin.drives.shapes import AnnotationFile
-from twin.drives.yolo import looks_like_yolo, read_yolo, read_yolo_classes
+from twin.drives.annotations.find import read_annotation_json
+from twin.drives.annotations.formats.labelme_xml import looks_like_labelme_xml, read_labelme_xml
+from twin.drives.annotations.formats.shapes import AnnotationFile
+from twin.drives.annotations.formats.yolo import looks_like_yolo, read_yolo, read_yolo_classes
+from twin.drives.annotations.labels import default_label_map
 
 ANNOTATIONS = REAL / "annotations"
 pytestmark = pytest.mark.skipif(

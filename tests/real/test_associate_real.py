@@ -15,7 +15,7 @@ from geoloc.association.associate import associate, check_ids
 from geoloc.locate.records import Sightings
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
-from twin.sighted import trajectory_of
+from twin.ingest.locate import trajectory_of
 
 BOXES = REAL / "kitti_signs" / "associated_boxes.csv"
 

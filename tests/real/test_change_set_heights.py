@@ -18,7 +18,7 @@ CODE = """
 import json
 from nvdb.datakatalog import snapshot
 from nvdb.endringssett import NewPlate, Punkt, endringssett, new_sign, to_xml, validate
-from twin.changesets.seen import Seen, height_of, measured_position
+from twin.changesets.drive_side import Seen, height_of, measured_position
 
 place = {"east_m": 269979.6, "north_m": 7040000.0}
 estimate = {"estimate_id": "d:P1:adjusted", **place, "height_m": 80.0, "sigma_height_m": 0.06}

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from checkout import REAL
 
-from twin.drives.cvat import is_cvat, read_cvat
-from twin.drives.nmea import looks_like_nmea, read_nmea
+from twin.drives.annotations.formats.cvat import is_cvat, read_cvat
 from twin.drives.read import read_drive
-from twin.drives.track_read import fix_rate_hz
+from twin.drives.track.fixes import fix_rate_hz
+from twin.drives.track.formats.nmea import looks_like_nmea, read_nmea
 from twin.errors import DriveError
 
 

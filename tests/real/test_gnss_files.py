@@ -13,11 +13,11 @@ import pynmea2
 import pytest
 from checkout import REAL
 
-from twin.drives.gpx import looks_like_gpx, read_gpx
-from twin.drives.nmea import looks_like_nmea, read_nmea
-from twin.drives.sbp_messages import looks_like_sbp
-from twin.drives.sbp_track import read_sbp, read_sbp_poses
-from twin.drives.track_read import fix_rate_hz
+from twin.drives.track.fixes import fix_rate_hz
+from twin.drives.track.formats.gpx import looks_like_gpx, read_gpx
+from twin.drives.track.formats.nmea import looks_like_nmea, read_nmea
+from twin.drives.track.formats.sbp import read_sbp, read_sbp_poses
+from twin.drives.track.formats.sbp_messages import looks_like_sbp
 from twin.errors import DriveError
 
 GNSS = REAL / "gnss"
@@ -88,7 +88,7 @@ def test_roundtrip_sbp_has_a_velocity_at_every_position() -> None:
 
 def test_roundtrip_sbp_epochs_are_the_receivers_own_utc() -> None:
     """Week, time of week and leap seconds give what the receiver wrote in UTC_TIME, to 2 ns."""
-    from twin.drives.sbp_messages import UTC_TIME, iter_messages
+    from twin.drives.track.formats.sbp_messages import UTC_TIME, iter_messages
 
     raw = content("roundtrip.sbp")
     stated = [m.field for m in iter_messages(raw, Counter()) if m.kind == UTC_TIME]
@@ -124,7 +124,7 @@ def test_short_sbp_has_one_fix_in_finland_before_which_the_receiver_searched(nam
 
 def test_short_sbp_and_its_json_twin_hold_the_same_messages() -> None:
     """Swift's own converter wrote the JSON: every field of every message that is read agrees."""
-    from twin.drives.sbp_messages import LAYOUTS, iter_messages
+    from twin.drives.track.formats.sbp_messages import LAYOUTS, iter_messages
 
     ours = list(iter_messages(content("short.sbp"), Counter()))
     lines = [json.loads(line) for line in content("short.sbp.json").splitlines() if line.strip()]

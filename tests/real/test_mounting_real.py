@@ -12,7 +12,7 @@ from checkout import ROOT
 from geoloc.calibration.verify_mounting import turned
 from geoloc.rig.edit import with_extrinsics, with_rotation_correction
 from geoloc.rig.rig import rig_from_document
-from twin.calibrate.given_rig import read_given_rig
+from twin.calibrate.extrinsics.given_rig import read_given_rig
 
 RIG = ROOT.parent / "shared" / "real" / "naplab" / "ntnu_naplab_rig_carlo.json"
 POSE_KEYS = {"nominalSensor2Rig_FLU", "sensor2Rig_FLU", "nominalSensor2Rig", "sensor2Rig"}

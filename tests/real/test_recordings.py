@@ -10,7 +10,12 @@ import pytest
 from checkout import REAL
 from rosbags.highlevel import AnyReader
 
-from twin.drives.rosbag import looks_like_rosbag, read_rosbag, read_rosbag_poses, recorded_topics
+from twin.drives.track.formats.rosbag import (
+    looks_like_rosbag,
+    read_rosbag,
+    read_rosbag_poses,
+    recorded_topics,
+)
 from twin.errors import DriveError
 
 RECORDINGS = REAL / "recordings"
@@ -42,7 +47,7 @@ def test_robot_localization_imu_attitudes_are_those_of_its_quaternions() -> None
     """Every attitude of the bag, against SciPy's rotation from the same quaternion."""
     from scipy.spatial.transform import Rotation
 
-    from twin.drives.rosbag import attitude_of
+    from twin.drives.track.formats.rosbag import attitude_of
 
     path = recording(BAG)
     ours, theirs = [], []

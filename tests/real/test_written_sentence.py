@@ -10,8 +10,8 @@ import pytest
 from checkout import REAL
 
 from geoloc.simulation.simulate import scenario, simulate_drive
-from twin.drives.nmea import read_nmea
-from twin.drives.write import write_driveworks_trip
+from twin.drives.track.formats.nmea import read_nmea
+from twin.samples.write_drive import write_driveworks_trip
 
 LINE = REAL / "naplab" / "gnss_sample_lines.txt"
 

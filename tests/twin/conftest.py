@@ -17,13 +17,13 @@ from nvdb.client.client import NvdbClient
 from nvdb.objects.geometri import point_from_wkt
 from nvdb.replay.server import ReplayServer
 from nvdb.replay.world import ReplayWorld
-from twin import schema
 from twin.cli import run
-from twin.demo import sample_folder
-from twin.match import METHODS
-from twin.mirror_raw import raw_object
-from twin.store import Store
-from twin.vegnett import sync_vegnett
+from twin.mirror.raw import raw_object
+from twin.mirror.vegnett import sync_vegnett
+from twin.samples.demo import sample_folder
+from twin.store import schema
+from twin.store.schema import METHODS
+from twin.store.store import Store
 
 
 @pytest.fixture(scope="session")

@@ -16,11 +16,11 @@ from geoloc.cameras import FisheyeCamera, FThetaCamera, OcamCamera
 from geoloc.cameras.monotonic import polynomial
 from geoloc.simulation.car import CAMERAS
 from geoloc.simulation.simulate import scenario, simulate_drive
-from twin import schema
-from twin.drives.write import write_driveworks_trip
-from twin.ingest import ingest_drive
-from twin.match import METHODS
-from twin.store import Store
+from twin.ingest.ingest import ingest_drive
+from twin.samples.write_drive import write_driveworks_trip
+from twin.store import schema
+from twin.store.schema import METHODS
+from twin.store.store import Store
 
 WIDE = "C3_tricam120"
 LENS = CAMERAS[WIDE][0]

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from twin import schema
 from twin.export.from_store import layers_from_store
-from twin.ingest import IngestReport, ingest_drive
-from twin.match import match
-from twin.store import Store
+from twin.ingest.ingest import IngestReport, ingest_drive
+from twin.matching.match import match
+from twin.store import schema
+from twin.store.store import Store
 
 RAIL_END = 14
 """Rekkverksende."""

@@ -14,7 +14,7 @@ from geoloc.calibration_files.opencv_file import opencv_text
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
-from twin.drives.settings import CameraSettings
+from twin.drives.folder.drive_toml import CameraSettings
 
 _DIGITS = 5
 """Of degrees and metres: 0.2 mm at 1 km, and a hundredth of a millimetre."""

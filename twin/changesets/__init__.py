@@ -7,7 +7,7 @@
 The page ``docs/endringssett.md`` explains which finding becomes which operation.
 """
 
-from twin.changesets.accepted import ChangeSets, groups_from_store
+from twin.changesets.build import ChangeSets, groups_from_store
 from twin.changesets.files import files_of
 from twin.changesets.operations import Group, LeftOut
 

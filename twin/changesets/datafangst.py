@@ -21,8 +21,8 @@ from geoloc.earth.geodesy import geographic_from_utm33
 from nvdb.datakatalog.katalog import snapshot
 from nvdb.endringssett import Earlier, Endring, Geometri
 from nvdb.objects.geometri import point_from_wkt
-from twin.changesets.accepted import ChangeSets, Sett
-from twin.changesets.mirrored import earlier_from_raw, name
+from twin.changesets.build import ChangeSets, Sett
+from twin.changesets.nvdb_side import earlier_from_raw, name
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT
 
 OPERATION: Final = {

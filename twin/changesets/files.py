@@ -10,9 +10,9 @@ from typing import Any, Final
 
 import twin
 from nvdb.endringssett import to_json, to_xml
-from twin.changesets.accepted import ChangeSets, Sett
+from twin.changesets.build import ChangeSets, Sett
 from twin.changesets.datafangst import datafangst
-from twin.changesets.seen import height_of
+from twin.changesets.drive_side import height_of
 
 PROVENANCE: Final = "proveniens.json"
 PREVIEW: Final = "preview-"

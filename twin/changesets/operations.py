@@ -5,12 +5,13 @@ from __future__ import annotations
 import datetime as dt
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from nvdb.datakatalog.ids import Ansiktsside
 from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.endringssett import (
+    Assosiasjon,
     Endring,
     Measured,
     NewPlate,
@@ -24,11 +25,10 @@ from nvdb.endringssett import (
     skiltnummer_enum,
 )
 from nvdb.errors import RequestError
-from twin.changesets.merge import merged
-from twin.changesets.mirrored import Mirrored
+from twin.changesets.drive_side import Seen, measured_position
+from twin.changesets.nvdb_side import Mirrored
 from twin.changesets.places import Places
-from twin.changesets.seen import Seen, measured_position
-from twin.matching.observed import split_codes
+from twin.matching.poles.poles import split_codes
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site
 
 Row = Mapping[str, Any]
@@ -238,3 +238,39 @@ def _left_out(finding: Row, error: RequestError) -> LeftOut:
     return LeftOut(
         finding["change_id"], f"{finding['change_id']} ({finding['verdict']}, {about}) is left out: {why}."
     )
+
+
+def merged(endringer: Iterable[Endring]) -> tuple[Endring, ...]:
+    """Put changes of the same object together; new objects stay as they are.
+
+    A closed object is only closed. A correction beside an update goes into the update: the new version says
+    what the correction would have said, and the old one stays as it was.
+    """
+    found: dict[object, Endring] = {}
+    for endring in endringer:
+        key: object = endring.temp_id if endring.nvdb_id is None else (endring.type_id, endring.nvdb_id)
+        found[key] = _both(found[key], endring) if key in found else endring
+    return tuple(found.values())
+
+
+def _both(one: Endring, other: Endring) -> Endring:
+    for closed in (one, other):
+        if closed.operasjon == "lukk":
+            return closed
+    updates = [endring for endring in (one, other) if endring.operasjon == "delvisOppdater"]
+    base = max(updates, key=lambda e: (e.startdato is not None, e.startdato)) if updates else one
+    values = {e.type_id: e for endring in (one, other) for e in endring.egenskaper}
+    return replace(
+        base,
+        egenskaper=tuple(values.values()),
+        assosiasjoner=_children([*one.assosiasjoner, *other.assosiasjoner]),
+        stedfesting=other.stedfesting or one.stedfesting,
+    )
+
+
+def _children(assosiasjoner: Iterable[Assosiasjon]) -> tuple[Assosiasjon, ...]:
+    found: dict[int, Assosiasjon] = {}
+    for item in assosiasjoner:
+        before = found.get(item.type_id)
+        found[item.type_id] = replace(item, dotre=(*(before.dotre if before else ()), *item.dotre))
+    return tuple(found.values())

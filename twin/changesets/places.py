@@ -10,9 +10,9 @@ from nvdb.datakatalog.ids import Ansiktsside
 from nvdb.endringssett import Punkt
 from nvdb.errors import RequestError
 from nvdb.vegnett import BILVEG, Stedfester, Stedfestinger, Vegnett, stedfester
-from twin.store import Store
-from twin.vegnett import load_vegnett
-from twin.vegnett.network import FACT
+from twin.mirror.vegnett import load_vegnett
+from twin.mirror.vegnett.network import FACT
+from twin.store.store import Store
 
 
 class Places:

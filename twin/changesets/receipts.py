@@ -9,7 +9,7 @@ from pathlib import Path
 from nvdb.skriv.status import IKKE_STARTET, UTFORT, UTFORT_OG_ETTERBEHANDLET
 from twin.changesets.files import json_bytes
 from twin.errors import RefusedError
-from twin.export.atomic import replace_file
+from twin.store.atomic_files import replace_file
 
 RECEIPTS = "kvittering.json"
 _ENDED_WITHOUT = frozenset({"AVVIST", "KANSELLERT"})

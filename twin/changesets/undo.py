@@ -9,9 +9,9 @@ from nvdb.endringssett import Earlier, Egenskap, inverse, to_xml
 from nvdb.errors import RequestError
 from nvdb.objects.geometri import point_from_wkt
 from nvdb.skriv.status import Status
-from twin.changesets.exported import ExportedSet
-from twin.changesets.mirrored import earlier_from_raw, name
-from twin.export.atomic import replace_file
+from twin.changesets.nvdb_side import earlier_from_raw, name
+from twin.changesets.read_exported import ExportedSet
+from twin.store.atomic_files import replace_file
 
 
 def write_undo(found: ExportedSet, status: Status) -> tuple[str | None, tuple[str, ...]]:

@@ -104,7 +104,7 @@ def sync_nvdb(
     that was interrupted goes on where it stopped.
     """
     from twin.cli import sync
-    from twin.sync import area_from_options
+    from twin.mirror.sync import area_from_options
 
     area = area_from_options(
         store,

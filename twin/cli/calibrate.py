@@ -73,9 +73,9 @@ def intrinsics(
     json_output: JsonOption = False,
 ) -> None:
     """Calibrate one camera from pictures of a board: model, uncertainty, coverage, and what is wrong."""
-    from twin.calibrate.intrinsics import calibrate_intrinsics
-    from twin.calibrate.report import left_out_lines, report_document
-    from twin.calibrate.write import check_rig, write_calibration
+    from twin.calibrate.intrinsics.calibrate import calibrate_intrinsics
+    from twin.calibrate.intrinsics.report import left_out_lines, report_document
+    from twin.calibrate.intrinsics.write import check_rig, write_calibration
 
     distances_m = _distances(distance or [])
     check_rig(out, camera, rig, add=add)
@@ -174,7 +174,7 @@ def example(
     json_output: JsonOption = False,
 ) -> None:
     """Render pictures of a ChArUco board to try `intrinsics` on, and the rig that they were taken with."""
-    from twin.calibrate.example import EXAMPLE_BOARD, PICTURES, write_example
+    from twin.calibrate.intrinsics.example import EXAMPLE_BOARD, PICTURES, write_example
 
     with bar(quiet=json_output) as progress:
         files = write_example(out, camera=camera, n_pictures=pictures, seed=seed, progress=progress)

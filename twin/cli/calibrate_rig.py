@@ -15,9 +15,9 @@ from twin.cli.output import bar, note, print_json, print_pairs, print_paths, pri
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.calibrate.extrinsics import ExtrinsicsReport
-    from twin.calibrate.from_drives import Histories
-    from twin.calibrate.verify import Verification
+    from twin.calibrate.drives.history import Histories
+    from twin.calibrate.drives.verify import Verification
+    from twin.calibrate.extrinsics.calibrate import ExtrinsicsReport
 
 __all__ = ["app"]
 
@@ -48,7 +48,7 @@ def extrinsics(
     json_output: JsonOption = False,
 ) -> None:
     """Find where the cameras sit on the car, from pictures of AprilTags around it."""
-    from twin.calibrate.extrinsics import calibrate_rig
+    from twin.calibrate.extrinsics.calibrate import calibrate_rig
 
     with bar(quiet=json_output) as progress:
         report = calibrate_rig(images, tags, rig, out, hand=hand, progress=progress)
@@ -113,7 +113,7 @@ def example_yard(
     json_output: JsonOption = False,
 ) -> None:
     """Render a yard with AprilTags to try `extrinsics` on, with a drawn rig and the true one."""
-    from twin.calibrate.example_yard import DRAWN_RIG, LAYOUT, PICTURES, write_yard
+    from twin.calibrate.extrinsics.example import DRAWN_RIG, LAYOUT, PICTURES, write_yard
 
     with bar(quiet=json_output) as progress:
         files = write_yard(out, seed=seed, floor_lean_deg=floor_lean, progress=progress)
@@ -153,8 +153,8 @@ def verify(
     json_output: JsonOption = False,
 ) -> None:
     """Check the cameras against objects at surveyed positions: errors by distance, and what mends them."""
-    from twin.calibrate.rig_plots import draw_verification
-    from twin.calibrate.verify import verify_drive
+    from twin.calibrate.drives.plots import draw_verification
+    from twin.calibrate.drives.verify import verify_drive
 
     with steps(quiet=json_output) as say:
         found = verify_drive(drive, known, apply=apply, level_deg=level, progress=say)
@@ -245,9 +245,9 @@ def from_drives(
     json_output: JsonOption = False,
 ) -> None:
     """Follow the cameras' mounting over the drives in the store, and warn of one that was moved."""
-    from twin.calibrate.from_drives import cameras_from_drives
-    from twin.calibrate.rig_plots import draw_histories
-    from twin.store import Store
+    from twin.calibrate.drives.history import cameras_from_drives
+    from twin.calibrate.drives.plots import draw_histories
+    from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
         found = cameras_from_drives(opened, apply=apply)

@@ -21,15 +21,15 @@ from twin.cli.output import (
 
 if TYPE_CHECKING:
     from twin.changesets import ChangeSets
-    from twin.evaluate import MethodResult
-    from twin.ingest import IngestReport
-    from twin.store import Store
+    from twin.ingest.ingest import IngestReport
+    from twin.reports.evaluate import MethodResult
+    from twin.store.store import Store
 
 
 @contextmanager
 def made_store(path: Path) -> Iterator[Store]:
     """Open a store, making it; one that was only made for a command that failed is taken away again."""
-    from twin.store import Store
+    from twin.store.store import Store
 
     existed = path.exists()
     try:
@@ -54,8 +54,8 @@ def ingest_drive(
     detector: tuple[Path, int, float] | None = None,
 ) -> None:
     """``twin ingest-drive``; `detector` is model, frames in between, and lowest score."""
-    from twin.detect.run import DetectorOptions
-    from twin.ingest import ingest_drive as run
+    from twin.drives.detection.run import DetectorOptions
+    from twin.ingest.ingest import ingest_drive as run
 
     with made_store(store) as opened, steps(quiet=json_output) as progress:
         report = run(
@@ -104,7 +104,7 @@ def export(
     """``twin export``."""
     from twin.cli.submit import change_sets_as_json, end_if_unsendable, print_change_sets
     from twin.export import export_findings
-    from twin.store import Store
+    from twin.store.store import Store
 
     made: list[ChangeSets] = []
     who = person() if by is None else by
@@ -140,9 +140,9 @@ def evaluate(
     truth: Path, by: str, within_m: float, plots: Path | None, store: Path, json_output: bool
 ) -> None:
     """``twin evaluate``."""
-    from twin.evaluate import evaluate as run
-    from twin.evaluate import plot, read_truth
-    from twin.store import Store
+    from twin.reports.evaluate import evaluate as run
+    from twin.reports.evaluate import plot, read_truth
+    from twin.store.store import Store
 
     truths = read_truth(truth)
     with Store.open(store, create=False) as opened:
@@ -197,8 +197,8 @@ def _bin(entry: dict[str, Any]) -> str:
 
 def status(store: Path, json_output: bool) -> None:
     """``twin status``."""
-    from twin.status import status as run
-    from twin.store import Store
+    from twin.reports.status import status as run
+    from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
         found = run(opened)
@@ -251,7 +251,7 @@ def simulate(
     json_output: bool,
 ) -> None:
     """``twin simulate``."""
-    from twin.simulate import simulate as run
+    from twin.samples.simulate import simulate as run
 
     names = tuple(name.strip() for name in (cameras or "").split(",") if name.strip())
     with steps(quiet=json_output) as progress:
@@ -285,7 +285,7 @@ def simulate(
 
 def demo(out: Path, json_output: bool) -> None:
     """``twin demo``."""
-    from twin.demo import run_demo, summary
+    from twin.samples.demo import run_demo, summary
 
     with steps(quiet=json_output) as progress:
         report = run_demo(out, progress=progress)

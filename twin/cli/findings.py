@@ -17,7 +17,7 @@ from twin.errors import ConfigError, RefusedError
 
 if TYPE_CHECKING:
     from twin.decisions.findings import Selection
-    from twin.store import Store
+    from twin.store.store import Store
 
 Row = Mapping[str, Any]
 
@@ -38,9 +38,9 @@ def person() -> str:
 def match(method: str | None, tolerance: float, exit_code: bool, store: Path, json_output: bool) -> None:
     """``twin match``."""
     from twin.decisions.findings import findings, is_open
-    from twin.match import match as run
     from twin.matching.config import MatchConfig
-    from twin.store import Store
+    from twin.matching.match import match as run
+    from twin.store.store import Store
 
     config = MatchConfig(tolerance_m=tolerance)
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
@@ -85,7 +85,7 @@ def decide(
     json_output: bool,
 ) -> None:
     """``twin decide``."""
-    from twin.store import Store
+    from twin.store.store import Store
 
     who = person() if by is None else by
     verbs = [word for word in words if word in (*_WORDS, _UNDO)]
@@ -178,7 +178,7 @@ def _tell(done: Mapping[str, Any], json_output: bool) -> None:
 def explain(change_id: str, store: Path, json_output: bool) -> None:
     """``twin explain``."""
     from twin.decisions.explain import explain_change
-    from twin.store import Store
+    from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
         explained = explain_change(opened, change_id)

@@ -11,7 +11,7 @@ from twin.cli import EXIT_DATA
 from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
 
 if TYPE_CHECKING:
-    from twin.inspection.inspect import CameraSeen, Inspection
+    from twin.drives.inspection.inspect import CameraSeen, Inspection
 
 _MOST_FILES = 40
 _MOST_SKIPPED = 20
@@ -19,8 +19,8 @@ _MOST_SKIPPED = 20
 
 def inspect(drive: Path, out: Path | None, json_output: bool) -> None:
     """``twin inspect``; leaves with the exit code of bad data where ``ingest-drive`` would refuse."""
-    from twin.inspection.inspect import inspect_drive
-    from twin.inspection.picture import draw_timeline
+    from twin.drives.inspection.inspect import inspect_drive
+    from twin.drives.inspection.picture import draw_timeline
 
     with steps(quiet=json_output) as say:
         found = inspect_drive(drive, progress=say)
@@ -100,8 +100,8 @@ def _camera(camera: CameraSeen) -> str:
 def _print_sensors(found: Inspection) -> None:
     if not found.sensors:
         return
-    from twin.drives.clock import utc_text
-    from twin.inspection.picture import text_timeline, told
+    from twin.drives.epochs import utc_text
+    from twin.drives.inspection.picture import text_timeline, told
 
     first, last = min(s.first_ns for s in found.sensors), max(s.last_ns for s in found.sensors)
     lines = text_timeline(found.sensors)

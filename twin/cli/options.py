@@ -23,7 +23,7 @@ ByOption = Annotated[
 
 
 class Method(StrEnum):
-    """Geolocation methods, as in :data:`twin.match.METHODS`."""
+    """Geolocation methods, as in :data:`twin.store.schema.METHODS`."""
 
     ADJUSTED = "adjusted"
     SINGLE_FRAME = "single-frame"
@@ -41,7 +41,7 @@ class ScenarioName(StrEnum):
 
 
 class PairBy(StrEnum):
-    """How estimates find their truth, as in :data:`twin.evaluate.BY`."""
+    """How estimates find their truth, as in :data:`twin.reports.evaluate.BY`."""
 
     AUTO = "auto"
     ID = "id"
@@ -83,7 +83,7 @@ class Realm(StrEnum):
 
 
 class SourceName(StrEnum):
-    """APIs that a mirror can follow, as in :data:`twin.sync.SOURCES`."""
+    """APIs that a mirror can follow, as in :data:`twin.mirror.sync.SOURCES`."""
 
     LES_V4 = "les-v4"
     UBERIKET = "uberiket"

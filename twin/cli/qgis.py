@@ -12,7 +12,7 @@ import typer
 from twin.cli.output import note, print_json, print_table
 
 if TYPE_CHECKING:
-    from twin.qgis import QgisExport
+    from twin.export.open_in_qgis import QgisExport
 
 
 def qgis(
@@ -23,7 +23,7 @@ def qgis(
     json_output: Annotated[bool, typer.Option("--json", help="Print one JSON document.")] = False,
 ) -> None:
     """Say how to open an export in QGIS, what its layers are, and how decisions made there come back."""
-    from twin.qgis import qgis_export, qgis_program, start_qgis
+    from twin.export.open_in_qgis import qgis_export, qgis_program, start_qgis
 
     found = qgis_export(folder)
     if not json_output:
@@ -47,7 +47,7 @@ def qgis(
 
 
 def _print(found: QgisExport, folder: Path) -> None:
-    from twin.export.project import PROJECT
+    from twin.export.qgis.project import PROJECT
 
     sys.stdout.write(f"Open it:\n  {shlex.join(['qgis', *found.arguments])}\n")
     if found.uri is None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from twin.cli.output import note, print_json, print_pairs, print_table
 
 if TYPE_CHECKING:
-    from twin.show import EstimateExplained
+    from twin.reports.estimate import EstimateExplained
 
 _MAX_REJECTED = 12
 """Rejected frames that the table names; --json has them all."""
@@ -19,9 +19,9 @@ _MAX_REJECTED = 12
 
 def show(which: str, out: Path | None, store: Path, json_output: bool) -> None:
     """``twin show``."""
-    from twin.show import explain_estimate
-    from twin.show_picture import draw_estimate
-    from twin.store import Store
+    from twin.reports.estimate import explain_estimate
+    from twin.reports.estimate_picture import draw_estimate
+    from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
         explained = explain_estimate(opened, which)
@@ -151,7 +151,7 @@ def _print_corrections(found: Mapping[str, Any]) -> None:
 
 
 def _print_neighbours(e: EstimateExplained) -> None:
-    from twin.show import NEIGHBOURS_M
+    from twin.reports.estimate import NEIGHBOURS_M
 
     rows = [
         (

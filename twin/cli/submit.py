@@ -19,8 +19,8 @@ from twin.errors import ConfigError, RefusedError
 if TYPE_CHECKING:
     from nvdb.skriv.client import SkrivClient
     from twin.changesets import ChangeSets
-    from twin.changesets.exported import ExportedSet
-    from twin.changesets.submission import Submitted
+    from twin.changesets.read_exported import ExportedSet
+    from twin.changesets.submit import Submitted
 
 PASSWORD = "TWIN_SKRIV_PASSWORD"  # noqa: S105  (the name of a variable)
 _KEYRING = "twin API Skriv"
@@ -69,7 +69,7 @@ def submit(
 ) -> None:
     """``twin submit``."""
     from nvdb.errors import LoginError
-    from twin.changesets.exported import exported_sets
+    from twin.changesets.read_exported import exported_sets
 
     found = exported_sets(path)
     credentials = _credentials(user)
@@ -110,7 +110,7 @@ def _do(
 ) -> None:
     """Check or send the sets; each is added to `done` when it has ended."""
     from twin.changesets.receipts import Receipts
-    from twin.changesets.submission import checked, not_done, sent
+    from twin.changesets.submit import checked, not_done, sent
 
     if credentials is None:
         done += [checked(item) for item in found]

@@ -11,7 +11,7 @@ from twin.cli.output import bar, log_notes, note, print_json, print_pairs, warn
 
 if TYPE_CHECKING:
     from nvdb.area import Area
-    from twin.sync import SyncResult
+    from twin.mirror.sync import SyncResult
 
 
 def sync_nvdb(
@@ -27,8 +27,8 @@ def sync_nvdb(
     json_output: bool,
 ) -> None:
     """``twin sync-nvdb``."""
-    from twin import sync
-    from twin.store import Store
+    from twin.mirror import sync
+    from twin.store.store import Store
 
     asked: Any = {"api_url": api_url, "contact": contact, "confirm_deletions": confirm_deletions}
     how: Any = {"source": source, "replace": replace, "fresh": fresh}
@@ -112,8 +112,8 @@ def sync_dry_run(
     fresh: bool = False,
 ) -> None:
     """``twin sync-nvdb --dry-run``; makes no store where there is none."""
-    from twin.store import Store
-    from twin.sync import dry_run
+    from twin.mirror.sync import dry_run
+    from twin.store.store import Store
 
     known = Store.open(store, create=False) if store is not None and store.exists() else nullcontext()
     with known as opened, log_notes("nvdb", quiet=json_output):

@@ -8,7 +8,6 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from twin import schema
 from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
 from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
@@ -25,7 +24,8 @@ from twin.decisions.log import (
 )
 from twin.decisions.reopen import reopen_changed
 from twin.errors import ConfigError, RefusedError
-from twin.store import Store, utc_now
+from twin.store import schema
+from twin.store.store import Store, utc_now
 
 Row = Mapping[str, Any]
 
@@ -95,7 +95,7 @@ def decide(
         A change is not among the findings, or several begin so; the decision is none of those that exist;
         nobody is named.
     StoreError, RefusedError
-        As :meth:`twin.store.Store.matched`.
+        As :meth:`twin.store.store.Store.matched`.
     """
     _check(decision, by)
     store.matched()

@@ -9,7 +9,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from twin import schema
+from twin.store import schema
 
 Row = Mapping[str, Any]
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from twin import schema
 from twin.decisions.findings import SHORTEST_ID, findings, whole_ids
 from twin.decisions.log import history, standing
 from twin.errors import ConfigError
-from twin.store import Store
+from twin.store import schema
+from twin.store.store import Store
 
 Row = Mapping[str, Any]
 
@@ -60,7 +60,7 @@ def explain_change(store: Store, change_id: str) -> ChangeExplained:
     ConfigError
         The last match has no such finding; or several begin so.
     StoreError, RefusedError
-        As :meth:`twin.store.Store.matched`.
+        As :meth:`twin.store.store.Store.matched`.
     """
     store.matched()
     with store.snapshot() as view:

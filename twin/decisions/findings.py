@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sqlalchemy as sa
 
-from twin import schema
 from twin.decisions.log import OPEN, REOPENED, Ask
 from twin.decisions.reopen import QUIET
 from twin.errors import ConfigError
+from twin.store import schema
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry

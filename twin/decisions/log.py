@@ -8,12 +8,12 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from twin import schema
 from twin.decisions.evidence import Evidence
+from twin.store import schema
 
 Row = Mapping[str, Any]
 Ask = Callable[[sa.Select[Any]], list[Row]]
-"""Runs a query: :meth:`twin.store.Store.rows`, or that of a snapshot or of :func:`asking`."""
+"""Runs a query: :meth:`twin.store.store.Store.rows`, or that of a snapshot or of :func:`asking`."""
 
 OPEN = "open"
 """Nobody has decided, or not since the evidence changed."""

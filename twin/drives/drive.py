@@ -12,22 +12,10 @@ from numpy.typing import NDArray
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
+from twin.drives.folder.notes import Skipped
 
 if TYPE_CHECKING:
-    from twin.frames.find import Pictures
-
-
-@dataclass(frozen=True, slots=True)
-class Skipped:
-    """Lines, fixes or frames that a reader left out: never silently."""
-
-    what: str
-    """e.g. ``GNSS sentences``, ``annotations``."""
-    where: str
-    """File name inside the drive folder."""
-    count: int
-    reason: str
-    """One clause: ``fix quality 0``, ``checksum``, ``outside the image``."""
+    from twin.drives.frames.find import Pictures
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +86,7 @@ class Drive:
         One an antenna; empty if `poses` is given.
     poses : PoseTrack or None
     frame_epoch_ns : mapping camera → int64 (frames,)
-        UTC host stamp of each frame, by frame number; `twin.drives.timestamps.NO_STAMP` where it has none.
+        UTC host stamp of each frame, by frame number; `stamp_files.NO_STAMP` where it has none.
     annotations : Annotations
     annotations_complete : bool
         Whether every sign in view was annotated: only then can a sign be missing.

@@ -1,7 +1,7 @@
 """A drive folder → :class:`~twin.drives.drive.Drive`: the door of :mod:`twin.drives`.
 
 Two layouts, one reader. ``drive.toml`` says where things are (the generic folder); what it does not say, or a
-folder without it, is searched as a DriveWorks trip (:mod:`twin.drives.driveworks`).
+folder without it, is searched as a DriveWorks trip (:mod:`twin.drives.rig.driveworks`).
 
 A ``drive.toml`` with every key::
 
@@ -42,23 +42,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoloc.rig.rig import Rig
-from twin.drives.annotated import stamped
+from twin.drives.annotations.frame_numbers import first_frame_warnings
+from twin.drives.annotations.gather import stamped
+from twin.drives.annotations.read import read_annotations
+from twin.drives.detection.read import read_detections
 from twin.drives.drive import Drive
-from twin.drives.folder import DriveFolder
-from twin.drives.frame_numbers import first_frame_warnings
-from twin.drives.notes import Progress, ReadingNotes
-from twin.drives.read_annotations import read_annotations
-from twin.drives.read_detections import read_detections
-from twin.drives.read_stamps import read_stamps
-from twin.drives.read_track import read_track
-from twin.drives.rig_files import rig_of_folder
-from twin.drives.settings import SETTINGS_FILE, DriveSettings, read_settings
-from twin.drives.spans import check_span
-from twin.frames.find import find_pictures
-from twin.frames.sizes import check_picture_sizes
+from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings, read_settings
+from twin.drives.folder.files import DriveFolder
+from twin.drives.folder.notes import Progress, ReadingNotes
+from twin.drives.frames.find import find_pictures
+from twin.drives.frames.sizes import check_picture_sizes
+from twin.drives.frames.stamps import read_stamps
+from twin.drives.plausibility import check_span
+from twin.drives.rig.rig_files import rig_of_folder
+from twin.drives.track.read import read_track
 
 if TYPE_CHECKING:
-    from twin.detect.run import DetectorOptions
+    from twin.drives.detection.run import DetectorOptions
 
 
 def read_drive(
@@ -77,7 +77,7 @@ def read_drive(
     detector : DetectorOptions, optional
         Find the signs by a network in the pictures of all cameras; annotations are then left unread.
     labels : Path, optional
-        What labels mean (:mod:`twin.drives.label_map`), instead of the folder's own ``labels.toml``.
+        What labels mean (:mod:`twin.drives.annotations.labels`), instead of the folder's own ``labels.toml``.
     progress : callable, optional
         Called with one sentence a step.
 

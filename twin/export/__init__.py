@@ -3,12 +3,12 @@
 >>> from twin.export import ExportLayers, empty_layers, export_all, render_png
 """
 
-from twin.export.findings import decide_as_in, export_findings
+from twin.export.appearance import DECISIONS, VERDICTS
+from twin.export.export import decide_as_in, export_findings
 from twin.export.folder import FILES, export_all
 from twin.export.geopackage import edited_decisions
 from twin.export.layers import COLUMNS, ExportLayers, empty_layers
-from twin.export.picture import render_png
-from twin.export.verdicts import DECISIONS, VERDICTS
+from twin.export.picture.picture import render_png
 
 __all__ = [
     "COLUMNS",

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 
 from twin.changesets.files import is_change_set_file
 from twin.errors import ExportRefusedError
-from twin.export.atomic import replacing
-from twin.export.derived import file_layers
+from twin.export.derived_layers import file_layers, in_wgs84
 from twin.export.geojson import write_geojson
 from twin.export.geopackage import edited_decisions, write_geopackage
 from twin.export.layers import ExportLayers, data_time, normalised
-from twin.export.wgs84 import in_wgs84
+from twin.store.atomic_files import replacing
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -44,7 +43,7 @@ def export_all(
     """Write the layers for QGIS and for the web.
 
     ``twin_utm33.gpkg`` (EPSG:25833) and ``twin_wgs84.gpkg`` (EPSG:4326) hold the layers and what
-    follows from them (:func:`twin.export.derived.file_layers`), each with its default QGIS style;
+    follows from them (:func:`twin.export.derived_layers.file_layers`), each with its default QGIS style;
     ``changes.geojson`` (RFC 7946) holds the changes. The same layers give the same bytes.
     The files take the place of older ones only when all of them are complete on the disk, one after the other
     in the order above: each is old or new as a whole, and a kill between two renames leaves the first ones
@@ -64,7 +63,7 @@ def export_all(
     change_sets : mapping, optional
         Name → content of the files of :func:`twin.changesets.files_of`, which go after those above.
     project : bool, optional
-        Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.project`).
+        Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.qgis.project`).
     progress : callable, optional
         Told what is being written.
 

@@ -13,10 +13,10 @@ from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.earth.heights import nn2000_from_ellipsoidal
 from geoloc.locate.combine import cep95_m, ellipse
 from nvdb.datakatalog.ids import SKILTPUNKT
-from twin import schema
 from twin.decisions.findings import findings_statement, told_reason
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
-from twin.store import Snapshot, Store
+from twin.store import schema
+from twin.store.store import Snapshot, Store
 
 if TYPE_CHECKING:
     import geopandas as gpd

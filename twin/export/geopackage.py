@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ExportRefusedError
+from twin.export.appearance import DECISIONS
 from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY
-from twin.export.project import PROJECTS_TABLE, project_row
-from twin.export.styles import style
-from twin.export.verdicts import DECISIONS
+from twin.export.qgis.project import PROJECTS_TABLE, project_row
+from twin.export.qgis.styles import style
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -59,7 +59,7 @@ def write_geopackage(
     Parameters
     ----------
     layers : mapping
-        As :func:`twin.export.derived.file_layers` makes them, or in EPSG:4326.
+        As :func:`twin.export.derived_layers.file_layers` makes them, or in EPSG:4326.
     path : Path
         Must not exist.
     time : str
@@ -67,7 +67,7 @@ def write_geopackage(
     log_position : int
         How far the log of decisions has come (:func:`twin.decisions.log.position`).
     project : bool
-        With a QGIS project of the layers (:mod:`twin.export.project`).
+        With a QGIS project of the layers (:mod:`twin.export.qgis.project`).
 
     Raises
     ------
@@ -267,7 +267,7 @@ class Contents:
     rows : mapping of layer → number of rows
         In the order of :data:`twin.export.layers.COLUMNS`.
     decisions : mapping of decision → number of changes
-        As they stand in the file, in the order of :data:`twin.export.verdicts.DECISIONS`, then others.
+        As they stand in the file, in the order of :data:`twin.export.appearance.DECISIONS`, then others.
     projects : tuple of str
         Names of its QGIS projects.
     """

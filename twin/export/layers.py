@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ExportRefusedError
-from twin.export.verdicts import DECISIONS, VERDICT
+from twin.export.appearance import DECISIONS, VERDICT
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -172,7 +172,7 @@ _ALLOWED: dict[tuple[str, str], frozenset[object]] = {
 class ExportLayers:
     """What an export is made of: GeoDataFrames in EPSG:25833 with exactly the columns of `COLUMNS`.
 
-    The other layers of the file follow from these (:func:`twin.export.derived.file_layers`).
+    The other layers of the file follow from these (:func:`twin.export.derived_layers.file_layers`).
 
     Attributes
     ----------

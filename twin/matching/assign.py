@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray
-from twin.matching.clusters import Cluster, clusters, extra_costs, lonely_pairs, solve
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import TERMS, Pairs, gated_pairs
-from twin.matching.observed import ObservedPole
+from twin.matching.one_to_one import Cluster, clusters, extra_costs, lonely_pairs, solve
+from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
 
 __all__ = ["Assignment", "assign"]
@@ -72,7 +72,7 @@ def assign(
     -----
     A pair is scored by log odds (:mod:`twin.matching.likelihood`) against the pole being new and the site
     being gone or overlooked. The assignment is the exact minimum over each connected cluster. A hypothesis
-    competes by the best joint assignment in which it holds (:func:`twin.matching.clusters.extra_costs`).
+    competes by the best joint assignment in which it holds (:func:`twin.matching.one_to_one.extra_costs`).
     """
     pairs = _that_matter(gated_pairs(poles, sites, p_unannotated, config), len(poles), len(sites))
     result = Assignment(

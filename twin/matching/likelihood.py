@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from geoloc.arrays import FloatArray, IntArray
 from twin.matching.config import MatchConfig
-from twin.matching.observed import ObservedPole
-from twin.matching.readings import family
+from twin.matching.plates.readings import family
+from twin.matching.plates.texts import text_odds, text_pairs
+from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
-from twin.matching.texts import text_odds, text_pairs
 
 TERMS = ("position", "code", "text", "facing", "side", "presence")
 """What a pair is scored by, in the order of `Pairs.terms`."""

@@ -12,8 +12,8 @@ from nvdb.area import Area
 from nvdb.errors import AreaError
 from nvdb.mirror.sync import MAX_LISTED, SyncProgress, sync
 from nvdb.replay.server import RequestInfo
-from twin import schema
-from twin.mirror_store import StoreMirror
+from twin.mirror.mirror_tables import StoreMirror
+from twin.store import schema
 
 
 def test_sync_backfills_first_and_follows_then(bench: Bench) -> None:

@@ -13,7 +13,7 @@ from nvdb.area import Area
 from nvdb.errors import HttpStatusError
 from nvdb.mirror.sync import MassDeletionError, ShortBackfillError
 from nvdb.replay.server import Fault, RequestInfo
-from twin.mirror_store import StoreMirror
+from twin.mirror.mirror_tables import StoreMirror
 
 
 def test_sync_makes_a_fresh_backfill_when_the_feed_is_too_short(bench: Bench) -> None:

@@ -13,10 +13,10 @@ from geoloc.cameras import CameraModel
 from geoloc.errors import CalibrationError
 from geoloc.simulation.pictures.board_views import draw_board_poses
 from geoloc.simulation.pictures.render import Plane, render_planes
-from twin.calibrate.boards import Board, board_from_text
-from twin.calibrate.detect import Seen, detect
-from twin.calibrate.example import example_camera
-from twin.calibrate.pictures import count, files_of, pictures
+from twin.calibrate.boards.boards import Board, board_from_text
+from twin.calibrate.boards.detect import Seen, detect
+from twin.calibrate.boards.pictures import count, files_of, pictures
+from twin.calibrate.intrinsics.example import example_camera
 from twin.errors import ConfigError
 
 BOARDS = ("checkerboard:9x6:0.08", "charuco:12x9:0.06:0.045")

@@ -17,9 +17,9 @@ from geoloc.calibration_files.read import read_cameras
 from geoloc.cameras import FThetaCamera
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import read_rig
-from twin.calibrate.boards import Board, board_from_text
-from twin.calibrate.example import EXAMPLE_BOARD, EXAMPLE_CAMERA, example_camera, rendered
-from twin.calibrate.intrinsics import Calibrated, calibrate_intrinsics
+from twin.calibrate.boards.boards import Board, board_from_text
+from twin.calibrate.intrinsics.calibrate import Calibrated, calibrate_intrinsics
+from twin.calibrate.intrinsics.example import EXAMPLE_BOARD, EXAMPLE_CAMERA, example_camera, rendered
 from twin.cli import run as run_twin
 
 Twin = Callable[..., Any]

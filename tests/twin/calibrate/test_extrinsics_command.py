@@ -18,11 +18,11 @@ from geoloc.rig.rig import read_rig
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.render import Plane, render_planes
 from geoloc.simulation.pictures.yard import draw_yard, seen_tags, yard_picture
-from twin.calibrate.boards import board_from_text
+from twin.calibrate.boards.boards import board_from_text
 from twin.calibrate.camera_files import new_rig_document, rig_text
-from twin.calibrate.example_yard import write_yard
-from twin.calibrate.layout import FIRST_BOARD, read_layout
-from twin.calibrate.tag_corners import find_tags
+from twin.calibrate.extrinsics.example import write_yard
+from twin.calibrate.extrinsics.layout import FIRST_BOARD, read_layout
+from twin.calibrate.extrinsics.tag_corners import find_tags
 
 Twin = Callable[..., Any]
 

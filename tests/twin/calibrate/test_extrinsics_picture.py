@@ -13,8 +13,8 @@ from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
 from geoloc.calibration.extrinsics.observations import Sigmas
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import draw_yard, seen_tags
-from twin.calibrate.extrinsics_picture import extrinsics_figure
-from twin.calibrate.layout import Layout
+from twin.calibrate.extrinsics.layout import Layout
+from twin.calibrate.extrinsics.picture import extrinsics_figure
 
 MISTAPED = 8
 

@@ -23,13 +23,13 @@ from geoloc.earth.geodesy import rotation_from_rpy
 from geoloc.rig.rig import FLU_R_RDF, RigCamera, read_rig
 from geoloc.simulation.pictures.yard import draw_yard, yard_picture
 from geoloc.simulation.simulate import scenario, simulate_drive
-from twin import schema
 from twin.calibrate.camera_files import new_rig_document, rig_text
-from twin.calibrate.example import example_camera
-from twin.calibrate.example_yard import layout_text, write_yard
+from twin.calibrate.extrinsics.example import layout_text, write_yard
+from twin.calibrate.intrinsics.example import example_camera
 from twin.drives.read import read_drive
-from twin.drives.write import write_driveworks_trip
-from twin.store import Store
+from twin.samples.write_drive import write_driveworks_trip
+from twin.store import schema
+from twin.store.store import Store
 
 Twin = Callable[..., Any]
 

@@ -8,10 +8,10 @@ from scipy.special import erf
 
 from geoloc.simulation.pictures.board_views import draw_board_poses
 from geoloc.simulation.pictures.render import Plane, render_planes
-from twin.calibrate.boards import board_from_text
-from twin.calibrate.detect import detect
-from twin.calibrate.example import example_camera
-from twin.calibrate.saddle import local_maps, refined
+from twin.calibrate.boards.boards import board_from_text
+from twin.calibrate.boards.detect import detect
+from twin.calibrate.boards.saddle import local_maps, refined
+from twin.calibrate.intrinsics.example import example_camera
 
 GRID = np.column_stack([np.tile(np.arange(7.0), 6), np.repeat(np.arange(6.0), 7)])
 SQUARE = np.array([[21.3, 6.1], [-4.2, 17.4]])

@@ -14,13 +14,14 @@ from pyproj import Transformer
 
 from geoloc.calibration.verify_mounting import turned
 from geoloc.rig.rig import read_rig
-from twin import schema
-from twin.calibrate.from_drives import DriveTurn
+from twin.calibrate.drives.history import DriveTurn
+from twin.calibrate.drives.plots import tick_labels
 from twin.calibrate.mounting_files import drive_tables
-from twin.calibrate.rig_plots import tick_labels
-from twin.drives.settings import CameraSettings
-from twin.simulate import simulate
-from twin.store import Store
+from twin.drives.folder.drive_toml import CameraSettings
+from twin.ingest.save import save_drive
+from twin.samples.simulate import simulate
+from twin.store import schema
+from twin.store.store import Store
 
 Twin = Callable[..., Any]
 
@@ -176,8 +177,14 @@ def history(store: Path, pitches_deg: Sequence[float], roll_deg: float = 0.0) ->
             later = {"name": f"week {week}", "started_ns": row["started_ns"] + week * 7 * 86_400 * 10**9}
             # The first takes the place of the drive that was ingested.
             later["drive_id"] = f"week{week}" if week else row["drive_id"]
-            opened.save_drive(
-                {**row, **later}, "adjusted", [], [], 0, {"boresight_deg": {"C3_tricam120": boresight}}
+            save_drive(
+                opened,
+                {**row, **later},
+                "adjusted",
+                [],
+                [],
+                0,
+                {"boresight_deg": {"C3_tricam120": boresight}},
             )
 
 

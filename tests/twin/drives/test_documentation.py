@@ -10,8 +10,8 @@ import pytest
 from checkout import ROOT
 
 from geoloc.rig.rig import rig_from_document
-from twin.drives.poses_csv import read_poses
-from twin.drives.settings import read_settings
+from twin.drives.folder.drive_toml import read_settings
+from twin.drives.track.formats.poses_csv import read_poses
 from twin.errors import DriveError
 
 PAGE = ROOT / "docs" / "drive-folder.md"

@@ -39,9 +39,9 @@ from drive_damage import (
 )
 
 from twin.cli import run
-from twin.ingest import ingest_drive
-from twin.simulate import simulate
-from twin.store import Store
+from twin.ingest.ingest import ingest_drive
+from twin.samples.simulate import simulate
+from twin.store.store import Store
 
 Twin = Callable[..., Any]
 

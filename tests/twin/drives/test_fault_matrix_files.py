@@ -30,7 +30,7 @@ from drive_damage import (
     without,
 )
 
-from twin.simulate import simulate
+from twin.samples.simulate import simulate
 
 Twin = Callable[..., Any]
 

@@ -16,9 +16,9 @@ from track_writers import S, gpx_document, gpx_point
 
 from geoloc.calibration_files.kalibr import kalibr_text
 from geoloc.cameras import PinholeCamera
+from twin.drives.inspection.inspect import inspect_drive
 from twin.drives.read import read_drive
 from twin.errors import DriveError
-from twin.inspection.inspect import inspect_drive
 
 WIDE, NARROW = "C3_wide", "C1_narrow"
 STAMPS = f"{WIDE}.h264.timestamps"

@@ -11,8 +11,8 @@ import pytest
 from drive_slips import Slip, assert_refused, assert_told, read
 
 from geoloc.calibration_files.read import calibration_kind, read_cameras
-from twin.drives.annotations_csv import read_annotations_csv
-from twin.inspection.inspect import inspect_drive
+from twin.drives.annotations.formats.plain_csv import read_annotations_csv
+from twin.drives.inspection.inspect import inspect_drive
 
 WIDE, NARROW = "C3_wide", "C1_narrow"
 HEAD = "frame,label,x_px,y_px"

@@ -8,14 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.drives.gps_time import (
-    ROLLOVER_NS,
-    WEEK_NS,
-    after_rollovers,
-    leap_seconds,
-    nearest_week,
-    utc_from_gps,
-)
+from twin.drives.epochs import ROLLOVER_NS, WEEK_NS, after_rollovers, leap_seconds, nearest_week, utc_from_gps
 
 S = 1_000_000_000
 

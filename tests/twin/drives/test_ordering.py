@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.drives.ordering import longest_increasing
+from twin.drives.epochs import longest_increasing
 
 stamps = st.lists(st.integers(-5, 5), max_size=9)
 

@@ -13,8 +13,8 @@ import pytest
 
 from geoloc.trajectory.trajectory import PoseTrack
 from twin.drives.drive import Drive
+from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.read import read_drive
-from twin.drives.timestamps import NO_STAMP
 from twin.errors import DriveError
 
 WIDE, NARROW = "C3_wide", "C1_narrow"

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from pyproj import Proj
 
-from twin.export.derived import N_VERTICES, ellipses, file_layers, moves
+from twin.export.derived_layers import N_VERTICES, ellipses, file_layers, moves
 from twin.export.layers import COLUMNS, GEOMETRY, KEY, ExportLayers, empty_layers, normalised
 
 EAST, NORTH = 270_000.0, 7_041_000.0

@@ -17,15 +17,15 @@ import sqlalchemy as sa
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
-from twin import schema
 from twin.cli import commands
 from twin.decisions.decide import decide
 from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export import FILES, edited_decisions, export_findings, from_store
-from twin.export.findings import decisions_made_in
+from twin.export.export import decisions_made_in
 from twin.export.folder import GEOJSON, UTM33, WGS84
 from twin.export.from_store import layers_from_store
-from twin.store import Store
+from twin.store import schema
+from twin.store.store import Store
 
 EAST, NORTH = 270_000.0, 7_041_000.0
 METHOD = "single-frame"

@@ -17,8 +17,8 @@ from checkout import ROOT
 
 from twin.errors import ExportRefusedError
 from twin.export import FILES, ExportLayers, export_all
-from twin.export.atomic import STAGING, replace_file, replacing
 from twin.export.folder import GEOJSON, UTM33, WGS84
+from twin.store.atomic_files import STAGING, replace_file, replacing
 
 # Exports pickled layers and kills itself: at the n-th message of progress, at GDAL's n-th layer, at the n-th
 # rename.

@@ -18,7 +18,7 @@ from pyproj import Transformer
 
 from twin.errors import ExportRefusedError
 from twin.export import COLUMNS, ExportLayers, edited_decisions, empty_layers, export_all
-from twin.export.derived import file_layers
+from twin.export.derived_layers import file_layers
 from twin.export.folder import UTM33, WGS84
 from twin.export.geopackage import check_rows, write_geopackage
 from twin.export.layers import GEOMETRY, KEY, normalised

@@ -10,8 +10,8 @@ import pytest
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import code_probability, score
-from twin.matching.observed import ObservedPole
-from twin.matching.readings import family
+from twin.matching.plates.readings import family
+from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
 
 CONFIG = MatchConfig()

@@ -11,7 +11,7 @@ import pytest
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import TERMS, code_probability, gated_pairs, moved_density, score
-from twin.matching.observed import ObservedPole
+from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
 
 CONFIG = MatchConfig()

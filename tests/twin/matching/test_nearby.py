@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from twin import schema
 from twin.matching.config import MatchConfig
-from twin.matching.nearby import mirror_near
-from twin.store import Store
+from twin.matching.sites import mirror_near
+from twin.store import schema
+from twin.store.store import Store
 
 OBJECT: dict[str, Any] = {
     "own_geometry": True,

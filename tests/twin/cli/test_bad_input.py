@@ -1,0 +1,317 @@
+"""Bad input: one clear sentence with the file and the cure, the right exit code, the store unchanged."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+
+from nvdb.replay.server import Fault, ReplayServer
+from twin.store import schema
+from twin.store.store import Store
+
+Twin = Callable[..., Any]
+
+
+def contents(store: Path) -> dict[str, Any]:
+    """Everything of a store that anybody sees: not what an interrupted backfill keeps aside to go on with."""
+    with Store.open(store) as opened:
+        seen = {
+            table.name: opened.rows(sa.select(table).order_by(*table.primary_key.columns))
+            for table in schema.metadata.sorted_tables
+            if not table.name.endswith("_aside")
+        }
+    seen["meta"] = [row for row in seen["meta"] if row["key"] != "mirror_backfill"]
+    return seen
+
+
+@pytest.fixture
+def trip(sample: Path, tmp_path: Path) -> Path:
+    """A copy of the sample's drive to spoil."""
+    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
+
+
+def edit_rig(trip: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Change the rig document."""
+    document = json.loads((trip / "rig.json").read_text())
+    change(document)
+    (trip / "rig.json").write_text(json.dumps(document))
+
+
+def camera_of(document: dict[str, Any], name: str) -> dict[str, Any]:
+    """One sensor of a rig document."""
+    return next(s for s in document["rig"]["sensors"] if s["name"] == name)
+
+
+def replace_text(path: Path, pattern: str, text: str, *, count: int = 0) -> None:
+    """Replace text in a file, and make sure that something was replaced."""
+    before = path.read_text(encoding="utf-8")
+    after = re.sub(pattern, text, before, count=count)
+    assert after != before
+    path.write_text(after, encoding="utf-8")
+
+
+@pytest.mark.parametrize("command", ["status", "match", "export out", "show P01", "explain x", "decide undo"])
+def test_an_empty_file_is_no_store_to_read(twin: Twin, tmp_path: Path, command: str) -> None:
+    """Commands that only read say so and leave the file empty."""
+    path = tmp_path / "twin.db"
+    path.touch()
+    answer = twin(*command.split(), "--store", path)
+    assert (answer.code, "is empty and not a twin store: name another --store." in answer.err) == (4, True)
+    assert path.stat().st_size == 0
+
+
+def no_rig(trip: Path) -> None:
+    """Take the rig away."""
+    (trip / "rig.json").unlink()
+
+
+def two_rigs(trip: Path) -> None:
+    """Add a second, different rig."""
+    text = (trip / "rig.json").read_text()
+    (trip / "other.json").write_text(text.replace("1.47", "1.57"))
+
+
+def no_gnss(trip: Path) -> None:
+    """Take both GNSS recordings away."""
+    for path in trip.glob("gnss*"):
+        path.unlink()
+
+
+def no_timestamps(trip: Path) -> None:
+    """Take the time stamps of an annotated camera away."""
+    (trip / "C3_tricam120.h264.timestamps").unlink()
+
+
+def unknown_model(trip: Path) -> None:
+    """Give an annotated camera a model that nobody knows."""
+    edit_rig(trip, lambda d: camera_of(d, "C3_tricam120")["properties"].update(Model="hyperbolic"))
+
+
+def camera_not_in_rig(trip: Path) -> None:
+    """Take an annotated camera out of the rig."""
+    edit_rig(
+        trip,
+        lambda d: d["rig"].update(sensors=[s for s in d["rig"]["sensors"] if s["name"] != "C3_tricam120"]),
+    )
+
+
+def other_resolution(trip: Path) -> None:
+    """Say that the pictures were annotated at half size."""
+    edit_rig(trip, lambda d: camera_of(d, "C3_tricam120")["properties"].update(width="960", height="604"))
+
+
+def rig_is_no_json(trip: Path) -> None:
+    """Cut the rig file in half."""
+    text = (trip / "rig.json").read_text()
+    (trip / "rig.json").write_text(text[: len(text) // 2])
+
+
+def frames_outside_gnss(trip: Path) -> None:
+    """Shift the frames of every camera by an hour."""
+    for path in trip.glob("*.timestamps"):
+        lines = [line.split() for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{i}\t{int(t) + 3_600_000_000}\n" for i, t in lines))
+
+
+def only_absurd_fixes(trip: Path) -> None:
+    """Make every fix one of quality 0."""
+    for path in trip.glob("gnss*"):
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join(without_fix(line) for line in lines) + "\n")
+
+
+def without_fix(line: str) -> str:
+    """The same sentence with fix quality 0 and a right checksum."""
+    sentence, host = line.split()
+    fields = sentence[1:].split("*")[0].split(",")
+    fields[6] = "0"
+    body = ",".join(fields)
+    checksum = 0
+    for character in body:
+        checksum ^= ord(character)
+    return f"${body}*{checksum:02X} {host}"
+
+
+def annotations_cut(trip: Path) -> None:
+    """Cut an annotation file in half."""
+    path = trip / "C3_tricam120.xml"
+    text = path.read_text()
+    path.write_text(text[: len(text) // 2])
+
+
+def entity_bomb(trip: Path) -> None:
+    """Put an XML entity into an annotation file."""
+    path = trip / "C3_tricam120.xml"
+    bomb = '<!DOCTYPE a [<!ENTITY b "boom">]><annotations><version>1.1</version>&b;</annotations>'
+    path.write_text(bomb)
+
+
+def unknown_setting(trip: Path) -> None:
+    """Misspell a key of drive.toml."""
+    (trip / "drive.toml").write_text("anotations_complete = true\n")
+
+
+DRIVE_FAULTS: list[tuple[Callable[[Path], None], str]] = [
+    (no_rig, r"rig"),
+    (two_rigs, r"other\.json.*rig\.json|rig\.json.*other\.json"),
+    (no_gnss, r"GNSS|gnss"),
+    (no_timestamps, r"C3_tricam120"),
+    (unknown_model, r"hyperbolic"),
+    (camera_not_in_rig, r"C3_tricam120"),
+    (other_resolution, r"1920.*960|960.*1920"),
+    (rig_is_no_json, r"rig"),
+    (frames_outside_gnss, r"UTC|outside"),
+    (only_absurd_fixes, r"gnss5[02]_vehicle\.bin"),
+    (annotations_cut, r"C3_tricam120\.xml"),
+    (entity_bomb, r"C3_tricam120\.xml"),
+    (unknown_setting, r"anotations_complete"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "names"), DRIVE_FAULTS, ids=lambda v: getattr(v, "__name__", ""))
+def test_bad_drive_gives_one_sentence_and_leaves_the_store(
+    twin: Twin, store: Path, trip: Path, spoil: Callable[[Path], None], names: str
+) -> None:
+    """Each fault exits with 4, names what is wrong in one line, and changes nothing."""
+    before = contents(store)
+    spoil(trip)
+    answer = twin("ingest-drive", trip, "--store", store, "--json")
+    assert answer.code == 4, answer.err
+    assert re.search(names, answer.err), answer.err
+    assert len(answer.err.strip().splitlines()) == 1, answer.err
+    assert "Traceback" not in answer.err
+    assert contents(store) == before
+
+
+def test_missing_drive_folder_is_said(twin: Twin, store: Path, tmp_path: Path) -> None:
+    """A folder that is not there is named."""
+    answer = twin("ingest-drive", tmp_path / "nowhere", "--store", store)
+    assert answer.code == 4
+    assert "nowhere" in answer.err
+
+
+def test_unknown_method_is_said(twin: Twin, store: Path, trip: Path) -> None:
+    """A method that does not exist is a usage error that lists those that do."""
+    answer = twin("ingest-drive", trip, "--method", "magic", "--store", store)
+    assert answer.code == 2
+    assert "single-frame" in answer.err
+
+
+def test_some_absurd_fixes_are_dropped_and_counted(twin: Twin, store: Path, trip: Path) -> None:
+    """Fixes of quality 0 and broken checksums are left out with their counts; the drive still works."""
+    path = trip / "gnss50_vehicle.bin"
+    lines = path.read_text().splitlines()
+    lines[10:13] = [without_fix(line) for line in lines[10:13]]
+    lines[20] = lines[20].replace("*", "0*")
+    path.write_text("\n".join(lines) + "\n")
+    report = twin("ingest-drive", trip, "--store", store, "--json").json
+    skipped = {key: count for key, count in report["skipped"].items() if "GNSS" in key}
+    assert sorted(skipped.values()) == [1, 3]
+    assert report["n_estimates"] == 15
+
+
+NETWORK_FAULTS = [
+    Fault("html_200"),
+    Fault("status", status=503),
+    Fault("status", status=404, body=b"nothing here"),
+    Fault("truncate"),
+    Fault("disconnect"),
+    Fault("garbage"),
+]
+
+
+@pytest.mark.usefixtures("no_waiting")
+@pytest.mark.parametrize("fault", NETWORK_FAULTS, ids=lambda f: f"{f.kind}{f.status}")
+def test_bad_api_exits_with_3_and_leaves_the_store(
+    twin: Twin, store: Path, sample: Path, fault: Fault
+) -> None:
+    """An API that fails on its second page leaves the old mirror, whole."""
+    before = contents(store)
+    with ReplayServer(sample / "nvdb", faults=lambda r: fault if "start" in r.query else None) as server:
+        arguments = ["sync-nvdb", "--kommune", "5001", "--api-url", server.url, "--store", store]
+        answer = twin(*arguments, "--json")
+    assert answer.code == 3, answer.err
+    assert len(answer.err.strip().splitlines()) == 1, answer.err
+    assert contents(store) == before
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_retries_are_told(twin: Twin, store: Path, sample: Path) -> None:
+    """A wait without a word looks like a hang: each failed attempt is said, and the sync goes on."""
+    with ReplayServer(
+        sample / "nvdb", faults=[Fault("status", status=503), None, Fault("html_200")]
+    ) as server:
+        answer = twin("sync-nvdb", "--kommune", "5001", "--api-url", server.url, "--store", store)
+    assert answer.code == 0
+    assert answer.err.count("Trying again in") == 2
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_unreachable_api_names_the_address(twin: Twin, store: Path) -> None:
+    """Nobody listens: the message says where and what to check."""
+    with ReplayServer({95: [], 96: []}) as server:
+        url = server.url
+    answer = twin("sync-nvdb", "--kommune", "5001", "--api-url", url, "--store", store)
+    assert answer.code == 3
+    assert url.removeprefix("http://") in answer.err
+
+
+def test_another_area_is_refused_unless_replaced(twin: Twin, store: Path, nvdb_url: str) -> None:
+    """A mirror of another area is not thrown away by accident."""
+    before = contents(store)
+    arguments = ["sync-nvdb", "--kommune", "301", "--api-url", nvdb_url, "--store", store]
+    answer = twin(*arguments)
+    assert answer.code == 5
+    assert "kommune 5001" in answer.err
+    assert contents(store) == before
+    assert twin(*arguments, "--replace", "--json").json["skiltpunkt"] == 0
+
+
+def test_newer_store_is_refused(twin: Twin, store: Path, trip: Path) -> None:
+    """Every command refuses a store that a newer twin wrote."""
+    with Store.open(store) as opened, opened.transaction() as connection:
+        connection.execute(
+            sa.update(schema.meta).where(schema.meta.c.key == "schema_version").values(value="999")
+        )
+    for command in (["status"], ["match"], ["ingest-drive", trip]):
+        answer = twin(*command, "--store", store)
+        assert answer.code == 4
+        assert "newer twin" in answer.err
+
+
+TRUTH_FAULTS = {
+    "no such file": None,
+    "lacks the column": "object,x,y\nP01,1,2\n",
+    "must be numbers": "object,label,easting,northing\nP01,s,abc,7039178\n",
+    "not in Norway": "object,label,easting,northing\nP01,s,7039178,273036\n",
+    "no rows": "object,label,easting,northing\n",
+    "No estimate": "object,label,easting,northing\nnobody,s,271036,7039178\n",
+}
+
+
+@pytest.mark.parametrize("problem", TRUTH_FAULTS)
+def test_bad_truth_is_said(twin: Twin, store: Path, tmp_path: Path, problem: str) -> None:
+    """A truth file that cannot be used exits with 4 and says why."""
+    path = tmp_path / "truth.csv"
+    text = TRUTH_FAULTS[problem]
+    if text is not None:
+        path.write_text(text)
+    answer = twin("evaluate", path, "--store", store)
+    assert answer.code == 4
+    assert ("cannot be read" if text is None else problem) in answer.err
+
+
+def test_export_onto_a_file_is_refused(twin: Twin, store: Path, tmp_path: Path) -> None:
+    """A file where the folder should be is refused with exit code 5, and stays."""
+    target = tmp_path / "out"
+    target.write_text("mine")
+    answer = twin("export", target, "--store", store)
+    assert answer.code == 5
+    assert target.read_text() == "mine"

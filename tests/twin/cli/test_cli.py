@@ -1,0 +1,260 @@
+"""The command line: every command, on the sample, with its exit code."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyogrio
+import pytest
+from checkout import ROOT
+
+from twin.cli import exit_code
+from twin.cli.app import Method, app
+from twin.store.schema import METHODS
+
+Twin = Callable[..., Any]
+
+
+def commands() -> list[str]:
+    """Names of all commands."""
+    return [str(command.name) for command in app.registered_commands]
+
+
+@pytest.mark.parametrize("command", commands())
+def test_help_of_every_command_has_an_example(twin: Twin, command: str) -> None:
+    """Every command explains itself and shows how it is called."""
+    answer = twin(command, "--help")
+    assert answer.code == 0
+    assert f"Example: twin {command}" in " ".join(answer.out.split())
+
+
+@pytest.mark.parametrize("command", commands())
+def test_readme_mentions_every_command(command: str) -> None:
+    """A command that README does not show is not finished."""
+    readme = ROOT / "README.md"
+    if not readme.exists():
+        pytest.skip("README.md is not beside the tests (an installed package)")
+    assert f"twin {command}" in readme.read_text(encoding="utf-8")
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """`twin --help` loads no geopandas, scipy, cv2, pyproj or sqlalchemy: it answers at once."""
+    code = (
+        "import sys, contextlib, io\n"
+        "from twin.cli import run\n"
+        "with contextlib.redirect_stdout(io.StringIO()): run(['--help'])\n"
+        "print(sorted({'geopandas', 'scipy', 'cv2', 'pyproj', 'sqlalchemy', 'numpy'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_version_is_the_packages(twin: Twin) -> None:
+    """`twin --version` says which twin this is."""
+    answer = twin("--version")
+    assert answer.code == 0
+    assert answer.out.startswith("twin ")
+
+
+def test_unknown_option_is_a_usage_error(twin: Twin) -> None:
+    """What typer refuses exits with 2."""
+    assert twin("match", "--frobnicate").code == 2
+
+
+def test_sync_needs_exactly_one_area(twin: Twin, tmp_path: Path) -> None:
+    """No area, two areas and a nonsense area are usage errors, and no store is made."""
+    store = tmp_path / "twin.db"
+    for options in ([], ["--kommune", "5001", "--all"], ["--kommune", "trondheim"], ["--bbox", "1,2,3"]):
+        answer = twin("sync-nvdb", *options, "--store", store)
+        assert answer.code == 2
+        assert answer.err.count("\n") == 1
+    assert not store.exists()
+
+
+def test_whole_job_finds_what_the_sample_was_made_to_hold(
+    twin: Twin, sample: Path, store: Path, tmp_path: Path
+) -> None:
+    """Every verdict of the sample is found at the object it was made for, and nothing else."""
+    answer = twin("export", tmp_path / "out", "--store", store)
+    assert answer.code == 0
+    changes = pyogrio.read_dataframe(tmp_path / "out" / "twin_utm33.gpkg", layer="changes")
+    found = sorted(
+        (c.verdict, c.nvdb_type, None if c.nvdb_id != c.nvdb_id or c.nvdb_id is None else int(c.nvdb_id))
+        for c in changes.itertuples()
+    )
+    with (sample / "expected_changes.csv").open(encoding="utf-8", newline="") as file:
+        expected = sorted(
+            (row["verdict"], int(row["nvdb_type"]), int(row["nvdb_id"]) if row["nvdb_id"] else None)
+            for row in csv.DictReader(file)
+        )
+    assert sorted(found, key=str) == sorted(expected, key=str)
+
+
+def test_status_tells_what_the_store_holds(twin: Twin, store: Path) -> None:
+    """Counts, area and verdicts come from the store."""
+    found = twin("status", "--store", store, "--json").json
+    assert found["mirror"]["area"] == "kommune 5001"
+    assert (found["skiltpunkt"], found["skiltplate"]) == (20, 24)
+    assert len(found["drives"]) == 1
+    assert set(found["estimates"]) == set(METHODS)
+    assert twin("status", "--store", store).code == 0
+
+
+def test_rerun_with_nothing_new_changes_no_finding(
+    twin: Twin, sample: Path, store: Path, tmp_path: Path
+) -> None:
+    """The same drive again, matched and exported again: the same files, byte for byte."""
+    twin("export", tmp_path / "a", "--store", store)
+    assert twin("ingest-drive", sample / "trip_trondheim", "--store", store).code == 0
+    assert twin("match", "--store", store).code == 0
+    twin("export", tmp_path / "b", "--store", store)
+    for name in ("changes.geojson", "twin_utm33.gpkg", "twin_wgs84.gpkg"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_evaluate_reports_every_method_and_draws(
+    twin: Twin, sample: Path, store: Path, tmp_path: Path
+) -> None:
+    """On the sample the adjustment beats the single frame, which beats the paper; the figures are written."""
+    answer = twin("evaluate", sample / "truth.csv", "--plots", tmp_path / "plots", "--store", store, "--json")
+    methods = {m["method"]: m for m in answer.json["methods"]}
+    median = {name: method["objects"]["median"] for name, method in methods.items()}
+    assert median["adjusted"] < median["single-frame"] < median["paper"]
+    assert min(methods[name]["coverage95"] for name in ("adjusted", "single-frame")) >= 0.8
+    assert [Path(p).name for p in answer.json["plots"]] == ["error_distance.png", "error_speed.png"]
+    assert all(Path(p).stat().st_size > 10_000 for p in answer.json["plots"])
+
+
+def test_demo_runs_and_says_which_files_to_open(twin: Twin, tmp_path: Path) -> None:
+    """The demo finds what the sample holds, twice in the same folder."""
+    for _ in range(2):
+        answer = twin("demo", "--out", tmp_path / "demo", "--json")
+        assert answer.code == 0
+        numbers = answer.json
+        assert numbers["verdicts"] == numbers["verdicts_expected"]
+        assert all(Path(p).exists() for p in numbers["files"])
+
+
+def test_demo_closing_table_names_everything(twin: Twin, tmp_path: Path) -> None:
+    """The table shows signs synced, drives, sightings, estimates, verdicts, errors and files."""
+    answer = twin("demo", "--out", tmp_path / "demo")
+    for word in (
+        "signs synced",
+        "drives",
+        "sightings",
+        "estimates",
+        "moved",
+        "median [m]",
+        "range [m]",
+        "twin_utm33.gpkg",
+    ):
+        assert word in answer.out
+
+
+def test_match_and_export_before_their_time_say_what_to_run(twin: Twin, sample: Path, tmp_path: Path) -> None:
+    """Commands out of order name the command that is missing."""
+    store = tmp_path / "twin.db"
+    for arguments, cure in (
+        (["match"], "sync-nvdb"),
+        (["export", tmp_path / "out"], "sync-nvdb"),
+        (["status"], "sync-nvdb"),
+    ):
+        answer = twin(*arguments, "--store", store)
+        assert answer.code == 4
+        assert cure in answer.err
+    assert twin("ingest-drive", sample / "trip_trondheim", "--store", store).code == 0
+    assert "twin sync-nvdb" in twin("match", "--store", store).err
+    assert "twin match" in twin("export", tmp_path / "out", "--store", store).err
+    answer = twin("evaluate", sample / "truth.csv", "--store", store)
+    assert answer.code == 0
+
+
+def test_match_by_a_method_without_estimates_says_so(
+    twin: Twin, sample: Path, nvdb_url: str, tmp_path: Path
+) -> None:
+    """A method that was never ingested is named with its cure; one that does not exist is a usage error."""
+    store = tmp_path / "twin.db"
+    twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", store)
+    twin("ingest-drive", sample / "trip_trondheim", "--method", "paper", "--store", store)
+    answer = twin("match", "--method", "single-frame", "--store", store)
+    assert answer.code == 4
+    assert "only by paper" in answer.err
+    assert twin("match", "--method", "magic", "--store", store).code == 2
+
+
+def test_methods_of_the_command_line_are_the_librarys() -> None:
+    """The choices that the command line offers are those that ingest knows, best first."""
+    assert tuple(method.value for method in Method) == METHODS
+
+
+def test_a_drive_without_sightings_can_still_miss_signs(
+    twin: Twin, sample: Path, nvdb_url: str, tmp_path: Path
+) -> None:
+    """A complete drive whose annotation files name no object: every sign in view is missing, and exports."""
+    store, trip = tmp_path / "twin.db", Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
+    for path in trip.glob("*.xml"):
+        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", store)
+    assert twin("ingest-drive", trip, "--store", store).code == 0
+    verdicts = twin("match", "--store", store, "--json").json["verdicts"]
+    assert verdicts["missing"] == 15
+    assert sum(verdicts.values()) == 15
+    assert twin("export", tmp_path / "out", "--store", store).code == 0
+
+
+def test_json_is_one_document_on_stdout(twin: Twin, store: Path) -> None:
+    """With --json nothing but JSON is on stdout."""
+    for command in (["match"], ["status"]):
+        answer = twin(*command, "--store", store, "--json")
+        assert isinstance(json.loads(answer.out), dict)
+
+
+_LATE_SIGNAL = """
+import atexit, signal, sys
+from twin.cli import main
+class Late:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+atexit.register(lambda: signal.raise_signal(signal.SIGINT))
+sys.late = Late()  # goes when the interpreter has given its signal handlers back to the system
+main(["--version"])
+"""
+
+
+def test_ctrl_c_after_the_work_does_not_change_the_exit_code() -> None:
+    """While Python ends, an interruption comes too late: the success was printed and stays one."""
+    done = subprocess.run([sys.executable, "-c", _LATE_SIGNAL], check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("twin ")
+
+
+def test_ctrl_c_while_modules_are_loaded_says_so() -> None:
+    """An interruption at the start leaves with 130 and one sentence, as at any other instant."""
+    code = (
+        "import builtins, signal\n"
+        "from twin import cli\n"
+        "real = builtins.__import__\n"
+        "def load(name, *rest):\n"
+        "    if name == 'twin.cli.app':\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "    return real(name, *rest)\n"
+        "builtins.__import__ = load\n"
+        "cli.main(['--version'])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == 130
+    assert done.stderr.startswith("twin: Interrupted:")
+    assert done.stderr.count("\n") == 1
+
+
+def test_exit_code_of_the_unexpected_is_one() -> None:
+    """What twin does not know is a bug, not bad data."""
+    assert exit_code(ValueError("?")) == 1

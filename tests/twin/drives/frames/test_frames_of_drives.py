@@ -1,0 +1,283 @@
+"""Drives whose frames come as videos, images and tables: what their times are, and what is refused."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twin.drives.frames.read import frames
+from twin.drives.frames.stamp_files import NO_STAMP
+from twin.errors import DriveError
+
+TIMES_MS = [0, 33, 66, 100, 140, 166, 200, 240, 266, 300]
+TENTHS = [100 * i for i in range(10)]
+NAMES = [f"20260610_10000{i // 10}_{i % 10}00.jpg" for i in range(12)]
+
+
+def _skipped(drive: Any) -> dict[str, int]:
+    return {f"{s.what}: {s.reason}": s.count for s in drive.skipped}
+
+
+@pytest.mark.parametrize(
+    "start", ['"2026-06-10T08:00:00Z"', '"2026-06-10T10:00:00+02:00"', "2026-06-10T08:00:00Z"]
+)
+def test_container_gives_times_from_its_start(small: Any, start: str) -> None:
+    """Start plus presentation time, at a variable rate; the start as text or as TOML's own instant."""
+    small.add("front.mp4", small.movies.video(TIMES_MS))
+    small.settings(f'[frames.front]\nfile = "front.mp4"\nstart = {start}')
+    small.annotate_video(3)
+    assert small.seconds(small.read()) == pytest.approx(np.array(TIMES_MS) / 1000, abs=1e-4)
+
+
+def test_container_without_start_begins_at_its_tag_with_a_warning(small: Any) -> None:
+    """creation_time is what is left; that it may be another moment is said."""
+    small.add("front.mp4", small.movies.video(TIMES_MS, tags={"creation_time": "2026-06-10T08:00:00Z"}))
+    small.annotate_video(3)
+    drive = small.read()
+    assert small.seconds(drive)[:2] == pytest.approx([0.0, 0.033], abs=1e-4)
+    assert any("creation_time" in warning for warning in drive.warnings)
+
+
+def test_container_without_any_start_asks_for_it(small: Any) -> None:
+    """Neither stamps nor start nor tag: the sentence shows the lines to write."""
+    small.add("front.mp4", small.movies.video(TIMES_MS))
+    small.annotate_video(3)
+    with pytest.raises(DriveError, match=r'\[frames.front\] file = "front.mp4" and start'):
+        small.read()
+
+
+def test_raw_stream_without_stamps_asks_for_them(small: Any) -> None:
+    """Annex B carries no times."""
+    small.add("front.h264", small.movies.video(TENTHS, "h264"))
+    small.annotate_video(3)
+    with pytest.raises(DriveError, match="raw h264 stream, which carries no times"):
+        small.read()
+
+
+@pytest.mark.parametrize(("n_stamps", "n_kept"), [(10, 10), (9, 9), (12, 10)])
+def test_stamps_and_frames_of_a_raw_stream_pair_by_number(small: Any, n_stamps: int, n_kept: int) -> None:
+    """As the car records them: a .h264 beside its .timestamps, up to two apart, never in silence."""
+    small.add("front.h264", small.movies.video(TENTHS, "h264"))
+    small.stamps(n_stamps)
+    small.annotate_video(3)
+    drive = small.read()
+    assert len(drive.frame_epoch_ns["front"]) == n_kept
+    assert sum(_skipped(drive).values()) == abs(n_stamps - 10)
+    assert bool(drive.warnings) == (n_stamps != 10)
+
+
+def test_too_many_stamps_are_refused_until_the_user_says_so(small: Any) -> None:
+    """Five more stamps than frames: refused, unless ``frames_by_number`` settles it."""
+    small.add("front.h264", small.movies.video(TENTHS, "h264"))
+    small.stamps(15)
+    small.annotate_video(3)
+    with pytest.raises(DriveError, match=r"front.h264 holds 10 frames, front.timestamps stamps for 15"):
+        small.read()
+    small.settings("", top="frames_by_number = true")
+    assert len(small.read().frame_epoch_ns["front"]) == 10
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [(b"", "is empty"), (b"<html>404</html>", "web page"), (b"\0" * 4000, "not a video")],
+)
+def test_broken_video_beside_good_stamps_costs_a_warning(small: Any, content: bytes, said: str) -> None:
+    """What annotations need are the stamps: the video is only said to be broken."""
+    small.add("front.h264", content)
+    small.stamps(10)
+    small.annotate_video(3)
+    drive = small.read()
+    assert len(drive.annotations.frame) == 1
+    assert any(said in warning for warning in drive.warnings)
+
+
+@pytest.mark.parametrize("zone", [2.0, 2])
+def test_images_are_timed_by_their_names(small: Any, zone: float) -> None:
+    """A frame's number is the image's place in the folder, its time stands in its name."""
+    for name in NAMES:
+        small.add(f"pictures/{name}", small.movies.jpeg())
+    small.settings(f'[frames.front]\nfile = "pictures/"\nutc_offset_hours = {zone}')
+    small.annotate_images(f"drive7/{NAMES[5]}", NAMES[11].removesuffix(".jpg"), "other.jpg")
+    drive = small.read()
+    assert small.seconds(drive) == pytest.approx(np.arange(12) / 10)
+    assert drive.annotations.frame.tolist() == [5, 11]
+    assert _skipped(drive) == {"annotations: image that is not among the drive's pictures": 1}
+
+
+def test_zone_of_names_is_not_guessed(small: Any) -> None:
+    """Local time without zone is refused with the key to write."""
+    small.add(f"pictures/{NAMES[0]}", small.movies.jpeg())
+    small.settings('[frames]\nfront = "pictures"')
+    small.annotate_images(NAMES[0])
+    with pytest.raises(DriveError, match=r"utc_offset_hours under \[frames.front\]"):
+        small.read()
+
+
+def test_images_with_numbers_are_in_order_of_their_numbers(small: Any) -> None:
+    """9 comes before 10; a table gives the times by name, with a folder or without."""
+    for i in range(8, 12):
+        small.add(f"pictures/f{i}.png", small.movies.jpeg(form="PNG"))
+    rows = [f"cam\\f{i}.png,{small.start_ns + i * 100_000_000}" for i in (11, 10, 9, 8, 7)]
+    small.add("times.csv", "\n".join(["image,time_ns", *rows, "f8.png,1", "nonsense"]))
+    small.settings('[frames]\nfront = "pictures/"\n[timestamps]\nfront = "times.csv"')
+    small.annotate_images("f10.png")
+    drive = small.read()
+    assert small.seconds(drive) == pytest.approx([0.8, 0.9, 1.0, 1.1])
+    assert drive.annotations.frame.tolist() == [2]
+    assert _skipped(drive) == {
+        "time stamps: no picture of that name": 1,
+        "time stamps: not an image and a stamp": 1,
+        "time stamps: stamp outside the years 2000–2099": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("image,time_ns\n", "holds no usable time stamp"),
+        ("image,time_ns\nf1.png,17\nf2.png\n", "1 × not an image and a stamp; 1 × stamp outside"),
+        ("image,time_ns\ng1.png,1781078400000000000\n", "Not one image that times.csv names is in pictures"),
+    ],
+)
+def test_table_of_images_that_cannot_be_used_is_refused(small: Any, table: str, said: str) -> None:
+    """Empty, nonsense, or of other images."""
+    small.add("pictures/f1.png", small.movies.jpeg(form="PNG"))
+    small.add("times.csv", table)
+    small.settings('[frames]\nfront = "pictures"\n[timestamps]\nfront = "times.csv"')
+    small.annotate_images("f1.png")
+    with pytest.raises(DriveError, match=said):
+        small.read()
+
+
+def test_table_of_images_does_not_fit_a_video(small: Any) -> None:
+    """A video has no image names: the sentence says what is wanted instead."""
+    small.add("front.mp4", small.movies.video(TIMES_MS))
+    small.add("times.csv", "image,time_ns\nf1.png,1781078400000000000\n")
+    small.settings('[frames]\nfront = "front.mp4"\n[timestamps]\nfront = "times.csv"')
+    small.annotate_video(3)
+    with pytest.raises(DriveError, match="the pictures are a video"):
+        small.read()
+
+
+def test_images_whose_times_go_back_are_left_out(small: Any) -> None:
+    """Of five images in order one is an hour early: it loses its time, and no other does."""
+    for i in range(5):
+        epoch_s = 1_781_078_400 + i - (3600 if i == 2 else 0)
+        small.add(f"pictures/f{i}_{epoch_s}.5.png", small.movies.jpeg(form="PNG"))
+    small.settings('[frames]\nfront = "pictures"')
+    small.annotate_images("f1_1781078401.5.png")
+    drive = small.read()
+    assert np.flatnonzero(drive.frame_epoch_ns["front"] == NO_STAMP).tolist() == [2]
+    assert _skipped(drive) == {"time stamps: stamp not later than that of the frame before": 1}
+
+
+def test_table_of_images_is_enough_without_the_images(small: Any) -> None:
+    """Whoever was given annotations and a table, but not the pictures, can place them."""
+    rows = [f"f{i}.png,{small.start_ns + i * 100_000_000}" for i in range(8, 12)]
+    small.add("times.csv", "\n".join(["image,time_ns", *rows]))
+    small.settings('[timestamps]\nfront = "times.csv"')
+    small.annotate_images("f10.png")
+    drive = small.read()
+    assert drive.annotations.frame.tolist() == [2]
+    assert small.seconds(drive) == pytest.approx([0.8, 0.9, 1.0, 1.1])
+
+
+def test_images_are_timed_by_exif_where_names_say_nothing(small: Any) -> None:
+    """DateTimeOriginal with fraction; the zone by settings; one image without tags has no time."""
+    for i in range(4):
+        tags = {0x9003: f"2026:06:10 10:00:0{i}", 0x9291: "5"} if i != 2 else {}
+        small.add(f"pictures/DSC{i:04d}.jpg", small.movies.jpeg(ifd=tags))
+    small.settings('[frames.front]\nfile = "pictures"\nutc_offset_hours = 2')
+    small.annotate_images("DSC0003.jpg")
+    drive = small.read()
+    stamps = drive.frame_epoch_ns["front"]
+    assert stamps[2] == NO_STAMP
+    assert ((stamps[[0, 1, 3]] - small.start_ns) / 1e9).tolist() == [0.5, 1.5, 3.5]
+    assert _skipped(drive) == {"frames: no time in name or EXIF": 1}
+
+
+def test_whole_seconds_are_warned_of(small: Any) -> None:
+    """A camera that writes seconds only places signs many metres off."""
+    for i in range(3):
+        small.add(f"pictures/{1781078400 + i}.jpg", small.movies.jpeg())
+    small.settings('[frames]\nfront = "pictures/"')
+    small.annotate_images("1781078401.jpg")
+    assert any("whole seconds" in warning for warning in small.read().warnings)
+
+
+def test_images_without_any_time_ask_for_a_table(small: Any) -> None:
+    """Numbers are no times, and nothing is guessed from them."""
+    small.add("pictures/f1.jpg", small.movies.jpeg())
+    small.settings('[frames]\nfront = "pictures/"')
+    small.annotate_images("f1.jpg")
+    with pytest.raises(DriveError, match="name a table image,time_ns"):
+        small.read()
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ('[frames]\nfront = "nothing.mp4"', "nothing.mp4 is not in"),
+        ('[frames]\nfront = "../other"', "lies outside the drive folder"),
+        ('[frames]\nfront = "empty/"', "holds no images"),
+        ('[frames]\nrear = "front.mp4"', "names the camera rear"),
+        ('[frames.front]\nfile = "front.mp4"\nstart = "2026-06-10T08:00:00"', "an instant with its zone"),
+        ('[frames.front]\nfile = "front.mp4"\nstart = 0001-01-01T00:00:00Z', "in the years 2000"),
+        ('[frames.front]\nfile = "front.mp4"\nutc_offset_hours = 200', "a number from -14 to 14"),
+        ('[frames.front]\nstart = "2026-06-10T08:00:00Z"', "a video or a folder"),
+        ('[frames.front]\nfle = "front.mp4"', "the nearest known one is \\[frames.front\\] file"),
+    ],
+)
+def test_settings_of_frames_that_are_wrong_are_refused(small: Any, settings: str, said: str) -> None:
+    """Each with the key, and what it must be."""
+    small.add("front.mp4", small.movies.video(TIMES_MS))
+    small.add("empty/readme.txt", "no images")
+    small.annotate_video(3)
+    small.settings(settings)
+    with pytest.raises(DriveError, match=said):
+        small.read()
+
+
+def test_image_link_that_leads_out_of_the_folder_is_not_read(small: Any, tmp_path: Any) -> None:
+    """A link among the images to a file elsewhere is counted, not followed."""
+    (tmp_path / "secret.png").write_bytes(small.movies.jpeg(form="PNG"))
+    for i in range(3):
+        small.add(f"pictures/{1781078400 + i}.5.png", small.movies.jpeg(form="PNG"))
+    (small.root / "pictures" / "1781078403.5.png").symlink_to(tmp_path / "secret.png")
+    small.settings('[frames]\nfront = "pictures/"')
+    small.annotate_images("1781078401.5.png")
+    drive = small.read()
+    faults: Counter[str] = Counter()
+    stamps = drive.frame_epoch_ns["front"]
+    found = list(frames(drive.pictures["front"], stamps, np.ones(4, dtype=np.bool_), faults))
+    assert [frame.number for frame in found] == [0, 1, 2]
+    assert faults == {"image unreadable": 1}
+
+
+def test_damaged_images_and_frames_are_counted_while_reading(small: Any) -> None:
+    """An empty image, a web page and one that was cut come with their reasons; the rest comes out."""
+    for i, content in enumerate([small.movies.jpeg(), b"", b"<html>", small.movies.jpeg()[:100]]):
+        small.add(f"pictures/{1781078400 + i}.5.jpg", content)
+    small.settings('[frames]\nfront = "pictures/"')
+    small.annotate_images("1781078400.5.jpg")
+    drive = small.read()
+    faults: Counter[str] = Counter()
+    stamps = drive.frame_epoch_ns["front"]
+    found = list(frames(drive.pictures["front"], stamps, np.ones(4, dtype=np.bool_), faults))
+    assert [(frame.number, frame.epoch_ns) for frame in found] == [(0, small.start_ns + 500_000_000)]
+    assert sum(faults.values()) == 3
+
+
+def test_video_frames_come_with_their_stamps(small: Any) -> None:
+    """Number, epoch and picture belong together."""
+    small.add("front.h264", small.movies.video(TENTHS, "h264"))
+    small.stamps(10)
+    small.annotate_video(3)
+    drive = small.read()
+    wanted = np.arange(10) % 4 == 0
+    found = list(frames(drive.pictures["front"], drive.frame_epoch_ns["front"], wanted, Counter()))
+    assert [(f.number, small.movies.number(f.image)) for f in found] == [(0, 0), (4, 4), (8, 8)]
+    assert [f.epoch_ns - small.start_ns for f in found] == [0, 400_000_000, 800_000_000]

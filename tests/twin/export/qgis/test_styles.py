@@ -1,0 +1,118 @@
+"""The QGIS styles as documents; tests/twin/export/test_qgis.py lets QGIS itself read them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from defusedxml.ElementTree import fromstring
+
+from twin.export.appearance import DECISIONS, SIGMAS_95, VERDICTS
+from twin.export.layers import COLUMNS
+from twin.export.qgis.map_tips import MAP_TIPS, map_tip
+from twin.export.qgis.styles import style
+
+ALL = [verdict.name for verdict in VERDICTS]
+
+# Machado, Oliveira & Fernandes (2009), doi 10.1109/TVCG.2009.113, severity 1.0, for linear RGB.
+SIGHT = {
+    "full": np.eye(3),
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.01182, 0.04294, 0.968881],
+    ],
+    "tritanopia": [
+        [1.255528, -0.076749, -0.178779],
+        [-0.078411, 0.930809, 0.147602],
+        [0.004733, 0.691367, 0.3039],
+    ],
+}
+
+
+def _cielab(colour: str, sight: str) -> np.ndarray:
+    """CIELAB (D65) of an sRGB colour as an eye sees it."""
+    srgb = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(np.asarray(SIGHT[sight]) @ linear, 0, 1)
+    to_xyz = [
+        [0.4124564, 0.3575761, 0.1804375],
+        [0.2126729, 0.7151522, 0.072175],
+        [0.0193339, 0.119192, 0.9503041],
+    ]
+    xyz = np.asarray(to_xyz) @ seen / [0.95047, 1.0, 1.08883]
+    f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHT)
+def test_verdict_colours_stay_apart_for_every_eye(sight: str) -> None:
+    """No two verdicts come closer than 15 in CIELAB (2.3 is just noticeable), whatever the colour vision."""
+    lab = {verdict.name: _cielab(verdict.colour, sight) for verdict in VERDICTS}
+    closest = min(float(np.linalg.norm(lab[a] - lab[b])) for a, b in itertools.combinations(lab, 2))
+    assert closest > 15
+
+
+def test_unchanged_is_the_smallest_mark() -> None:
+    """What needs no decision steps back on the map."""
+    assert min(VERDICTS, key=lambda verdict: verdict.size_mm).name == "unchanged"
+
+
+@pytest.mark.parametrize("layer", COLUMNS)
+def test_style_is_well_formed_and_names_every_field(layer: str) -> None:
+    """The QML parses, and every column has a non-empty alias at its place after the fid."""
+    root = fromstring(style(layer, verdicts=ALL))
+    aliases = [
+        (alias.get("field"), alias.get("index"), bool(alias.get("name"))) for alias in root.iter("alias")
+    ]
+    assert aliases == [(column.name, str(i), True) for i, column in enumerate(COLUMNS[layer], start=1)]
+    assert root.findtext("mapTip")
+
+
+@pytest.mark.parametrize(("layer", "fallback"), [("changes", [""]), ("moves", [])])
+def test_style_draws_the_verdicts_that_occur(layer: str, fallback: list[str]) -> None:
+    """The legend shows the verdicts in the data, of changes also a fallback; all where there is no data."""
+    some = fromstring(style(layer, verdicts=["moved", "unchanged"]))
+    assert [c.get("value") for c in some.iter("category")] == ["moved", "unchanged", *fallback]
+    none = fromstring(style(layer, verdicts=[]))
+    assert {c.get("value") for c in none.iter("category")} == {*ALL, *fallback}
+
+
+def test_form_of_changes_has_every_field_where_it_comes_from_last() -> None:
+    """A person decides at the top; the provenance stands below everything that a decision rests on."""
+    fields = [f.get("name") for f in fromstring(style("changes", verdicts=ALL)).iter("attributeEditorField")]
+    assert sorted(fields) == sorted(column.name for column in COLUMNS["changes"])
+    assert fields[0] == "decision"
+    assert fields[-4:] == ["cameras", "synced_at", "software", "config_sha256"]
+
+
+def test_style_of_changes_lets_only_the_decision_be_edited() -> None:
+    """Findings are read-only; the decision is chosen from its four values."""
+    root = fromstring(style("changes", verdicts=ALL))
+    assert [f.get("name") for f in root.find("editable") if f.get("editable") == "1"] == ["decision"]
+    widget = root.find("fieldConfiguration/field[@name='decision']/editWidget")
+    assert widget.get("type") == "ValueMap"
+    assert [o.get("value") for o in widget.iter("Option") if o.get("value")] == list(DECISIONS)
+
+
+@pytest.mark.parametrize("layer", MAP_TIPS)
+def test_map_tip_uses_fields_of_its_layer(layer: str) -> None:
+    """Every quoted name in a map tip is a column, and no notation is left over."""
+    tip = map_tip(layer)
+    quoted = {
+        part for expression in tip.split("[%")[1:] for part in expression.split("%]")[0].split('"')[1::2]
+    }
+    assert quoted <= {column.name for column in COLUMNS[layer]}
+    assert "{" not in tip
+
+
+def test_sigmas_95_is_the_root_of_chi_square() -> None:
+    """The 95 % quantile of chi-square with two degrees of freedom is -2 ln 0.05."""
+    assert pytest.approx(math.sqrt(-2 * math.log(0.05)), abs=1e-15) == SIGMAS_95

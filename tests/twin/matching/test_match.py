@@ -1,0 +1,387 @@
+"""Matching on whole stores: what drives are evidence of, and how findings live over runs."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+import shapely
+import sqlalchemy as sa
+
+from geoloc.locate.single_frame import ErrorBudget
+from twin.errors import ConfigError
+from twin.ingest.ingest import ingest_drive
+from twin.matching.config import MatchConfig
+from twin.matching.match import match
+from twin.store import schema
+from twin.store.store import Store
+
+Twin = Callable[..., Any]
+
+
+AS_MADE = {
+    "unchanged": 12,
+    "moved": 1,
+    "wrong_type": 1,
+    "new": 1,
+    "missing": 1,
+    "not_observable": 0,
+    "review": 0,
+}
+"""What the sample was made to show (`data/README.md`)."""
+
+
+@pytest.fixture
+def trip(sample: Path, tmp_path: Path) -> Path:
+    """A copy of the sample's drive."""
+    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
+
+
+@pytest.fixture
+def synced(nvdb_url: str, tmp_path: Path, twin: Twin) -> Path:
+    """A store with the sample's NVDB and no drive."""
+    path = tmp_path / "synced.db"
+    assert twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", path).code == 0
+    return path
+
+
+def later(trip: Path, days: int) -> None:
+    """Move a drive's GNSS and frames `days` later: another recording of the same road."""
+    shift_us = days * 86_400_000_000
+    for path in trip.glob("gnss*"):
+        lines = [line.rsplit(" ", 1) for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{sentence} {int(us) + shift_us}\n" for sentence, us in lines))
+    for path in trip.glob("*.timestamps"):
+        pairs = [line.split() for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{i}\t{int(us) + shift_us}\n" for i, us in pairs))
+
+
+def without_object(trip: Path, name: str) -> None:
+    """Take one annotated object out of every file."""
+    for path in trip.glob("*.xml"):
+        text = path.read_text()
+        tracks = re.findall(r"<track .*?</track>", text, flags=re.DOTALL)
+        for track in tracks:
+            if f">{name}<" in track:
+                text = text.replace(track, "")
+        path.write_text(text)
+
+
+def test_match_takes_absence_only_from_drives_of_its_method(synced: Path, trip: Path) -> None:
+    """A complete drive ingested by `paper` alone is no evidence for a match of `single-frame`."""
+    other = Path(shutil.copytree(trip, trip.with_name("other")))
+    later(other, 1)
+    for path in other.glob("*.xml"):
+        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    (other / "drive.toml").write_text("annotations_complete = false\n")
+    with Store.open(synced) as store:
+        ingest_drive(store, trip, method="paper")
+        ingest_drive(store, other, method="single-frame")
+        assert match(store, method="single-frame").verdicts["missing"] == 0
+
+
+def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) -> None:
+    """Without the attribute object, each camera has ids of its own: the findings are the same."""
+    for path in trip.glob("*.xml"):
+        path.write_text(re.sub(r'\s*<attribute name="object">[^<]*</attribute>', "", path.read_text()))
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        verdicts = match(store).verdicts
+    assert verdicts == AS_MADE
+
+
+def renamed(trip: Path, name: str, new: str, *, both: bool) -> None:
+    """Give an object another id in the second half of its pictures; or in all, beside the first one."""
+    for path in trip.glob("*.xml"):
+        text = path.read_text()
+        for track in re.findall(r"<track .*?</track>", text, flags=re.DOTALL):
+            if f">{name}<" not in track:
+                continue
+            parts = re.split(r"(?=<points )", track)
+            half = 0 if both else len(parts) // 2
+            anew = parts[0] + "".join(p.replace(f">{name}<", f">{new}<") for p in parts[1:][half:])
+            kept = track if both else "".join(parts[: half + 1]) + "</track>"
+            text = text.replace(track, kept + anew)
+        path.write_text(text)
+
+
+def test_match_takes_a_track_that_was_begun_anew_for_one_sign(synced: Path, trip: Path) -> None:
+    """A pole of three plates that has another id in half of its pictures has no new plates for that."""
+    renamed(trip, "P06", "P06b", both=False)
+    with Store.open(synced) as store:
+        assert ingest_drive(store, trip).n_estimates == 16
+        assert match(store).verdicts == AS_MADE
+        keys = {row["member"].split(":")[1]: row["pole"] for row in store.rows(sa.select(schema.pole_key))}
+    assert keys["P06"] == keys["P06b"]
+
+
+def test_match_finds_a_second_plate_new_where_a_picture_shows_both(synced: Path, trip: Path) -> None:
+    """What is marked twice in one picture hangs there twice: each plate more than NVDB has is new."""
+    renamed(trip, "P06", "P06b", both=True)
+    with Store.open(synced) as store:
+        assert ingest_drive(store, trip).n_estimates == 16
+        assert match(store).verdicts["new"] == AS_MADE["new"] + 3
+
+
+def test_match_compares_the_texts_of_plates(synced: Path, trip: Path) -> None:
+    """From the attribute and from NVDB's property to the finding: another text is said, and is no verdict."""
+    for path in trip.glob("*.xml"):
+        code = '<attribute name="skiltnummer">404.1;906V</attribute>'
+        path.write_text(
+            path.read_text().replace(code, f'{code}<attribute name="tekst">;E6 0,3 KM</attribute>')
+        )
+    said, ids = {}, set()
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        estimates = store.rows(sa.select(schema.estimate.c.skiltnummer, schema.estimate.c.text))
+        texts = {row["skiltnummer"]: row["text"] for row in estimates if row["text"] is not None}
+        for text in (None, "E6 0.3 km", "E6 500 m"):
+            plates = schema.skiltplate
+            with store.transaction() as connection:
+                connection.execute(sa.update(plates).where(plates.c.skiltnummer == "906V").values(text=text))
+            assert match(store).verdicts == AS_MADE
+            rows = store.rows(sa.select(schema.change))
+            ids.add(frozenset(row["change_id"] for row in rows))
+            (said[text],) = (row for row in rows if row["skiltnummer_seen"] == "404.1;906V")
+    assert texts == {"404.1;906V": ";E6 0,3 KM"}
+    assert len(ids) == 1
+    assert [round(row["terms"]["log_odds"]["text"], 1) for row in said.values()] == [0.0, 2.8, -2.9]
+    assert [row["reason"].count('though 906V reads "E6 0,3 KM"') for row in said.values()] == [0, 0, 1]
+    assert "texts" not in said[None]["terms"]
+    assert said[None]["cameras"] == "C2_tricam60,C3_tricam120"
+
+
+def boxed(trip: Path) -> None:
+    """Turn every point of the annotations into a box whose middle is near it."""
+    for path in trip.glob("*.xml"):
+        text = re.sub(
+            r'<points (frame="\d+"[^>]*?) points="([\d.]+),([\d.]+)"',
+            lambda m: (
+                f'<box {m[1]} xtl="{float(m[2]) - 5}" ytl="{float(m[3]) - 5}"'
+                f' xbr="{float(m[2]) + 5}" ybr="{float(m[3]) + 5}"'
+            ),
+            path.read_text(),
+        )
+        path.write_text(text.replace("</points>", "</box>"))
+
+
+def test_match_calls_nothing_missing_where_annotations_have_no_place(synced: Path, trip: Path) -> None:
+    """One frame cannot place boxes, but their signs were seen: the drive says so, and none is missing."""
+    boxed(trip)
+    with Store.open(synced) as store:
+        report = ingest_drive(store, trip, method="single-frame")
+        assert any("cannot show that a sign is missing" in warning for warning in report.warnings)
+        assert sum(match(store).verdicts.values()) == 0
+
+
+def test_match_calls_nothing_missing_without_an_annotation_file(synced: Path, trip: Path) -> None:
+    """A file that holds no sign says that none was seen; where there is no file, nobody looked."""
+    for path in trip.glob("*.xml"):
+        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        assert match(store).verdicts["missing"] > 0
+        for path in trip.glob("*.xml"):
+            path.unlink()
+        ingest_drive(store, trip)
+        found = match(store)
+    assert sum(found.verdicts.values()) == 0
+    assert found.warnings == (
+        "The drive trip cannot show that a sign is missing: it has no annotation file.",
+    )
+
+
+def test_match_asks_for_review_of_a_drive_that_does_not_fit_itself(synced: Path, trip: Path) -> None:
+    """Camera stamps one second late move every sign: none of that is a finding, and the drive is named."""
+    for path in trip.glob("*.timestamps"):
+        pairs = [line.split() for line in path.read_text().splitlines()]
+        path.write_text("".join(f"{i}\t{int(us) + 1_000_000}\n" for i, us in pairs))
+    with Store.open(synced) as store:
+        report = ingest_drive(store, trip)
+        assert any("Do not trust the positions" in warning for warning in report.warnings)
+        found = match(store)
+        reasons = [row["reason"] for row in store.rows(sa.select(schema.change.c.reason))]
+    assert all(found.verdicts[verdict] == 0 for verdict in ("moved", "wrong_type", "new", "missing"))
+    assert found.verdicts["review"] >= 10
+    assert any(
+        re.match(r"The drive trip does not fit itself \(its camera clock .* be moved: ", reason)
+        for reason in reasons
+    )
+    assert "does not fit itself" in found.warnings[0]
+
+
+def test_match_finds_the_same_where_only_boxes_were_drawn(synced: Path, trip: Path) -> None:
+    """The adjustment places boxes by where their rays cross: the findings are those of points."""
+    boxed(trip)
+    with Store.open(synced) as store:
+        report = ingest_drive(store, trip)
+        verdicts = match(store).verdicts
+    assert report.n_estimates == 15
+    assert verdicts == AS_MADE
+
+
+def test_match_does_not_miss_what_was_put_up_later(synced: Path, trip: Path) -> None:
+    """A sign that NVDB starts a year after the drive could not be seen."""
+    with Store.open(synced) as store:
+        with store.transaction() as connection:
+            connection.execute(sa.update(schema.skiltpunkt).values(start_date="2027-06-01"))
+        ingest_drive(store, trip)
+        assert match(store).verdicts["missing"] == 0
+
+
+def test_match_lets_a_later_complete_drive_overrule_an_earlier_one(synced: Path, trip: Path) -> None:
+    """A sign seen last year that a complete drive of today passes and does not see is missing."""
+    today = Path(shutil.copytree(trip, trip.with_name("today")))
+    later(today, 300)
+    without_object(today, "P07")
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        before = match(store)
+        ingest_drive(store, today)
+        after = match(store)
+    assert (before.verdicts["moved"], before.verdicts["missing"], before.n_outdated) == (1, 1, 0)
+    assert (after.verdicts["moved"], after.verdicts["missing"], after.n_outdated) == (0, 2, 1)
+
+
+def test_match_of_two_drives_finds_what_one_finds(synced: Path, trip: Path) -> None:
+    """A second drive over the same road doubles no sign, and keeps every change_id."""
+    again = Path(shutil.copytree(trip, trip.with_name("again")))
+    later(again, 30)
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        match(store)
+        first = {row["change_id"]: row for row in store.rows(sa.select(schema.change))}
+        ingest_drive(store, again)
+        match(store)
+        both = {row["change_id"]: row for row in store.rows(sa.select(schema.change))}
+    assert both.keys() == first.keys()
+    seen = [row for row in both.values() if row["verdict"] != "missing"]
+    assert all("," in row["drive_ids"] for row in seen)
+
+
+def test_match_keeps_ids_when_an_earlier_drive_arrives_later(synced: Path, trip: Path) -> None:
+    """Drives are ingested in any order: the finding keeps the id that it first got."""
+    early = Path(shutil.copytree(trip, trip.with_name("early")))
+    later(trip, 30)
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        match(store)
+        first = {row["change_id"] for row in store.rows(sa.select(schema.change))}
+        ingest_drive(store, early)
+        match(store)
+        assert {row["change_id"] for row in store.rows(sa.select(schema.change))} == first
+
+
+def run_of(store: Store) -> dict[str, Any]:
+    """What the store keeps of its last match."""
+    found = store.fact("last_match")
+    assert found is not None
+    return found
+
+
+def test_match_hashes_every_setting_that_changes_findings(store: Path) -> None:
+    """Tolerance, gate, a prior and the method change the hash, a re-run does not; no setting is left out."""
+    with Store.open(store) as opened:
+        hashes = []
+        for settings in ({}, {}, {"tolerance_m": 2.0}, {"gate_m": 10.0}, {"p_misread": 0.02}):
+            match(opened, config=MatchConfig(**settings))
+            hashes.append(run_of(opened)["config_sha256"])
+        assert run_of(opened)["settings"]["matching"].keys() == {field.name for field in fields(MatchConfig)}
+        match(opened, method="paper")
+        hashes.append(run_of(opened)["config_sha256"])
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 5
+
+
+def test_match_hashes_what_the_drive_says_of_itself(synced: Path, trip: Path) -> None:
+    """A line of drive.toml, or another error budget, changes the hash; ingesting anew does not."""
+    hashes = []
+    settings = trip / "drive.toml"
+    as_it_is = settings.read_text()
+    with Store.open(synced) as opened:
+        for line, budget in (
+            ("", None),
+            ("", None),
+            ("pole_radius_m = 0.1\n", None),
+            ("", ErrorBudget(pixel_px=3.0)),
+        ):
+            settings.write_text(line + as_it_is)
+            ingest_drive(opened, trip, budget=budget)
+            match(opened)
+            hashes.append(run_of(opened)["config_sha256"])
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 3
+
+
+def test_export_refuses_findings_of_an_older_state(
+    twin: Twin, synced: Path, trip: Path, tmp_path: Path
+) -> None:
+    """After another ingest the findings are stale: exported only after the next match."""
+    again = Path(shutil.copytree(trip, trip.with_name("again")))
+    later(again, 30)
+    twin("ingest-drive", trip, "--store", synced)
+    twin("match", "--store", synced)
+    assert twin("export", tmp_path / "out", "--store", synced).code == 0
+    twin("ingest-drive", again, "--store", synced)
+    answer = twin("export", tmp_path / "out", "--store", synced)
+    assert answer.code == 5
+    assert "twin match" in answer.err
+
+
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_match_refuses_nonsense_settings(twin: Twin, store: Path, value: float) -> None:
+    """A negative or infinite tolerance is a usage error, and the findings stay."""
+    with pytest.raises(ConfigError, match="tolerance_m"):
+        MatchConfig(tolerance_m=value)
+    assert twin("match", "--tolerance", str(value), "--store", store).code == 2
+
+
+def test_match_refuses_a_probability_above_one() -> None:
+    """A share is at most 1; a distance may be anything."""
+    with pytest.raises(ConfigError, match=r"p_misread of matching is 1\.5: give a share of at most 1"):
+        MatchConfig(p_misread=1.5)
+    assert MatchConfig(gate_m=1.5).gate_m == 1.5
+
+
+def with_road(store: Store, retning: int) -> None:
+    """Give the store a road network of one link: the drive's own track, metered with it or against it."""
+    line = store.rows(sa.select(schema.drive.c.line))[0]["line"]
+    link = {
+        "veglenkesekvensid": 1,
+        "veglenkenummer": 1,
+        "segmentnummer": 1,
+        "startposisjon": 0.0,
+        "startdato": "2000-01-01",
+        "sluttposisjon": 1.0,
+        "konnektering": False,
+        "detaljert": False,
+        "type_veg": "enkelBilveg",
+        "detaljniva": "Vegtrase",
+        "vegkategori": "K",
+        "trafikantgruppe": "K",
+        "kortform": "KV1 S1D1 m0-1000",
+        "retning": retning,
+        "geometri": shapely.to_wkb(shapely.force_3d(shapely.from_wkb(line), 0.0)),
+    }
+    with store.transaction() as connection:
+        connection.execute(sa.insert(schema.veglenke), [link])
+        store.put_fact(connection, "vegnett", {"rejected": []})
+
+
+def test_match_knows_by_the_road_which_side_of_a_sign_was_seen(synced: Path, trip: Path) -> None:
+    """With the road network nothing changes, but a road metered the other way turns every plate round."""
+    with Store.open(synced) as store:
+        ingest_drive(store, trip)
+        with_road(store, 1)
+        with_it = match(store).verdicts
+        with store.transaction() as connection:
+            connection.execute(sa.update(schema.veglenke).values(retning=-1))
+        against = match(store).verdicts
+    assert with_it == AS_MADE
+    assert against["missing"] == 0
+    assert against["not_observable"] > 0

@@ -1,0 +1,164 @@
+"""Estimates against surveyed truth: what each method is judged by, and the figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+import sqlalchemy as sa
+
+from twin.errors import TruthError
+from twin.ingest.ingest import ingest_drive
+from twin.reports.evaluate import Evaluation, evaluate, plot, read_truth
+from twin.store import schema
+from twin.store.store import Store
+
+Twin = Callable[..., Any]
+
+
+@pytest.fixture
+def opened(store: Path) -> Iterator[Store]:
+    """The matched sample: every object by every method."""
+    with Store.open(store) as one:
+        yield one
+
+
+@pytest.fixture
+def evaluation(opened: Store, sample: Path) -> Evaluation:
+    """The sample against its truth."""
+    return evaluate(opened, read_truth(sample / "truth.csv"))
+
+
+def test_evaluate_judges_adjusted_by_its_objects_alone(evaluation: Evaluation) -> None:
+    """A sighting of `adjusted` is no position of its own; those of the methods of one frame are."""
+    by_method = {result.method: result for result in evaluation.methods}
+    assert by_method["adjusted"].sightings_by_range == []
+    assert by_method["adjusted"].objects["n"] == 15
+    assert set(evaluation.sightings) == {"paper", "single-frame"}
+    for method in evaluation.sightings:
+        n = sum(one["n"] for one in by_method[method].sightings_by_range)
+        assert n == evaluation.sightings[method]["error_m"].size > 1000
+
+
+def test_evaluate_gives_objects_the_speed_at_which_they_were_seen(
+    opened: Store, evaluation: Evaluation
+) -> None:
+    """An object's speed is the car's mean over the sightings that took part, whatever the method."""
+    first = opened.rows(sa.select(schema.estimate).order_by(schema.estimate.c.estimate_id))[0]
+    seen = schema.sighting.c
+    rows = opened.rows(
+        sa.select(seen.speed_mps).where(
+            seen.object == first["object"], seen.method == first["method"], seen.rejected == ""
+        )
+    )
+    speed = evaluation.estimates[first["method"]]["speed_mps"]
+    assert speed[0] == pytest.approx(np.mean([row["speed_mps"] for row in rows]))
+    # The sample's car goes at 20 to 40 km/h.
+    for arrays in evaluation.estimates.values():
+        assert np.all((arrays["speed_mps"] > 19.5 / 3.6) & (arrays["speed_mps"] < 40.5 / 3.6))
+
+
+def test_evaluate_draws_every_method_in_both_figures(evaluation: Evaluation, tmp_path: Path) -> None:
+    """Each figure shows marks in the colour of each of the three methods."""
+    files = plot(evaluation, tmp_path / "plots")
+    assert [path.name for path in files] == ["error_distance.png", "error_speed.png"]
+    for path in files:
+        picture = matplotlib.image.imread(path)[..., :3]
+        for colour in ((0x00, 0x9E, 0x73), (0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00)):
+            near = np.all(np.abs(picture - np.array(colour) / 255) < 0.12, axis=-1)
+            assert near.sum() > 100, (path.name, colour)
+
+
+def test_evaluate_of_adjusted_alone_has_no_table_of_single_sightings(
+    twin: Twin, sample: Path, tmp_path: Path
+) -> None:
+    """Where only `adjusted` was run, nothing is said of single sightings, and the figures still come."""
+    path = tmp_path / "twin.db"
+    with Store.open(path) as store:
+        ingest_drive(store, sample / "trip_trondheim")
+    answer = twin("evaluate", sample / "truth.csv", "--store", path, "--plots", tmp_path / "plots")
+    assert answer.code == 0
+    assert "single sightings" not in answer.out
+    assert "adjusted" in answer.out
+    assert len(list((tmp_path / "plots").glob("error_*.png"))) == 2
+
+
+def renamed_truth(sample: Path, path: Path, *, label: str = "skilt", without: str = "") -> Path:
+    """The sample's truth under names that no estimate has."""
+    lines = (sample / "truth.csv").read_text().splitlines()
+    rows = [line.replace("P", "survey-").replace("skilt", label) for line in lines[1:]]
+    path.write_text("\n".join([lines[0], *(row for row in rows if not (without and without in row))]))
+    return path
+
+
+def test_evaluate_pairs_by_position_where_no_id_fits(
+    opened: Store, evaluation: Evaluation, sample: Path, tmp_path: Path
+) -> None:
+    """Surveyed under other names, the sample has the same errors: every estimate finds its neighbour."""
+    found = evaluate(opened, read_truth(renamed_truth(sample, tmp_path / "truth.csv")))
+    assert [result.paired_by for result in evaluation.methods] == ["id"] * 3
+    for by_id, by_position in zip(evaluation.methods, found.methods, strict=True):
+        assert by_position.paired_by == "position"
+        assert by_position.objects == by_id.objects
+        assert by_position.sightings_by_range == by_id.sightings_by_range
+        assert by_position.not_estimated == ()
+        assert by_position.not_in_truth == 0
+
+
+def test_evaluate_by_position_counts_what_is_left_on_both_sides(
+    opened: Store, sample: Path, tmp_path: Path
+) -> None:
+    """A survey of 14 poles and one far away: one estimate is of none, and one pole has no estimate."""
+    path = renamed_truth(sample, tmp_path / "truth.csv", without="survey-06")
+    path.write_text(path.read_text() + "\nelsewhere,skilt,273036.5,7039378.8\n")
+    (adjusted, *_) = evaluate(opened, read_truth(path), by="position").methods
+    assert adjusted.objects["n"] == 14
+    assert adjusted.not_estimated == ("elsewhere",)
+    assert adjusted.not_in_truth == 1
+
+
+def test_evaluate_by_position_is_one_to_one_and_within_its_limit(
+    opened: Store, sample: Path, tmp_path: Path
+) -> None:
+    """Two surveyed poles at one estimate: the nearer gets it; and none beyond the limit."""
+    path = tmp_path / "truth.csv"
+    path.write_text(
+        "object,label,easting,northing\nnear,,273036.505,7039178.817\nbeside,,273037.505,7039178.817\n"
+    )
+    (adjusted, *_) = evaluate(opened, read_truth(path)).methods
+    assert adjusted.objects["n"] == 1
+    assert adjusted.not_estimated == ("beside",)
+    path.write_text("object,label,easting,northing\nfar,,273039.505,7039178.817\n")
+    assert evaluate(opened, read_truth(path)).methods[0].objects["n"] == 1
+    with pytest.raises(TruthError, match=r"within 2 m of one; the nearest is 3\.\d m away"):
+        evaluate(opened, read_truth(path), within_m=2.0)
+
+
+def test_evaluate_by_position_heeds_the_codes_of_labels(opened: Store, sample: Path, tmp_path: Path) -> None:
+    """A surveyed 372 where a 362.50 was seen is another sign."""
+    path = renamed_truth(sample, tmp_path / "truth.csv", label="372")
+    (adjusted, *_) = evaluate(opened, read_truth(path)).methods
+    codes = {row["skiltnummer"] for row in opened.rows(sa.select(schema.estimate))}
+    assert adjusted.objects["n"] == sum("372" in code.split(";") for code in sorted(codes)) == 2
+
+
+def test_evaluate_by_id_does_not_guess(opened: Store, sample: Path, tmp_path: Path) -> None:
+    """Asked for ids, it refuses other names, and says how positions would do."""
+    truths = read_truth(renamed_truth(sample, tmp_path / "truth.csv"))
+    with pytest.raises(TruthError, match="--by position"):
+        evaluate(opened, truths, by="id")
+
+
+def test_evaluate_says_how_it_paired(twin: Twin, store: Path, sample: Path, tmp_path: Path) -> None:
+    """The command tells that positions were taken, and counts what found no partner."""
+    path = renamed_truth(sample, tmp_path / "truth.csv", without="survey-06")
+    path.write_text(path.read_text() + "\nelsewhere,skilt,273036.5,7039378.8\n")
+    answer = twin("evaluate", path, "--store", store, "--within", "3")
+    assert answer.code == 0
+    assert "by position, within 3 m" in answer.err
+    assert "surveyed objects without an estimate: 1 (elsewhere)" in answer.err
+    assert "adjusted: estimates of no surveyed object: 1" in answer.err

@@ -1,0 +1,230 @@
+"""The store: old state or new state, and a clear sentence for everything else."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sqlalchemy as sa
+
+from twin.errors import StoreError
+from twin.ingest.save import save_drive
+from twin.matching.save import save_changes
+from twin.store import schema
+from twin.store.store import Store
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    """A new store."""
+    with Store.open(tmp_path / "twin.db") as opened:
+        yield opened
+
+
+def change(change_id: str, **values: Any) -> dict[str, Any]:
+    """Make a row of the change table."""
+    return {
+        "change_id": change_id,
+        "verdict": "new",
+        "reason": "It stands here.",
+        "confidence": 0.9,
+        "nvdb_type": 95,
+        "nvdb_id": None,
+        "nvdb_version": None,
+        "skiltnummer_nvdb": "",
+        "skiltnummer_seen": "202",
+        "distance_m": None,
+        "distance_sigma_m": None,
+        "drive_ids": "d",
+        "n_sightings": 3,
+        "east_m": 1.0,
+        "north_m": 2.0,
+        **values,
+    }
+
+
+def drive(drive_id: str = "d") -> dict[str, Any]:
+    """Make a row of the drive table."""
+    return {
+        "drive_id": drive_id,
+        "name": "trip",
+        "started_ns": 1,
+        "ended_ns": 2,
+        "datum": "EUREF89",
+        "annotations_complete": True,
+        "n_frames": 1,
+        "n_annotations": 1,
+        "length_m": 1.0,
+        "delay_ms": None,
+        "line": b"",
+        "rig": b"",
+        "poses": b"",
+        "cameras": ["C1"],
+        "warnings": [],
+        "skipped": [],
+        "software": "test",
+        "content_sha256": "1",
+        "fix_quality": {},
+    }
+
+
+def estimate(name: str, method: str = "single-frame") -> dict[str, Any]:
+    """Make a row of the estimate table."""
+    row: dict[str, Any] = dict.fromkeys((c.name for c in schema.estimate.columns), 0)
+    texts = {"drive_id": "d", "object": name, "label": "", "skiltnummer": "", "flags": ""}
+    return {**row, **texts, "estimate_id": f"d:{name}:{method}", "method": method}
+
+
+def test_store_is_in_wal_mode(store: Store) -> None:
+    """A reader never waits for a writer: the file is in WAL mode."""
+    with sqlite3.connect(store.path) as raw:
+        assert raw.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+    raw.close()
+
+
+def test_store_missing_is_said_with_its_cure(tmp_path: Path) -> None:
+    """A command that only reads names the missing file and what to run."""
+    with pytest.raises(StoreError, match=r"no\.db: run `twin sync-nvdb`"):
+        Store.open(tmp_path / "no.db", create=False)
+    assert not (tmp_path / "no.db").exists()
+
+
+def test_store_of_a_newer_version_is_refused_untouched(tmp_path: Path) -> None:
+    """What a newer twin wrote is not guessed at, and not a byte of it changes."""
+    path = tmp_path / "twin.db"
+    with Store.open(path) as opened, opened.transaction() as connection:
+        connection.execute(sa.update(schema.meta).values(value=str(schema.VERSION + 1)))
+    before = path.read_bytes()
+    with pytest.raises(StoreError, match="newer twin"):
+        Store.open(path)
+    assert path.read_bytes() == before
+
+
+def test_store_that_is_no_store_is_refused(tmp_path: Path) -> None:
+    """A text file, another database and a folder are each refused in one sentence."""
+    text = tmp_path / "text.db"
+    text.write_text("this is no database, and it is long enough to be read as one" * 20)
+    with pytest.raises(StoreError, match="not a twin store"):
+        Store.open(text)
+    other = tmp_path / "other.db"
+    with sqlite3.connect(other) as raw:
+        raw.execute("CREATE TABLE something (a)")
+    raw.close()
+    with pytest.raises(StoreError, match="not a twin store"):
+        Store.open(other)
+    with pytest.raises(StoreError, match="could not be used"):
+        Store.open(tmp_path)
+
+
+def test_store_in_a_missing_folder_is_said(tmp_path: Path) -> None:
+    """A store is not made in a folder that is not there."""
+    with pytest.raises(StoreError, match="folder of the store"):
+        Store.open(tmp_path / "nowhere" / "twin.db")
+
+
+def test_transaction_rolls_back_on_any_exception(store: Store) -> None:
+    """An exception in the middle leaves the old state."""
+    save_changes(store, [change("a")], {}, {"method": "m"})
+
+    def fail_halfway() -> None:
+        with store.transaction() as connection:
+            connection.execute(sa.delete(schema.change))
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail_halfway()
+    assert store.count(schema.change) == 1
+
+
+def test_revision_counts_drives_but_not_matches(store: Store) -> None:
+    """A match belongs to the revision it was made from: a drive that comes later makes it stale."""
+    save_drive(store, drive(), "single-frame", [], [estimate("1")])
+    save_changes(store, [change("a")], {}, {"method": "m"})
+    last = store.fact("last_match")
+    assert last is not None
+    assert last["revision"] == store.revision()
+    save_drive(store, drive(), "single-frame", [], [estimate("1")])
+    assert last["revision"] != store.revision()
+
+
+def test_snapshot_sees_one_state(store: Store) -> None:
+    """What is written while a snapshot is open is not in it."""
+    save_changes(store, [change("a")], {}, {"method": "m"})
+    with store.snapshot() as view:
+        before = view.rows(sa.select(schema.change.c.change_id))
+        save_changes(store, [change("b")], {}, {"method": "m"})
+        assert view.rows(sa.select(schema.change.c.change_id)) == before == [{"change_id": "a"}]
+
+
+def test_save_drive_twice_doubles_nothing(store: Store) -> None:
+    """The same drive by the same method replaces itself; another method stands beside it."""
+    save_drive(store, drive(), "single-frame", [], [estimate("1"), estimate("2")])
+    save_drive(store, drive(), "single-frame", [], [estimate("1")])
+    save_drive(store, drive(), "paper", [], [estimate("1", "paper")])
+    assert store.count(schema.drive) == 1
+    assert store.count(schema.estimate) == 2
+    assert store.methods() == ["paper", "single-frame"]
+
+
+def test_save_drive_of_changed_files_forgets_other_methods(store: Store) -> None:
+    """A drive that was annotated anew does not keep estimates from its old annotations."""
+    save_drive(store, drive(), "paper", [], [estimate("1", "paper")])
+    save_drive(store, {**drive(), "content_sha256": "2"}, "single-frame", [], [estimate("1")])
+    assert store.methods() == ["single-frame"]
+
+
+def test_store_locked_by_another_process_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second writer is told that another one is at work."""
+    monkeypatch.setattr("twin.store.store._BUSY_TIMEOUT_S", 0.05)
+    with Store.open(store.path) as second:
+        raw = sqlite3.connect(store.path, isolation_level=None)
+        raw.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StoreError, match="another process is writing"):
+            save_changes(second, [change("a")], {}, {"method": "m"})
+        raw.execute("ROLLBACK")
+        raw.close()
+    assert store.count(schema.change) == 0
+
+
+_WRITER = """
+import sys
+sys.path.insert(0, sys.argv[2])
+from twin.store.store import Store
+import test_store
+store = Store.open(sys.argv[1])
+print("ready", flush=True)
+n = 0
+while True:
+    n += 1
+    save_changes(store, [test_store.change(f"{n}-{i}") for i in range(200)], {}, {"method": str(n)})
+"""
+
+
+@pytest.mark.parametrize("written", [1, 3, 7])
+def test_store_survives_sigkill_in_the_middle_of_writing(tmp_path: Path, written: int) -> None:
+    """A writer killed at any instant leaves 200 findings of one and the same match, never a mixture."""
+    path = tmp_path / "twin.db"
+    Store.open(path).close()
+    with subprocess.Popen(
+        [sys.executable, "-c", _WRITER, str(path), str(Path(__file__).parent)], stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        with Store.open(path) as watcher:
+            # Wait for states, not for time; then kill wherever the writer happens to be.
+            while int((watcher.fact("last_match") or {"method": 0})["method"]) < written:
+                pass
+        os.kill(process.pid, signal.SIGKILL)
+    with Store.open(path) as store:
+        last = store.fact("last_match")
+        assert last is not None
+        ids = [row["change_id"] for row in store.rows(sa.select(schema.change.c.change_id))]
+    assert len(ids) == 200
+    assert {i.split("-")[0] for i in ids} == {last["method"]}

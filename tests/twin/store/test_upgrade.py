@@ -1,0 +1,77 @@
+"""A store of an older version, opened by this one."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+
+from twin.errors import StoreError
+from twin.store import schema
+from twin.store.store import Store
+
+
+def older(path: Path, version: int = 4) -> Path:
+    """Make a store as version 4 or 5 wrote it, with one decision."""
+    Store.open(path).close()
+    with sqlite3.connect(path) as raw:
+        raw.execute("ALTER TABLE estimate DROP COLUMN text")
+        raw.execute("ALTER TABLE change DROP COLUMN cameras")
+        if version < 5:
+            raw.execute("ALTER TABLE estimate DROP COLUMN nvdb_type")
+        raw.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (str(version),))
+        values = (1, "c1", "decided", "accept", "seen", "someone", "2026-06-10T08:00:00Z", "{}")
+        columns = 'batch, change_id, kind, decision, reason, "by", at, evidence'
+        raw.execute(f"INSERT INTO decision_log ({columns}) VALUES ({', '.join('?' * 8)})", values)
+    raw.close()
+    return path
+
+
+@pytest.mark.parametrize("version", [4, 5])
+def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
+    """The new columns are there, empty, and nothing that a user decided is lost."""
+    path = older(tmp_path / "twin.db", version)
+    with Store.open(path) as store:
+        assert store.rows(sa.select(schema.estimate.c.nvdb_type, schema.estimate.c.text)) == []
+        assert store.rows(sa.select(schema.change.c.cameras)) == []
+        assert [row["decision"] for row in store.rows(sa.select(schema.decision))] == ["accept"]
+    with Store.open(path, create=False) as again:
+        versions = again.rows(sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version"))
+    assert versions == [{"value": str(schema.VERSION)}]
+
+
+@pytest.mark.parametrize("table", ["estimate", "change"])
+def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
+    """Column by column, in the same order."""
+    tables = []
+    for path in (older(tmp_path / "old.db"), tmp_path / "new.db"):
+        Store.open(path).close()
+        with sqlite3.connect(path) as raw:
+            columns = raw.execute("SELECT name, type FROM pragma_table_info(?)", (table,))
+            tables.append(columns.fetchall())
+        raw.close()
+    assert tables[0] == tables[1]
+
+
+def test_store_that_cannot_be_upgraded_is_refused_untouched(tmp_path: Path) -> None:
+    """Version 3 has no way to this one: the sentence says what to do."""
+    path = older(tmp_path / "twin.db", 3)
+    before = path.read_bytes()
+    with pytest.raises(StoreError, match=r"older twin .*into a new --store"):
+        Store.open(path)
+    assert path.read_bytes() == before
+
+
+def test_upgrade_that_fails_leaves_the_store_as_it_was(tmp_path: Path) -> None:
+    """The column is there already, which no store of version 4 has: nothing is changed."""
+    path = older(tmp_path / "twin.db")
+    with sqlite3.connect(path) as raw:
+        raw.execute("ALTER TABLE estimate ADD COLUMN nvdb_type INTEGER")
+    raw.close()
+    with pytest.raises(StoreError, match="duplicate column"):
+        Store.open(path)
+    with sqlite3.connect(path) as raw:
+        assert raw.execute("SELECT value FROM meta WHERE key = 'schema_version'").fetchone() == ("4",)
+    raw.close()

@@ -1,0 +1,1 @@
+"""Boards and tags in pictures: found, to a hundredth of a pixel."""

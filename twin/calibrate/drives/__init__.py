@@ -1,0 +1,1 @@
+"""Calibration checked by drives: against known objects, and over many drives."""

@@ -1,0 +1,398 @@
+"""A drive past objects at surveyed positions → errors by camera and distance, and the rig that mends them."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.arrays import FloatArray
+from geoloc.calibration.verify_mounting import (
+    SURE_SIGMAS,
+    CameraTurn,
+    KnownSightings,
+    MountingPart,
+    camera_turns,
+    mounting_part,
+    rig_turned,
+    with_angles,
+)
+from geoloc.earth.geodesy import (
+    enu_offset,
+    geographic_from_utm33,
+    rotation_enu_from_rig,
+    utm33_covariance_from_enu,
+    utm33_from_geographic,
+)
+from geoloc.locate.accuracy import RANGE_EDGES_M
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.rig.edit import with_rotation_correction
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.trajectory import Poses, Trajectory
+from twin.calibrate.drives.known_objects import check_near, most_misplaced
+from twin.calibrate.mounting_files import drive_tables
+from twin.drives.drive import Drive
+from twin.drives.folder.drive_toml import SETTINGS_FILE, read_settings
+from twin.drives.read import read_drive
+from twin.errors import RefusedError, TruthError
+from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
+from twin.reports.evaluate import Truth, read_truth
+from twin.store.atomic_files import replace_file
+from twin.store.folders import make_folder
+
+_FEW_OBJECTS = 5
+LEAST_DEG = 0.02
+"""A smaller turn is 4 mm at 12 m to the side: not worth another rig file."""
+_MOST_DEG = 3.0
+_MOST_MISFIT_DEG = 1.0
+_LEFT_OUT_SHARE = 0.2
+_FALL_DEG = float(np.degrees(ErrorBudget().ground_fall))
+"""The road below signs against the road below the car, across: a roll of all cameras."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorRow:
+    """Errors of single frames of one camera in one class of distance, as in the paper's table 1.
+
+    Attributes
+    ----------
+    camera : str
+    distance_m : float
+        Median horizontal distance of the objects from the camera, by the survey.
+    n : int
+    before_m, after_m : float
+        Median horizontal error with the rig as it is, and with what is certain of the turns.
+    """
+
+    camera: str
+    distance_m: float
+    n: int
+    before_m: float
+    after_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What a drive past known objects says of the cameras.
+
+    Attributes
+    ----------
+    drive : str
+    errors : tuple of ErrorRow
+    turns : mapping of camera to CameraTurn
+        What fits best, the drive's own sigmas included.
+    certain : mapping of camera to CameraTurn
+        What of it is the cameras' mounting for certain, and would be applied.
+    advised : tuple of str
+        Cameras with a certain turn (two sigmas) that is worth applying.
+    doubt : str
+        Why nothing of this can be applied; empty where it can.
+    misplaced : mapping of str to float
+        Objects that lie elsewhere than the cameras see them, left out of everything else, and metres.
+    not_seen : tuple of str
+        Known objects without an annotation of their foot.
+    warnings : tuple of str
+    rig : Path or None
+        The corrected rig file, where one was asked for.
+    rig_file : str
+        Name of the drive's own.
+    drive_tables : str
+        What ``[cameras]`` of the drive's ``drive.toml`` has to say of the advised cameras; empty without one.
+    tables : Path or None
+        The file with `drive_tables`, where a corrected rig was asked for.
+    """
+
+    drive: str
+    errors: tuple[ErrorRow, ...]
+    turns: Mapping[str, CameraTurn]
+    certain: Mapping[str, CameraTurn]
+    advised: tuple[str, ...]
+    doubt: str
+    misplaced: Mapping[str, float]
+    not_seen: tuple[str, ...]
+    warnings: tuple[str, ...]
+    rig: Path | None
+    rig_file: str
+    drive_tables: str
+    tables: Path | None
+    errors_at: Mapping[str, FloatArray]
+    """Camera → (n, 3): distance, error before and after, of every sighting; not part of the JSON document."""
+
+
+def verify_drive(
+    path: Path | str,
+    known: Path | str,
+    *,
+    apply: Path | str | None = None,
+    level_deg: float | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Verification:
+    """Compare what single frames say of objects with where they were surveyed.
+
+    Only feet count: the ground is where the survey is. The car should stand or drive on level ground there.
+
+    Parameters
+    ----------
+    path : Path or str
+        A drive whose annotations name the objects (attribute ``object``).
+    known : Path or str
+        CSV with object, easting, northing (EPSG:25833), as for ``twin evaluate``.
+    apply : Path or str, optional
+        Rig file to write: the drive's rig with ``correction_sensor_R_FLU`` of the advised cameras. Where the
+        drive's ``drive.toml`` has ``[cameras]``, their new tables are written beside it (``.cameras.toml``).
+    level_deg : float, optional
+        The ground at the objects is plane with that below the car to so many degrees, as a yard's floor is:
+        takes the place of the drive's own sigmas of pitch and roll.
+    progress : callable, optional
+
+    Raises
+    ------
+    DriveError, TruthError, GeolocError, RefusedError
+        If an input cannot be used, no known object was annotated, one is far from where it was seen, or what
+        `apply` would write cannot be right.
+    """
+    truths = read_truth(known)
+    drive = read_drive(path, progress=progress)
+    drive, datum_sigma_m = in_euref89(drive)
+    trajectory = trajectory_of(drive)
+    located = locate_annotations(drive, trajectory, method="single-frame", datum_sigma_m=datum_sigma_m)
+    place = _places(truths, drive)
+    if not place:
+        raise TruthError(
+            f"None of the {len(truths)} objects of {known} is annotated in {drive.name}: give the annotations"
+            " the attribute object with the same names."
+        )
+    names = drive.annotations.object[located.index]
+    rows = np.flatnonzero(np.isin(names, list(place)))
+    not_seen = tuple(sorted({t.object for t in truths} - set(names[rows].tolist())))
+    check_near(names[rows], _at(place, names[rows]), _only(located.poses, rows))
+    rows, misplaced = _without_misplaced(drive, trajectory, located, rows, place)
+    truth_m = _at(place, names[rows])
+    poses = _only(located.poses, rows)
+    sightings = _known_sightings(drive, located.index[rows], poses, truth_m)
+    drive_sigma_deg = _drive_sigma_deg(poses, level_deg)
+    turns, certain, mounting = _mounting(drive.rig, camera_turns(drive.rig, sightings), drive_sigma_deg)
+    errors = [
+        np.hypot(*_offsets(drive, trajectory, rows, truth_m, r)[0].T)
+        for r in (drive.rig, rig_turned(drive.rig, certain))
+    ]
+    errors_at = _errors_at(drive.rig, sightings, *errors)
+    doubt = _doubt(turns)
+    advised = () if doubt else tuple(name for name, turn in certain.items() if _is_worth(turn))
+    mended = {name: certain[name] for name in advised}
+    tables_text = _drive_tables(drive, mended, Path(path))
+    rig = None if apply is None else _apply(drive, mended, Path(apply), doubt)
+    tables = None if rig is None or not tables_text else rig.with_suffix(".cameras.toml")
+    if tables is not None:
+        replace_file(tables, tables_text.encode())
+    return Verification(
+        drive=drive.name,
+        errors=tuple(row for name, rows_at in errors_at.items() for row in _table(name, rows_at)),
+        turns=turns,
+        certain=certain,
+        advised=advised,
+        doubt=doubt,
+        misplaced=misplaced,
+        not_seen=not_seen,
+        warnings=(*drive.warnings, *_told(misplaced), *_shared(mounting, drive_sigma_deg), *_few(turns)),
+        rig=rig,
+        rig_file=drive.rig.source,
+        drive_tables=tables_text,
+        tables=tables,
+        errors_at=errors_at,
+    )
+
+
+def _without_misplaced(
+    drive: Drive,
+    trajectory: Trajectory,
+    located: SightedObjects,
+    rows: NDArray[np.int64],
+    place: Mapping[str, tuple[float, float]],
+) -> tuple[NDArray[np.int64], dict[str, float]]:
+    """Leave out, one by one, objects that the turned cameras see elsewhere: a fifth of them at most."""
+    names = drive.annotations.object[located.index]
+    most = int(_LEFT_OUT_SHARE * len(np.unique(names[rows])))
+    misplaced: dict[str, float] = {}
+    while len(misplaced) < most:
+        truth_m = _at(place, names[rows])
+        known = _known_sightings(drive, located.index[rows], _only(located.poses, rows), truth_m)
+        rig = rig_turned(drive.rig, camera_turns(drive.rig, known))
+        worst = most_misplaced(names[rows], *_offsets(drive, trajectory, rows, truth_m, rig))
+        if worst is None:
+            break
+        misplaced[worst[0]] = worst[1]
+        rows = rows[names[rows] != worst[0]]
+    return rows, misplaced
+
+
+def _at(place: Mapping[str, tuple[float, float]], names: NDArray[np.str_]) -> FloatArray:
+    return np.array([place[name] for name in names.tolist()])
+
+
+def _places(truths: list[Truth], drive: Drive) -> dict[str, tuple[float, float]]:
+    mine = [t for t in truths if t.drive_id in ("", drive.drive_id)]
+    return {t.object: (t.east_m, t.north_m) for t in mine if t.object in set(drive.annotations.object)}
+
+
+def _only(poses: Poses, rows: NDArray[np.int64]) -> Poses:
+    from dataclasses import fields
+
+    return replace(poses, **{f.name: getattr(poses, f.name)[rows] for f in fields(Poses)})
+
+
+def _known_sightings(
+    drive: Drive, index: NDArray[np.int64], poses: Poses, truth_m: FloatArray
+) -> KnownSightings:
+    """Where the known objects are in the rig frame, on its ground plane, when they are seen."""
+    latitude, longitude = geographic_from_utm33(truth_m[:, 0], truth_m[:, 1])
+    east, north = enu_offset(poses.latitude_deg, poses.longitude_deg, latitude, longitude)
+    enu_R_rig = rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg)
+    # On the rig's ground plane the height follows from the place: the plane's normal has no part of it.
+    normal = enu_R_rig[:, :, 2]
+    up = -(normal[:, 0] * east + normal[:, 1] * north) / normal[:, 2]
+    offset = np.stack([east, north, up], axis=-1)
+    # What is annotated is the near side of the pole, not its middle.
+    away = np.maximum(np.hypot(east, north), 1.0)
+    offset[:, :2] *= (1.0 - drive.pole_radius_m / away)[:, np.newaxis]
+    notes = drive.annotations
+    return KnownSightings(
+        camera=notes.camera[index],
+        pixel_px=notes.pixel_px[index],
+        rig_point_m=np.einsum("nji,nj->ni", enu_R_rig, offset),
+        object=np.unique(notes.object[index], return_inverse=True)[1].astype(np.int64),
+    )
+
+
+def _offsets(
+    drive: Drive, trajectory: Trajectory, rows: NDArray[np.int64], truth_m: FloatArray, rig: Rig
+) -> tuple[FloatArray, FloatArray]:
+    """Place by single frames less the surveyed one, east and north, its covariance; NaN without ground."""
+    found = locate_annotations(replace(drive, rig=rig), trajectory, method="single-frame").located
+    latitude, longitude = found.latitude_deg[rows], found.longitude_deg[rows]
+    offset = np.column_stack(utm33_from_geographic(latitude, longitude)) - truth_m
+    return offset, utm33_covariance_from_enu(found.covariance_m2[rows], latitude, longitude)
+
+
+def _errors_at(
+    rig: Rig, sightings: KnownSightings, before_m: FloatArray, after_m: FloatArray
+) -> dict[str, FloatArray]:
+    """Camera → (n, 3): horizontal distance from the camera by the survey, and both errors."""
+    eye = np.array([rig.cameras[name].rig_t_camera_m for name in sightings.camera.tolist()])
+    distance = np.hypot(*(sightings.rig_point_m - eye)[:, :2].T)
+    at = np.column_stack([distance, before_m, after_m])
+    return {str(name): at[sightings.camera == name] for name in np.unique(sightings.camera)}
+
+
+def _drive_sigma_deg(poses: Poses, level_deg: float | None) -> FloatArray:
+    """Sigma of roll, pitch and heading that all sightings share: of the drive, and of the ground below it."""
+    roll, pitch, heading = (
+        float(np.median(sigma))
+        for sigma in (poses.sigma_roll_deg, poses.sigma_pitch_deg, poses.sigma_heading_deg)
+    )
+    if level_deg is not None:
+        return np.array([level_deg, level_deg, heading])
+    return np.array([np.hypot(roll, _FALL_DEG), pitch, heading])
+
+
+def _mounting(
+    rig: Rig, found: Mapping[str, CameraTurn], drive_sigma_deg: FloatArray
+) -> tuple[dict[str, CameraTurn], dict[str, CameraTurn], MountingPart]:
+    """Turns with the drive's own sigmas, and what of them is the mounting for certain."""
+    part = mounting_part(
+        np.array([rig.cameras[name].rig_R_camera for name in found]).reshape(-1, 3, 3),
+        np.array([(t.pitch_deg, t.yaw_deg, t.roll_deg) for t in found.values()]).reshape(-1, 3),
+        np.array([t.covariance_deg2 for t in found.values()]).reshape(-1, 3, 3),
+        drive_sigma_deg,
+    )
+    total, certain = {}, {}
+    for i, (name, turn) in enumerate(found.items()):
+        own = np.array([turn.pitch_deg, turn.yaw_deg, turn.roll_deg])
+        total[name] = with_angles(turn, own, part.total_covariance_deg2[i])
+        certain[name] = with_angles(turn, part.turn_deg[i], part.covariance_deg2[i])
+    return total, certain, part
+
+
+def _is_worth(turn: CameraTurn) -> bool:
+    return max(abs(turn.pitch_deg), abs(turn.yaw_deg), abs(turn.roll_deg)) > LEAST_DEG
+
+
+def _doubt(turns: Mapping[str, CameraTurn]) -> str:
+    """Tell of turns that no mounting has, and of objects that no turn brings to where they are seen."""
+    for name, turn in turns.items():
+        largest = max(abs(turn.pitch_deg), abs(turn.yaw_deg), abs(turn.roll_deg))
+        if largest > _MOST_DEG or turn.after_deg > _MOST_MISFIT_DEG:
+            return (
+                f"{name} would turn by up to {largest:.1f}°, and then still be {turn.after_deg:.1f}°"
+                f" ({turn.after_px:.0f} px) off: that is no mounting. Are all objects shifted, their"
+                " coordinates in another system or their names mixed up, or is it another car's rig file?"
+            )
+    return ""
+
+
+def _told(misplaced: Mapping[str, float]) -> list[str]:
+    return [
+        f"Object {name} lies {metres:.1f} m from where the cameras see it, and is left out: survey it again,"
+        " or look at its annotations."
+        for name, metres in misplaced.items()
+    ]
+
+
+def _shared(found: MountingPart, drive_sigma_deg: FloatArray) -> tuple[str, ...]:
+    """Tell of a turn that all cameras ask for and that may as well be the drive's own."""
+    told = []
+    # About the rig's axes, told as of a camera that looks ahead: positive pitch looks up, positive yaw right.
+    for axis, (name, pose, sign) in enumerate(
+        (("roll", "roll", 1.0), ("pitch", "pitch", -1.0), ("yaw", "heading", -1.0))
+    ):
+        common = sign * float(found.common_deg[axis])
+        least = max(SURE_SIGMAS * float(found.common_sigma_deg[axis]), LEAST_DEG)
+        if not found.is_known[axis] and abs(common) > least:
+            told.append(
+                f"The cameras ask for {common:+.2f}° of {name} together, and this drive's own {pose} over the"
+                f" ground is known to {drive_sigma_deg[axis]:.2f}° only: that part is not applied, only how"
+                " cameras differ."
+            )
+    return tuple(told)
+
+
+def _few(turns: Mapping[str, CameraTurn]) -> list[str]:
+    if not turns or min(turn.n_objects for turn in turns.values()) >= _FEW_OBJECTS:
+        return []
+    return [f"Fewer than {_FEW_OBJECTS} objects: the sigmas are rough, since they count how objects differ."]
+
+
+def _table(camera: str, at: FloatArray) -> list[ErrorRow]:
+    rows = []
+    for nearest, furthest in itertools.pairwise(RANGE_EDGES_M):
+        inside = (at[:, 0] >= nearest) & (at[:, 0] < furthest) & np.isfinite(at).all(axis=1)
+        if inside.any():
+            distance, before, after = np.median(at[inside], axis=0).tolist()
+            rows.append(ErrorRow(camera, distance, int(inside.sum()), before, after))
+    return rows
+
+
+def _drive_tables(drive: Drive, turns: Mapping[str, CameraTurn], root: Path) -> str:
+    """``[cameras]`` with the turned cameras; empty where the drive has no such table, or none is turned."""
+    file = root / SETTINGS_FILE
+    tables = read_settings(file.read_bytes()).cameras if file.exists() else {}
+    return drive_tables(rig_turned(drive.rig, turns), turns, tables) if tables else ""
+
+
+def _apply(drive: Drive, turns: Mapping[str, CameraTurn], path: Path, doubt: str) -> Path:
+    if doubt:
+        raise RefusedError(f"{path} is not written. {doubt}")
+    document = json.loads(drive.rig_document.removeprefix("\ufeff"))
+    corrected = rig_turned(drive.rig, turns)
+    for name in turns:
+        document = with_rotation_correction(
+            document, name, corrected.cameras[name].rig_R_camera, drive.rig.source
+        )
+    make_folder(path.parent)
+    replace_file(path, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
+    return path

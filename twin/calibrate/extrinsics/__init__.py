@@ -1,0 +1,1 @@
+"""Where the cameras sit on the car, from pictures of tags in a yard."""

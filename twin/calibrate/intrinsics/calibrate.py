@@ -1,0 +1,221 @@
+"""From pictures of a board to a camera: the work of ``twin calibrate intrinsics``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from geoloc.calibration.intrinsics.calibrate import MIN_VIEWS, Intrinsics
+from geoloc.calibration.intrinsics.calibrate import calibrate_intrinsics as calibrate_views
+from geoloc.calibration.intrinsics.faults import ENOUGH_VIEWS, Fault, some
+from geoloc.calibration.intrinsics.fit import MODELS
+from geoloc.calibration.intrinsics.selection import alike, sharp, spread
+from geoloc.errors import CalibrationError
+from twin.calibrate.boards.boards import Board, board_from_text
+from twin.calibrate.boards.detect import BLURRED_PX, Seen, detect
+from twin.calibrate.boards.pictures import count, files_of, pictures
+from twin.calibrate.intrinsics.no_board import Absent, absent_faults
+from twin.errors import ConfigError
+
+MAX_VIEWS = 60
+_MARKER_TOLERANCE = 0.06
+_SAME, _LIKE = "shows the board just as another view does", "not needed: other views are like it"
+
+Progress = Callable[[str, int, int | None], None]
+"""What is being done, how much of it is done, and how much there is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """One camera calibrated from pictures.
+
+    Attributes
+    ----------
+    intrinsics : Intrinsics
+        `Intrinsics.left_out` also has the blurred and the superfluous views.
+    board : Board
+    n_pictures, n_found : int
+        Pictures looked at, and those that showed the board.
+    edge_px : mapping of view name to float
+        Width of the print's edges in every view found.
+    faults : tuple of Fault
+        Of the views and of the pictures.
+    """
+
+    intrinsics: Intrinsics
+    board: Board
+    n_pictures: int
+    n_found: int
+    edge_px: Mapping[str, float]
+    faults: tuple[Fault, ...]
+
+
+def models_from_text(text: str) -> tuple[str, ...]:
+    """Models of ``--model``: ``auto`` for all, else one or several with commas between.
+
+    Raises
+    ------
+    ConfigError
+        If one is not known.
+    """
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    if names == ("auto",):
+        return MODELS
+    unknown = [name for name in names if name not in MODELS]
+    if unknown or not names:
+        raise ConfigError(f"There is no camera model {', '.join(unknown)}: give auto or {', '.join(MODELS)}.")
+    return names
+
+
+def calibrate_intrinsics(
+    sources: Sequence[Path],
+    board: str,
+    *,
+    model: str = "auto",
+    linear: bool = False,
+    max_views: int = MAX_VIEWS,
+    every: int | None = None,
+    distances_m: Mapping[str, float] | None = None,
+    progress: Progress = lambda _what, _done, _total: None,
+) -> Calibrated:
+    """Calibrate one camera from pictures or films of a board.
+
+    Parameters
+    ----------
+    sources : sequence of Path
+        Pictures, films, folders of them.
+    board : str
+        ``checkerboard:9x6:0.08`` or ``charuco:12x9:0.06:0.045``.
+    model : str
+        ``auto``, or models to choose from, with commas between.
+    linear : bool
+        Also free c and d of f-theta and ocam.
+    max_views : int
+        At most so many views are used, spread over the image, over distances and tilts.
+    every : int, optional
+        Look at every so manieth frame of a film. Default: at some 240 frames.
+    distances_m : mapping of picture name to float, optional
+        Measured distances of the camera from the middle of the board.
+
+    Raises
+    ------
+    CalibrationError
+        If nothing can be calibrated; says why.
+    ConfigError
+        If the board or the model is not known.
+    """
+    printed, models = board_from_text(board), models_from_text(model)
+    seen, absent, size = _looked_at(files_of(sources), printed, every, progress)
+    edge_px = {s.view.name: s.edge_px for s in seen}
+    kept, left_out = _chosen(seen, size, max_views)
+    steps = iter(range(1, 1000))
+    made = calibrate_views(
+        [s.view for s in kept],
+        *size,
+        models=models,
+        linear=linear,
+        distances_m=_measured(distances_m or {}, edge_px),
+        progress=lambda text: progress(text, next(steps), None),
+    )
+    n_pictures = len(seen) + len(absent.reasons)
+    faults = (*absent_faults(absent, n_pictures), *_picture_faults(kept, left_out, printed), *made.faults)
+    made = replace(made, left_out={**absent.reasons, **left_out, **made.left_out})
+    return Calibrated(made, printed, n_pictures, len(seen), edge_px, faults)
+
+
+def _looked_at(
+    files: Sequence[Path], board: Board, every: int | None, progress: Progress
+) -> tuple[list[Seen], Absent, tuple[int, int]]:
+    """Boards found, pictures without one, and the pictures' width and height."""
+    total, seen, absent = count(files, every), list[Seen](), Absent(board)
+    size = (0, 0)
+    for number, picture in enumerate(pictures(files, every)):
+        found = detect(picture.grey, board, picture.name)
+        if found is not None:
+            seen.append(found)
+        else:
+            absent.add(picture)
+        height, width = picture.grey.shape
+        size = (width, height)
+        progress("looking for the board", number + 1, total)
+    if len(seen) < MIN_VIEWS:
+        raise CalibrationError(absent.why_so_few(len(seen)))
+    return seen, absent, size
+
+
+def _chosen(seen: Sequence[Seen], size: tuple[int, int], max_views: int) -> tuple[list[Seen], dict[str, str]]:
+    """Sharp, different and well spread views, and why not the others.
+
+    Raises
+    ------
+    CalibrationError
+        If there are too few that differ.
+    """
+    widths = np.array([s.edge_px for s in seen])
+    good = sharp(widths)
+    usual = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
+    left_out = {
+        s.view.name: f"blurred: its edges are {s.edge_px:.1f} px wide, usual are {usual:.1f} px"
+        for s, keep in zip(seen, good, strict=True)
+        if not keep
+    }
+    kept = [s for s, keep in zip(seen, good, strict=True) if keep]
+    same = alike([s.view for s in kept], size[0], np.array([s.edge_px for s in kept]))
+    left_out |= {kept[n].view.name: _SAME for n in same}
+    kept = [s for number, s in enumerate(kept) if number not in same]
+    if same and len(kept) < MIN_VIEWS:
+        raise CalibrationError(
+            f"The views are too similar: {len(same)} of {len(seen)} show the board just as another one does, "
+            f"which leaves {len(kept)} that differ, and {MIN_VIEWS} are the least: move and tilt the "
+            "board between pictures."
+        )
+    taken = set(spread([s.view for s in kept], *size, max_views).tolist())
+    left_out |= {s.view.name: _LIKE for number, s in enumerate(kept) if number not in taken}
+    return [s for number, s in enumerate(kept) if number in taken], left_out
+
+
+def _measured(distances_m: Mapping[str, float], found: Mapping[str, float]) -> Mapping[str, float]:
+    for name, metres in distances_m.items():
+        if name not in found:
+            raise ConfigError(f"A distance is given for {name}, a picture in which the board was not found.")
+        if not 0.0 < metres < 1000.0:
+            raise ConfigError(f"The distance of {name} is {metres:g} m: give metres, more than 0.")
+    return distances_m
+
+
+def _picture_faults(kept: Sequence[Seen], left_out: Mapping[str, str], board: Board) -> list[Fault]:
+    """Pictures alike, blur that all have, and markers that are not as large as the board's text says."""
+    faults, widths = [], np.array([s.edge_px for s in kept])
+    same = [name for name, reason in left_out.items() if reason == _SAME]
+    if same and len(kept) < ENOUGH_VIEWS:
+        faults.append(
+            Fault(
+                "similar_views",
+                f"{len(same)} views ({some(same)}) show the board just as others do and were left out: move "
+                "and tilt it between pictures.",
+            )
+        )
+    usual = float(np.nanmedian(widths)) if np.isfinite(widths).any() else 0.0
+    if usual > BLURRED_PX:
+        faults.append(
+            Fault(
+                "blurred_camera",
+                f"All pictures are blurred: the board's edges are {usual:.1f} px wide, where a sharp lens "
+                "gives 2 to 3: focus the camera, and hold it and the board still.",
+            )
+        )
+    parts = np.array([s.marker_part for s in kept])
+    if board.kind == "charuco" and np.isfinite(parts).any():
+        part, stated = float(np.nanmedian(parts)), board.marker_m / board.square_m
+        if abs(part - stated) > _MARKER_TOLERANCE * stated:
+            faults.append(
+                Fault(
+                    "wrong_square_size",
+                    f"In the pictures a marker's side is {part:.2f} of a square's, by --board "
+                    f"({board.marker_m:g} m of {board.square_m:g} m) it is {stated:.2f}: measure both again.",
+                )
+            )
+    return faults

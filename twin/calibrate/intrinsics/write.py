@@ -1,0 +1,148 @@
+"""The folder that a calibration of intrinsics writes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from geoloc.calibration_files.document import json_document
+from geoloc.errors import CalibrationError
+from geoloc.rig.rig import looks_like_rig
+from twin.calibrate.camera_files import (
+    RIG_NAME,
+    cameras_of,
+    check_has_camera,
+    file_name,
+    new_rig_document,
+    other_formats,
+    rig_text,
+    rig_with_camera,
+)
+from twin.calibrate.intrinsics.calibrate import Calibrated
+from twin.calibrate.intrinsics.plots import coverage_picture, curve_picture, residual_picture
+from twin.calibrate.intrinsics.report import report_document, report_markdown
+from twin.errors import RefusedError
+from twin.store.atomic_files import replace_file, replacing
+from twin.store.folders import make_folder
+
+
+def write_calibration(
+    made: Calibrated, out: Path, camera: str, rig: Path | None = None, *, add: bool = False
+) -> list[Path]:
+    """Write the rig, and the camera's files, report and pictures in a folder of its own.
+
+    Parameters
+    ----------
+    made : Calibrated
+    out : Path
+        Folder for ``rig.json``; made if it does not exist. The camera's own files go into its sub-folder of
+        the camera's name, so that several cameras share one rig.
+    camera : str
+        Its name.
+    rig : Path, optional
+        A DriveWorks rig in which that camera takes the place of the one of this name: written as ``rig.json``
+        into the folder, which may be the same file; another file is not touched.
+    add : bool
+        Put the camera into a rig that does not have it yet.
+
+    Returns
+    -------
+    list of Path
+        The rig first.
+
+    Raises
+    ------
+    CalibrationError
+        If the rig cannot be read or has no such camera.
+    RefusedError
+        If the folder cannot be written, or its ``rig.json`` holds other cameras and is not the rig given.
+    """
+    check_rig(out, camera, rig, add=add)
+    text = _rig_text(made, camera, rig, add)
+    files = _contents(made, camera)
+    folder = make_folder(out)
+    own = folder / file_name(camera)
+    with replacing(own, list(files)) as staging:
+        for name, content in files.items():
+            (staging / name).write_bytes(content)
+    replace_file(folder / RIG_NAME, text.encode())
+    return [folder / RIG_NAME, *(own / name for name in files)]
+
+
+def check_rig(out: Path, camera: str, rig: Path | None, *, add: bool = False) -> None:
+    """Refuse a rig that cannot take the camera, or that would be lost: before the work, not after it.
+
+    Raises
+    ------
+    CalibrationError, RefusedError
+    """
+    given: Mapping[str, object] = {}
+    if rig is not None:
+        document = _rig_document(rig)
+        check_has_camera(document, str(rig), camera, add=add)
+        given = _intrinsics_of(document)
+    there = out / RIG_NAME
+    held = _intrinsics_in(there)
+    lost = [name for name in held if name != camera and held[name] != given.get(name)]
+    if lost:
+        option = "" if camera in held else " --add"
+        raise RefusedError(
+            f"{there} holds a calibration of {', '.join(lost)}, which would be lost: put {camera} into it"
+            f" with --rig {there}{option}, or name another folder with --out."
+        )
+
+
+def _intrinsics_in(path: Path) -> dict[str, object]:
+    """Cameras of a rig file with their properties; none where there is no file, or another one."""
+    try:
+        document = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return _intrinsics_of(document) if looks_like_rig(document) else {}
+
+
+def _intrinsics_of(document: Mapping[str, Any]) -> dict[str, object]:
+    sensors = {
+        str(s.get("name", "")).strip(): s for s in document["rig"]["sensors"] if isinstance(s, Mapping)
+    }
+    return {name: sensors[name].get("properties") for name in cameras_of(document)}
+
+
+def _rig_text(made: Calibrated, camera: str, rig: Path | None, add: bool) -> str:
+    """Write the rig with the calibrated camera."""
+    model = made.intrinsics.camera
+    if rig is None:
+        return rig_text(new_rig_document({camera: model}))
+    return rig_text(rig_with_camera(_rig_document(rig), str(rig), camera, model, add=add))
+
+
+def _rig_document(rig: Path) -> dict[str, object]:
+    """Read a rig file as it is, unknown keys and all."""
+    try:
+        content = rig.read_bytes()
+    except OSError as error:
+        raise CalibrationError(f"Cannot read the rig file {rig}: {error.strerror or error}.") from error
+    return dict(json_document(content, str(rig)))
+
+
+def _contents(made: Calibrated, camera: str) -> dict[str, bytes]:
+    """File name → content."""
+    pictures = {
+        "residuals.png": residual_picture(made.intrinsics),
+        "coverage.png": coverage_picture(made.intrinsics),
+        "curve.png": curve_picture(made.intrinsics),
+    }
+    others = other_formats(made.intrinsics.candidates, camera)
+    document = report_document(made, camera)
+    document["files"] = {
+        RIG_NAME: made.intrinsics.fit.label,
+        **{name: candidate.label for name, (_, candidate) in others.items()},
+    }
+    texts = {
+        **{name: text for name, (text, _) in others.items()},
+        "report.json": json.dumps(document, indent=2, ensure_ascii=False) + "\n",
+        "report.md": report_markdown(document, list(pictures)),
+    }
+    return {**{name: text.encode() for name, text in texts.items()}, **pictures}

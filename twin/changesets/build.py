@@ -1,0 +1,177 @@
+"""Findings of a store that people have accepted → groups of operations for API Skriv."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from nvdb.datakatalog.katalog import Datakatalog, katalog_from_document, snapshot
+from nvdb.endringssett import ADVARSEL, Endringssett, endringssett, errors, validate
+from twin.changesets.drive_side import Seen, seen_of
+from twin.changesets.nvdb_side import earlier_states, mirrored_near
+from twin.changesets.operations import Group, LeftOut, Scene, known_pole, new_pole
+from twin.changesets.places import Places
+from twin.decisions.findings import findings
+from twin.decisions.log import standing
+from twin.decisions.reopen import QUIET
+from twin.matching.sites import SKILTPUNKT, Site
+from twin.store.store import Snapshot, Store
+
+Row = Mapping[str, Any]
+
+_NEVER = "review"
+ACCEPT = "accept"
+
+
+@dataclass(frozen=True, slots=True)
+class Sett:
+    """One change set and what it came from.
+
+    Attributes
+    ----------
+    sett : Endringssett
+    groups : tuple of Group
+    errors, warnings : tuple of str
+        What our own checks found, a sentence each. A set with errors must not be sent.
+    before : tuple of JSON objects
+        The objects that it changes, as received from NVDB: what undoing it needs.
+    not_undone : tuple of str
+        What stands against undoing it, a clause each.
+    """
+
+    sett: Endringssett
+    groups: tuple[Group, ...]
+    errors: tuple[str, ...]
+    warnings: tuple[str, ...]
+    before: tuple[Mapping[str, Any], ...]
+    not_undone: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeSets:
+    """What findings with one decision became.
+
+    Attributes
+    ----------
+    decision : str
+    setts : tuple of Sett
+    left_out : tuple of LeftOut
+        Findings that cannot become an operation.
+    findings : mapping of change_id → row of the ``change`` table, of all that were looked at
+    seen : mapping of change_id → Seen
+    read : mapping of change_id → when the mirror fetched its object; absent where NVDB has none
+    decided : mapping of change_id → the standing entry of the log; absent where nobody ever decided
+    match : mapping
+        Of the match that found them: ``method``, ``config_sha256`` and the ``settings`` that it is of.
+    """
+
+    decision: str
+    setts: tuple[Sett, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    findings: Mapping[str, Row] = field(default_factory=dict)
+    seen: Mapping[str, Seen] = field(default_factory=dict)
+    read: Mapping[str, str] = field(default_factory=dict)
+    decided: Mapping[str, Row] = field(default_factory=dict)
+    match: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_preview(self) -> bool:
+        """Whether these are findings that nobody has accepted: nothing to send."""
+        return self.decision != ACCEPT
+
+
+def groups_from_store(store: Store, decision: str = ACCEPT) -> ChangeSets:
+    """Turn the findings with one decision into change sets.
+
+    ========== ================================================================================
+    verdict    operation
+    ========== ================================================================================
+    wrong_type ``delvisOppdater`` of the plate from the day of the drive
+    new        ``registrer`` of pole and plates; of a plate on a known pole, which is updated
+    missing    ``lukk`` on the day of the drive
+    moved      ``delvisKorriger`` where NVDB's accuracy explains it, else ``delvisOppdater``
+    ========== ================================================================================
+
+    Parameters
+    ----------
+    store : Store
+        Matched, and neither synced nor ingested into since.
+    decision : str
+        ``accept``; any other gives a preview.
+
+    Raises
+    ------
+    StoreError, RefusedError
+        As :meth:`twin.store.store.Store.matched`.
+    """
+    last = store.matched()
+    fact = store.fact("datakatalog")
+    katalog = katalog_from_document(fact) if fact else snapshot()
+    with store.snapshot() as view:
+        chosen = [row for row in findings(view.rows, decision) if row["verdict"] not in QUIET]
+        if not chosen:
+            return ChangeSets(decision)
+        said = standing(view.rows)
+        seen = seen_of(view, chosen, last["method"])
+        mirrored = mirrored_near(view, chosen)
+        scene = Scene(mirrored, seen, Places(store), katalog)
+        parts = list(_parts(chosen, scene))
+        groups = tuple(part for part in parts if isinstance(part, Group))
+        setts = tuple(_setts(view, groups, katalog))
+    return ChangeSets(
+        decision=decision,
+        setts=setts,
+        left_out=tuple(part for part in parts if isinstance(part, LeftOut)),
+        findings={row["change_id"]: row for row in chosen},
+        seen=seen,
+        read={
+            row["change_id"]: mirrored.rows[key]["synced_at"]
+            for row in chosen
+            if (key := (row["nvdb_type"], row["nvdb_id"])) in mirrored.rows
+        },
+        decided={row["change_id"]: said[row["change_id"]] for row in chosen if row["change_id"] in said},
+        # Not when: the same findings give the same files.
+        match={name: last.get(name) for name in ("method", "config_sha256", "settings")},
+    )
+
+
+def _parts(chosen: Sequence[Row], scene: Scene) -> Iterator[Group | LeftOut]:
+    """Groups in the order of their first finding's id; the same findings give the same groups."""
+    poles: dict[tuple[int, int], tuple[Site, list[Row]]] = {}
+    for finding in chosen:
+        key, verdict = finding["change_id"], finding["verdict"]
+        if verdict == _NEVER:
+            yield LeftOut(key, f"{key} is left out: a finding for review is not sure enough to be sent.")
+            continue
+        if verdict == "new" and finding["nvdb_type"] == SKILTPUNKT:
+            yield new_pole(finding, scene)
+            continue
+        site = scene.mirrored.site_of(finding)
+        if site is None:
+            yield LeftOut(
+                key, f"{key} ({verdict}) is left out: the mirror has no such sign, run `twin match` again."
+            )
+            continue
+        poles.setdefault((site.nvdb_type, site.nvdb_id), (site, []))[1].append(finding)
+    for site, about in poles.values():
+        yield from known_pole(site, about, scene)
+
+
+def _setts(view: Snapshot, groups: Sequence[Group], katalog: Datakatalog) -> Iterator[Sett]:
+    left = list(groups)
+    for sett in endringssett([g.endringer for g in groups], datakatalogversjon=katalog.version):
+        own, n = [], 0
+        while n < len(sett.endringer):
+            own.append(left.pop(0))
+            n += len(own[-1].endringer)
+        found = validate(sett, katalog)
+        before, problems = earlier_states(view, sett.endringer, katalog)
+        yield Sett(
+            sett=sett,
+            groups=tuple(own),
+            errors=tuple(str(finding) for finding in errors(found)),
+            warnings=tuple(str(finding) for finding in found if finding.severity == ADVARSEL),
+            before=tuple(before),
+            not_undone=tuple(problems),
+        )

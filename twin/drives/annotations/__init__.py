@@ -1,0 +1,1 @@
+"""What people annotated: files of annotation tools → where each object was seen."""

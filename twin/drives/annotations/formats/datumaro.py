@@ -1,0 +1,143 @@
+"""Datumaro JSON: boxes, points, skeletons and polygons.
+
+The format: https://open-edge-platform.github.io/datumaro/latest/docs/data-formats/formats/datumaro.html.
+Boxes are ``[x, y, width, height]`` from the corner of the first pixel; tracks stand in the attribute
+``track_id``, the frame of a video in the item's ``attr.frame`` where its name has no number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from twin.drives.annotations.formats.json_values import key, mapping, sequence, text, texts, whole
+from twin.drives.annotations.formats.shapes import (
+    AnnotationFile,
+    Drawn,
+    Gathering,
+    LeftOutError,
+    Place,
+    box_around,
+    box_at,
+    foot_at,
+    foot_of,
+    numbers,
+    pairs,
+)
+
+TOOL = "Datumaro"
+_NO_SHAPES = ("label", "caption")
+"""What is said of the whole image."""
+
+
+def looks_like_datumaro(document: object) -> bool:
+    """Whether a JSON document is a Datumaro export: items beside categories."""
+    found = mapping(document)
+    return isinstance(found.get("items"), list) and isinstance(found.get("categories"), dict)
+
+
+@dataclass(frozen=True, slots=True)
+class _Categories:
+    """Names of the labels, and of the points of each label."""
+
+    labels: list[str]
+    points: Mapping[int, list[str]]
+    feet: Collection[str]
+
+
+def read_datumaro(document: object, where: str, feet: Collection[str] = ()) -> AnnotationFile:
+    """Read one Datumaro document.
+
+    Parameters
+    ----------
+    document : object
+        Parsed JSON.
+    where : str
+        File name, for messages.
+    feet : collection of str
+        Further names of points that are the foot.
+    """
+    found = mapping(document)
+    categories = _categories(mapping(found.get("categories")), feet)
+    gathering = Gathering(where, TOOL)
+    for item in map(mapping, sequence(found.get("items"))):
+        place = _place(item)
+        for annotation in map(mapping, sequence(item.get("annotations"))):
+            kind = text(annotation.get("type"))
+            if kind in _NO_SHAPES:
+                continue
+            try:
+                drawn = _drawn(annotation, kind, categories)
+            except LeftOutError as reason:
+                gathering.leave_out(str(reason))
+                continue
+            attributes = texts(annotation.get("attributes"))
+            track = attributes.get("track_id", "")
+            label = _label(annotation, categories)
+            gathering.add(place._replace(track=track), label, drawn, attributes)
+    return gathering.file()
+
+
+def _categories(categories: Mapping[str, Any], feet: Collection[str]) -> _Categories:
+    labels = [
+        text(mapping(one).get("name")) for one in sequence(mapping(categories.get("label")).get("labels"))
+    ]
+    points = {}
+    for one in map(mapping, sequence(mapping(categories.get("points")).get("items"))):
+        number = whole(one.get("label_id"))
+        if number is not None:
+            points[number] = [text(name) for name in sequence(one.get("labels"))]
+    return _Categories(labels, points, feet)
+
+
+def _place(item: Mapping[str, Any]) -> Place:
+    image = mapping(item.get("image"))
+    number = whole(mapping(item.get("attr")).get("frame"))
+    sides = [whole(side) for side in sequence(image.get("size"))]
+    height, width = sides if len(sides) == 2 else (None, None)
+    return Place(
+        image=text(image.get("path")) or key(item.get("id")),
+        image_id=-1 if number is None else number,
+        size_px=(width, height) if width and height else None,
+    )
+
+
+def _label(annotation: Mapping[str, Any], categories: _Categories) -> str:
+    number = whole(annotation.get("label_id"))
+    return categories.labels[number] if number is not None and number < len(categories.labels) else ""
+
+
+def _drawn(annotation: Mapping[str, Any], kind: str, categories: _Categories) -> Drawn:
+    points = sequence(annotation.get("points"))
+    if kind == "bbox":
+        corner = sequence(annotation.get("bbox"))
+        if len(corner) != 4:
+            raise LeftOutError("coordinates unreadable")
+        x, y, width, height = numbers(*corner)
+        return box_at(x, y, x + width, y + height)
+    if kind == "polygon":
+        return box_around(pairs(numbers(*points)))
+    if kind == "points":
+        return _foot([points[k : k + 2] for k in range(0, len(points), 2)], annotation, categories)
+    if kind == "skeleton":
+        return _foot([points[k : k + 3] for k in range(0, len(points), 3)], annotation, categories)
+    raise LeftOutError(f"kind {kind:.40}")
+
+
+def _foot(points: Sequence[Any], annotation: Mapping[str, Any], categories: _Categories) -> Drawn:
+    """Return the foot among points of two or, with their visibility (0: absent), three numbers."""
+    number = whole(annotation.get("label_id"))
+    names = categories.points.get(-1 if number is None else number, [])
+    # A single point is the foot, whatever the points of its label are called.
+    which = foot_of(names, categories.feet) if len(points) > 1 else 0
+    if which is None or which >= len(points):
+        raise LeftOutError(
+            f"{text(annotation.get('type'))} with {len(points)} points, none of them named foot"
+        )
+    found = numbers(*points[which])
+    if len(found) < 2:
+        raise LeftOutError("coordinates unreadable")
+    if len(found) == 3 and found[2] == 0:
+        raise LeftOutError("foot not marked")
+    return foot_at(found[0], found[1])

@@ -1,0 +1,197 @@
+"""Label Studio's JSON: rectangles, key points, polygons and ellipses of images, rectangles of videos.
+
+The format: https://labelstud.io/guide/export and https://labelstud.io/tags/rectanglelabels. Coordinates are
+percent of the image, from its corner. A rectangle is turned clockwise about its first corner, which turns
+with it. What an annotator says of one region besides its label (``<TextArea name="skiltnummer"
+perRegion="true"/>``, choices, numbers) are attributes: they stand in results with the region's id. Of
+several annotators' versions of one task the one that is marked as ground truth counts, else the first.
+Frames of videos count from 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from twin.drives.annotations.formats.json_values import key, mapping, sequence, size_px, text, whole
+from twin.drives.annotations.formats.shapes import (
+    AnnotationFile,
+    Drawn,
+    Gathering,
+    LeftOutError,
+    Pixel,
+    Place,
+    as_fraction,
+    box_around,
+    foot_at,
+    numbers,
+)
+
+TOOL = "Label Studio"
+
+_SHAPES = ("rectangle", "keypoint", "polygon", "ellipse")
+_VIDEO = "videorectangle"
+_ATTRIBUTES = ("text", "choices", "number", "rating", "taxonomy", "datetime")
+"""Where a result about a region, that is no shape, holds its value."""
+
+
+def looks_like_labelstudio(document: object) -> bool:
+    """Whether a JSON document is a Label Studio export: a list of tasks with annotations and data."""
+    tasks = sequence(document)
+    first = mapping(tasks[0]) if tasks else {}
+    versions = first.get("annotations", first.get("completions"))
+    return isinstance(versions, list) and isinstance(first.get("data"), dict)
+
+
+def read_labelstudio(document: object, where: str) -> AnnotationFile:
+    """Read one export in the form "JSON".
+
+    Parameters
+    ----------
+    document : object
+        Parsed JSON.
+    where : str
+        File name, for messages.
+    """
+    gathering = Gathering(where, TOOL)
+    for task in map(mapping, sequence(document)):
+        number = whole(task.get("id"))
+        place = Place(image=_image(task), image_id=-1 if number is None else number)
+        _read_task(sequence(_version(task, gathering).get("result")), place, gathering)
+    return gathering.file()
+
+
+def _version(task: Mapping[str, Any], gathering: Gathering) -> Mapping[str, Any]:
+    """Return the one version of a task that counts."""
+    every = [mapping(version) for version in sequence(task.get("annotations", task.get("completions")))]
+    versions = [version for version in every if version.get("was_cancelled") is not True]
+    if not versions:
+        return {}
+    chosen = next((version for version in versions if version.get("ground_truth") is True), versions[0])
+    others = sum(len(sequence(version.get("result"))) for version in versions if version is not chosen)
+    gathering.leave_out("another annotator's version of the task", others)
+    return chosen
+
+
+def _image(task: Mapping[str, Any]) -> str:
+    """Return the name of the image; local files are served as ``/data/local-files/?d=front/12.jpg``."""
+    data = mapping(task.get("data"))
+    usual = [text(data[name]) for name in ("image", "img", "video") if isinstance(data.get(name), str)]
+    others = [text(value) for value in data.values() if isinstance(value, str) and "." in value]
+    name = next(iter(usual + others), "")
+    return name.partition("?d=")[2] or name.partition("?")[0]
+
+
+def _read_task(results: Any, place: Place, gathering: Gathering) -> None:
+    attributes, labels = _attributes(results), _labels(results)
+    for result in map(mapping, results):
+        value, region = mapping(result.get("value")), key(result.get("id"))
+        kind = text(result.get("type")).removesuffix("labels")
+        label, about = labels.get(region, ""), attributes.get(region, {})
+        if kind == _VIDEO:
+            _read_video(value, label, place._replace(track=region), about, gathering)
+        elif kind in _SHAPES:
+            try:
+                size, drawn = _drawn(result, value, kind)
+            except LeftOutError as reason:
+                gathering.leave_out(str(reason))
+            else:
+                gathering.add(place._replace(size_px=size), label, drawn, about)
+        elif kind and not any(name in value for name in _ATTRIBUTES):
+            gathering.leave_out(f"kind {kind:.40}")
+
+
+def _labels(results: Any) -> dict[str, str]:
+    """Return the label of each region, which may stand in a result of its own (``<Labels/>``)."""
+    found: dict[str, str] = {}
+    for result in map(mapping, results):
+        for name, labels in mapping(result.get("value")).items():
+            if name.endswith("labels") and sequence(labels):
+                found[key(result.get("id"))] = text(labels[0])
+    return found
+
+
+def _attributes(results: Any) -> dict[str, dict[str, str]]:
+    """Return what was said of each region besides its label."""
+    found: dict[str, dict[str, str]] = {}
+    for result in map(mapping, results):
+        value = mapping(result.get("value"))
+        said = next((value[name] for name in _ATTRIBUTES if name in value), None)
+        parts = said if isinstance(said, list) else [said]
+        words = ";".join(word for word in map(text, parts) if word)
+        if words:
+            about = found.setdefault(key(result.get("id")), {})
+            about[text(result.get("from_name"))] = words
+    return found
+
+
+def _drawn(
+    result: Mapping[str, Any], value: Mapping[str, Any], kind: str
+) -> tuple[tuple[int, int] | None, Drawn]:
+    """Return the size of the image and the shape, in pixels where that is known, else as fractions."""
+    (turn,) = numbers(result.get("image_rotation") or 0)
+    if turn % 360:
+        raise LeftOutError("the image was turned in Label Studio: annotate it as the camera took it")
+    size = size_px(result.get("original_width"), result.get("original_height"))
+    width, height = size or (1, 1)
+    drawn = _shape(value, kind, width / 100.0, height / 100.0)
+    return size, drawn if size else as_fraction(drawn)
+
+
+def _shape(value: Mapping[str, Any], kind: str, per_x: float, per_y: float) -> Drawn:
+    """Return a shape whose percents are `per_x` and `per_y` long."""
+    if kind == "polygon":
+        corners = [numbers(*sequence(point)) for point in sequence(value.get("points"))]
+        if not all(len(corner) == 2 for corner in corners):
+            raise LeftOutError("coordinates unreadable")
+        return box_around([(x * per_x, y * per_y) for x, y in corners])
+    x, y = numbers(value.get("x"), value.get("y"))
+    if kind == "keypoint":
+        return foot_at(x * per_x, y * per_y)
+    (degrees,) = numbers(value.get("rotation") or 0)
+    if kind == "ellipse":
+        radius_x, radius_y = numbers(value.get("radiusX"), value.get("radiusY"))
+        return _ellipse(x * per_x, y * per_y, radius_x * per_x, radius_y * per_y, degrees)
+    width, height = numbers(value.get("width"), value.get("height"))
+    return box_around(_turned(x * per_x, y * per_y, width * per_x, height * per_y, degrees))
+
+
+def _turned(x: float, y: float, width: float, height: float, degrees: float) -> list[Pixel]:
+    """Corners of a rectangle that is turned clockwise about its first one."""
+    if width <= 0 or height <= 0:
+        raise LeftOutError("box without area")
+    if not degrees:
+        return [(x, y), (x + width, y + height)]
+    cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return [
+        (x + right * cos - down * sin, y + right * sin + down * cos)
+        for right in (0.0, width)
+        for down in (0.0, height)
+    ]
+
+
+def _ellipse(x: float, y: float, radius_x: float, radius_y: float, degrees: float) -> Drawn:
+    cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    half_width, half_height = (
+        math.hypot(radius_x * cos, radius_y * sin),
+        math.hypot(radius_x * sin, radius_y * cos),
+    )
+    return box_around([(x - half_width, y - half_height), (x + half_width, y + half_height)])
+
+
+def _read_video(
+    value: Mapping[str, Any], label: str, place: Place, about: Mapping[str, str], gathering: Gathering
+) -> None:
+    """Read the key frames of one track; those in between are not in the export."""
+    for row in map(mapping, sequence(value.get("sequence"))):
+        number = whole(row.get("frame"))
+        if not number:
+            gathering.leave_out("frame number unreadable")
+            continue
+        try:
+            drawn = as_fraction(_shape(row, "rectangle", 0.01, 0.01))
+        except LeftOutError as reason:
+            gathering.leave_out(str(reason))
+            continue
+        gathering.add(place._replace(frame=number - 1), label, drawn, about)

@@ -1,0 +1,172 @@
+"""Annotations as a plain CSV, for tools that twin does not know.
+
+One point or box a row, with a header: ``frame`` or ``image``; ``x_px,y_px`` for a foot,
+``left_px,top_px,right_px, bottom_px`` for a face, or both; ``label``; and, as one likes, ``camera``,
+``track`` and attributes of any name (``skiltnummer``, ``object``). Pixels count from the corner of the
+first pixel, as annotation tools count.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from twin.drives.annotations.formats.shapes import (
+    AnnotationFile,
+    Drawn,
+    Gathering,
+    LeftOutError,
+    Place,
+    box_at,
+    foot_at,
+    numbers,
+)
+from twin.errors import DriveError
+
+TOOL = "CSV"
+FOOT = ("x_px", "y_px")
+BOX = ("left_px", "top_px", "right_px", "bottom_px")
+_KNOWN = ("frame", "image", "camera", "track", "label", *FOOT, *BOX)
+_NO_ANNOTATIONS = {"latitude_deg", "latitude", "time_ns"}
+_LONGEST_HEADER = 10_000
+_LARGEST_FRAME = 2**62
+_SHIFTED = "more cells than the header"
+_SHIFTED_CURE = "put texts that hold a comma or semicolon in quotation marks"
+_SEMICOLONS = "separated by semicolons, but the header by commas"
+_SEMICOLONS_CURE = "write semicolons in the header too, and points in its numbers (1107.61)"
+
+
+def looks_like_annotations_csv(head: bytes) -> bool:
+    """Whether the beginning of a file is the header of an annotation table."""
+    line = head.decode("utf-8-sig", errors="replace").partition("\n")[0]
+    names = {name.strip() for name in line.replace(";", ",").split(",")}
+    return bool(names & {"frame", "image"}) and (names.issuperset(FOOT) or names.issuperset(BOX))
+
+
+def lacking(head: bytes) -> str:
+    """Which columns a table lacks that is nearly one of annotations; "" where it is far from one."""
+    line = head[:_LONGEST_HEADER].decode("utf-8-sig", errors="replace").partition("\n")[0]
+    names = [name.strip(' "\r') for name in line.replace(";", ",").split(",")]
+    if len(names) < 3 or looks_like_annotations_csv(head) or _NO_ANNOTATIONS & set(names):
+        return ""
+    begun = {re.split(r"[^a-z]", name.casefold())[0] for name in names}
+    is_placed = any(
+        initials <= begun for initials in ({"x", "y"}, {"u", "v"}, {"left", "top"}, {"xmin", "ymin"})
+    )
+    if not is_placed:
+        return ""
+    wanted = [] if {"frame", "image"} & set(names) else ["frame or image"]
+    columns = BOX if {"left", "xmin"} & begun else FOOT
+    wanted += [column for column in columns if column not in names]
+    return f"has the columns {', '.join(names)[:120]}, and lacks {', '.join(wanted)}"
+
+
+def read_annotations_csv(content: bytes, where: str) -> AnnotationFile:
+    """Read a table of annotations.
+
+    Raises
+    ------
+    DriveError
+        If it is not CSV in UTF-8, or its header lacks a column.
+    """
+    gathering = Gathering(where, TOOL)
+    cameras: dict[str, tuple[str, ...]] = {}
+    try:
+        for row in _rows(content, where, gathering):
+            camera = row.pop("camera", "")
+            if camera:
+                cameras[camera] = (camera,)
+            _read_row(row, camera, gathering)
+    except csv.Error as error:
+        raise DriveError(f"{where} is not CSV ({error}): export it again.") from error
+    return gathering.file(tasks=cameras)
+
+
+def _rows(content: bytes, where: str, gathering: Gathering) -> Iterator[dict[str, str]]:
+    """Yield each row by the names of its columns; rows that do not fit them are left out.
+
+    Raises
+    ------
+    DriveError
+        If those are more than half.
+    """
+    text = _text(content, where)
+    delimiter = ";" if ";" in text.partition("\n")[0] else ","
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    header = [name.strip() for name in next(reader)]
+    n_rows, faulty = 0, ""
+    for cells in reader:
+        row = {name: cell.strip() for name, cell in zip(header, cells, strict=False) if name}
+        if not any(row.values()):
+            continue
+        n_rows += 1
+        fault = _fault(cells, len(header), delimiter)
+        if not fault:
+            yield row
+            continue
+        line = delimiter.join(cells)
+        faulty = faulty or f"line {reader.line_num} ({line!r:.100}) has {len(cells)} cells, the header"
+        gathering.leave_out(fault, example=line)
+    if 2 * sum(gathering.faults[fault] for fault in (_SHIFTED, _SEMICOLONS)) > n_rows:
+        cure = _SHIFTED_CURE if gathering.faults[_SHIFTED] else _SEMICOLONS_CURE
+        raise DriveError(f"{where}: {faulty} {len(header)}, and so with more than half of its rows: {cure}.")
+
+
+def _text(content: bytes, where: str) -> str:
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DriveError(f"{where} is not UTF-8 text: save it as UTF-8.") from error
+    if not looks_like_annotations_csv(content[:65_536]):
+        raise DriveError(
+            f"{where} has the columns {text.partition(chr(10))[0].strip()!r:.200}: it needs frame or image,"
+            f" and {','.join(FOOT)} or {','.join(BOX)}."
+        )
+    return text
+
+
+def _fault(cells: Sequence[str], n_columns: int, delimiter: str) -> str:
+    """Why the cells of a row do not stand below their columns; "" if they do."""
+    if any(cell.strip() for cell in cells[n_columns:]):
+        return _SHIFTED
+    is_other = delimiter == "," and len(cells) < n_columns and ";" in "".join(cells)
+    return _SEMICOLONS if is_other else ""
+
+
+def _read_row(row: Mapping[str, str], camera: str, gathering: Gathering) -> None:
+    try:
+        place = _place(row, camera)
+        drawn = _drawn(row)
+    except LeftOutError as reason:
+        gathering.leave_out(str(reason), example=reason.example)
+        return
+    attributes = {name: cell for name, cell in row.items() if name not in _KNOWN}
+    for one in drawn:
+        gathering.add(place, row.get("label", ""), one, attributes)
+
+
+def _place(row: Mapping[str, str], camera: str) -> Place:
+    frame, image = row.get("frame", ""), row.get("image", "")
+    if not frame and not image:
+        raise LeftOutError("neither frame nor image")
+    number = None
+    if frame:
+        if not (frame.isascii() and frame.isdigit() and len(frame) <= 19 and int(frame) < _LARGEST_FRAME):
+            raise LeftOutError("frame number unreadable", frame)
+        number = int(frame)
+    return Place(frame=number, image=image, task=camera, track=row.get("track", ""))
+
+
+def _drawn(row: Mapping[str, str]) -> list[Drawn]:
+    found = []
+    for columns, made in ((FOOT, foot_at), (BOX, box_at)):
+        cells = [row.get(name, "") for name in columns]
+        if "," in "".join(cells):
+            raise LeftOutError("decimal comma: write a point", " ".join(cells))
+        if any(cells):
+            found.append(made(*numbers(*cells)))
+    if not found:
+        raise LeftOutError("neither point nor box")
+    return found

@@ -1,0 +1,107 @@
+"""The annotations of a drive folder: which files, which cameras, what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from geoloc.rig.rig import Rig
+from twin.drives.annotations.drawn_size import reach_warnings
+from twin.drives.annotations.find import FORMATS, find_annotations, named_annotations, nearly_annotations
+from twin.drives.annotations.formats.shapes import AnnotationFile
+from twin.drives.annotations.gather import AnnotationsRead, gather
+from twin.drives.annotations.labels import LABELS_FILE, LabelMap, read_label_map, unknown_codes_warning
+from twin.drives.folder.drive_toml import DriveSettings
+from twin.drives.folder.files import DriveFolder
+from twin.drives.folder.notes import ReadingNotes
+from twin.drives.rig.rig_files import check_camera
+from twin.errors import DriveError
+
+NO_FILES = "holds no annotations"
+_MOST_LABELS = 12
+"""Labels without a meaning that are listed by name."""
+
+
+def read_annotations(
+    folder: DriveFolder,
+    settings: DriveSettings,
+    rig: Rig,
+    notes: ReadingNotes,
+    *,
+    labels: Path | None = None,
+    image_frames: Mapping[str, Mapping[str, int]] | None = None,
+) -> AnnotationsRead:
+    """Read the annotation files that ``drive.toml`` names, else those that the folder holds.
+
+    Parameters
+    ----------
+    labels : Path, optional
+        What labels mean, instead of the folder's own ``labels.toml``.
+    image_frames : mapping of camera to frame number by image name, optional
+        Of cameras whose pictures are files.
+
+    Raises
+    ------
+    DriveError
+        If a file cannot be read, or is of a camera that the rig does not have.
+    """
+    label_map = read_drive_labels(folder, labels)
+    notes.warnings += unknown_codes_warning(label_map, LABELS_FILE if labels is None else labels.name)
+    feet = label_map.foot_keypoints
+    files: list[tuple[AnnotationFile, str | None]] = []
+    if settings.annotations is None:
+        files += ((file, None) for file in find_annotations(folder, notes, feet))
+    for camera, names in (settings.annotations or {}).items():
+        check_camera(rig, camera, "[annotations]")
+        files += ((file, camera) for file in named_annotations(folder, names, notes, feet))
+    found = gather(files, rig, label_map, image_frames, settings.first_frame or 0)
+    notes.skipped += found.skipped
+    notes.warnings += _warnings(folder, [file.where for file, _ in files], found)
+    notes.warnings += found.warnings
+    notes.warnings += reach_warnings(found.annotations, found.unsized, rig)
+    n_files = sum(file.n_files for file, _ in files)
+    notes.say(f"Annotations: {len(found.annotations.frame)} in {n_files} file{'' if n_files == 1 else 's'}.")
+    return found
+
+
+def read_drive_labels(folder: DriveFolder, labels: Path | None = None) -> LabelMap:
+    """Read what labels mean in this drive: the given file, else the folder's ``labels.toml``, else nothing.
+
+    Raises
+    ------
+    DriveError
+        If the file cannot be read, or is not as :mod:`twin.drives.annotations.labels` says.
+    """
+    if labels is not None:
+        try:
+            content = labels.read_bytes()
+        except OSError as error:
+            raise DriveError(f"{labels} cannot be read ({error.strerror}): check its name.") from error
+        folder.enter(f"--labels {labels.name}", content)
+        return read_label_map(content, labels.name)
+    if folder.has(LABELS_FILE):
+        return read_label_map(folder.content(LABELS_FILE))
+    return LabelMap()
+
+
+def _warnings(folder: DriveFolder, files: list[str], found: AnnotationsRead) -> list[str]:
+    if not files:
+        nearly = "".join(f" {one}." for one in nearly_annotations(folder))
+        none = f"{folder.root.name} {NO_FILES} ({FORMATS}), so the drive has a track but no sightings."
+        return [none + nearly]
+    if not len(found.annotations.frame):
+        return [f"{', '.join(files)}: not one point or box that can be used, so the drive has no sightings."]
+    return unmapped_warning(found)
+
+
+def unmapped_warning(found: AnnotationsRead) -> list[str]:
+    """List the labels of which nobody says what they mean; empty if there are none."""
+    if not found.unmapped:
+        return []
+    listed = [f"{label or '(none)'} ({n})" for label, n in found.unmapped.items()]
+    more = f" and {len(listed) - _MOST_LABELS} more" if len(listed) > _MOST_LABELS else ""
+    unmapped = (
+        f"No sign code for the labels {', '.join(listed[:_MOST_LABELS])}{more}: map them in {LABELS_FILE}"
+        " (docs/labels.md), or give the attribute skiltnummer."
+    )
+    return [unmapped]

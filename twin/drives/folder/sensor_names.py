@@ -1,0 +1,34 @@
+"""Which camera or antenna the name of a file or folder speaks of."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+
+
+def plain(name: str) -> str:
+    """Spell a sensor or file name so that both compare: lower case, ``_`` for all that is no letter or digit.
+
+    File systems refuse the colons of ``camera:front:120`` and of ``gnss50:vehicle``.
+    """
+    return re.sub(r"[\W_]+", "_", name.casefold()).strip("_")
+
+
+def named_in(text: str, names: Iterable[str]) -> list[str]:
+    """Those of `names` that stand as a whole in `text`; of names within one another only the longest."""
+    padded = f"_{plain(text)}_"
+    found = [name for name in names if plain(name) and f"_{plain(name)}_" in padded]
+    return [
+        name
+        for name in found
+        if not any(f"_{plain(name)}_" in f"_{plain(other)}_" and other != name for other in found)
+    ]
+
+
+def which_camera(name: str, cameras: Iterable[str]) -> str:
+    """List the cameras that there are, and the one with the most similar name, as one clause."""
+    known = {one.casefold(): one for one in cameras}
+    near = difflib.get_close_matches(name.casefold(), known, n=1)
+    nearest = f"; the nearest is {known[near[0]]}" if near else ""
+    return f"its cameras: {', '.join(known.values()) or 'none'}{nearest}"

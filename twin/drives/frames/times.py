@@ -1,0 +1,186 @@
+"""When each picture was taken: by a file of stamps, or by what the pictures say themselves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoloc.arrays import IntArray
+from twin.drives.folder.drive_toml import SETTINGS_FILE
+from twin.drives.folder.notes import Skipped
+from twin.drives.frames.find import Pictures
+from twin.drives.frames.images import HEAD_BYTES, exif_epoch, exif_needs_zone
+from twin.drives.frames.name_times import epoch_from_name, needs_zone
+from twin.drives.frames.pairing import pair
+from twin.drives.frames.stamp_files import (
+    NO_STAMP,
+    increasing,
+    names_images,
+    read_image_times,
+    read_timestamps,
+)
+from twin.drives.frames.video import VideoIndex, index_video
+from twin.errors import DriveError
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTimes:
+    """Stamps of one camera by frame number, where they are from, and what was left out."""
+
+    epoch_ns: IntArray
+    where: str
+    skipped: tuple[Skipped, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def times_from_file(content: bytes, file: str, pictures: Pictures | None, *, by_number: bool) -> FrameTimes:
+    """Stamps of a file, brought together with the pictures where there are any.
+
+    A video that cannot be opened costs only a warning: the stamps are what annotations need.
+
+    Raises
+    ------
+    DriveError
+        If the file cannot be read, or does not fit the pictures (:func:`twin.drives.frames.pairing.pair`).
+    """
+    if names_images(content[:HEAD_BYTES]):
+        return _by_image(content, file, pictures)
+    epoch_ns, skipped = read_timestamps(content, file)
+    if pictures is None or not pictures.where:
+        return FrameTimes(epoch_ns, file, skipped)
+    warnings: tuple[str, ...] = ()
+    if pictures.images is not None:
+        n_frames = len(pictures.images)
+    else:
+        try:
+            index = video_index(pictures)
+        except DriveError as error:
+            said = f"{error} Its frames are not counted against {file}."
+            return FrameTimes(epoch_ns, file, skipped, (said,))
+        n_frames, warnings = index.n_frames, _damage(index)
+    paired = pair(epoch_ns, n_frames, pictures.where, file, by_number=by_number)
+    return FrameTimes(paired.epoch_ns, file, skipped + paired.skipped, warnings + paired.warnings)
+
+
+def times_of_pictures(pictures: Pictures) -> FrameTimes:
+    """Times that the pictures carry themselves: of a container's frames, in names of images, or in EXIF tags.
+
+    Raises
+    ------
+    DriveError
+        If there are none, or their zone or their start is not said.
+    """
+    if pictures.images is None:
+        return _of_container(pictures, video_index(pictures))
+    epoch_ns = _of_images(pictures, pictures.images)
+    epoch_ns, late = increasing(epoch_ns, pictures.where)
+    known = epoch_ns[epoch_ns != NO_STAMP]
+    unknown = len(epoch_ns) - known.size - sum(s.count for s in late)
+    skipped = (Skipped("frames", pictures.where, unknown, "no time in name or EXIF"),) if unknown else ()
+    whole = known.size > 1 and not np.any(known % _NS)
+    return FrameTimes(epoch_ns, pictures.where, skipped + late, (_whole(pictures.where),) if whole else ())
+
+
+def video_index(pictures: Pictures) -> VideoIndex:
+    """Count the frames of a camera's video.
+
+    Raises
+    ------
+    DriveError
+        If it cannot be read.
+    """
+    with pictures.folder.open(pictures.where) as file:
+        return index_video(file, pictures.where)
+
+
+def _by_image(content: bytes, file: str, pictures: Pictures | None) -> FrameTimes:
+    times, skipped = read_image_times(content, file)
+    if pictures is None or pictures.images is None:
+        raise DriveError(
+            f"{file} gives the times of images, but the pictures are a video: give stamps by frame number, or"
+            f" name the folder of the images under [frames] in {SETTINGS_FILE}."
+        )
+    names = [image.rpartition("/")[2] for image in pictures.images]
+    epoch_ns = np.array([times.get(name, NO_STAMP) for name in names], dtype=np.int64)
+    unused = len(set(times) - set(names))
+    if not np.any(epoch_ns != NO_STAMP):
+        raise DriveError(
+            f"Not one image that {file} names is in {pictures.where}: it names {next(iter(times))}, the"
+            f" folder holds {names[0]}. Give the times of these images."
+        )
+    epoch_ns, late = increasing(epoch_ns, file)
+    unknown = int(np.count_nonzero(epoch_ns == NO_STAMP)) - sum(s.count for s in late)
+    left_out = [
+        Skipped("time stamps", file, unused, "no picture of that name"),
+        Skipped("frames", pictures.where, unknown, f"no stamp in {file}"),
+    ]
+    return FrameTimes(epoch_ns, file, (*skipped, *late, *(s for s in left_out if s.count)))
+
+
+def _of_container(pictures: Pictures, index: VideoIndex) -> FrameTimes:
+    start_ns, warnings = pictures.settings.start_ns, _damage(index)
+    if index.offset_ns is None:
+        raise DriveError(
+            f"{index.where} is a raw {index.codec} stream, which carries no times: add the recorder's"
+            f" {index.where}.timestamps, or name a file of stamps under [timestamps] in {SETTINGS_FILE}."
+        )
+    if start_ns is None:
+        if index.created_ns is None:
+            raise DriveError(
+                f"{index.where} does not say when it began: write [frames.{pictures.camera}] file ="
+                f' "{index.where}" and start = "2026-06-10T07:59:59.123Z" in {SETTINGS_FILE}.'
+            )
+        start_ns = index.created_ns
+        said = (
+            f"{index.where} began by its tag creation_time, which many cameras write in local time, at the"
+            f" end, or in whole seconds: state start under [frames.{pictures.camera}] in {SETTINGS_FILE}."
+        )
+        warnings = (*warnings, said)
+    epoch_ns, late = increasing(start_ns + index.offset_ns, index.where)
+    return FrameTimes(epoch_ns, index.where, late, warnings)
+
+
+def _damage(index: VideoIndex) -> tuple[str, ...]:
+    if not index.n_damaged:
+        return ()
+    said = (
+        f"{index.where} is damaged in {index.n_damaged:,} places; frames that it lost can shift all later"
+        " ones: compare a late frame with what is annotated in it."
+    )
+    return (said,)
+
+
+def _of_images(pictures: Pictures, images: tuple[str, ...]) -> IntArray:
+    """Times by name, else by EXIF; `NO_STAMP` where an image has none."""
+    zone = pictures.settings.utc_offset_hours
+    times = [epoch_from_name(image, zone) for image in images]
+    if all(time is None for time in times):
+        if any(needs_zone(image) for image in images):
+            raise DriveError(_zoneless(pictures, f"the names, such as {images[0]},"))
+        times = [exif_epoch(pictures.folder.head(image, HEAD_BYTES), zone) for image in images]
+    if all(time is None for time in times):
+        if any(exif_needs_zone(pictures.folder.head(image, HEAD_BYTES)) for image in images[:100]):
+            raise DriveError(_zoneless(pictures, "the EXIF tags"))
+        raise DriveError(
+            f"The images of {pictures.where} do not say when they were taken, neither in their names"
+            f" ({images[0]}) nor in EXIF tags: name a table image,time_ns under [timestamps] in"
+            f" {SETTINGS_FILE}."
+        )
+    return np.array([NO_STAMP if time is None else time for time in times], dtype=np.int64)
+
+
+def _zoneless(pictures: Pictures, what: str) -> str:
+    return (
+        f"In {pictures.where}, {what} say a time of day but not its zone: write utc_offset_hours under"
+        f" [frames.{pictures.camera}] in {SETTINGS_FILE}, 0 for UTC, 2 for Norwegian summer time."
+    )
+
+
+def _whole(where: str) -> str:
+    return (
+        f"The times of {where} are whole seconds, up to a second wrong: that is 17 m at 60 km/h. Give a table"
+        f" image,time_ns with fractions under [timestamps] in {SETTINGS_FILE}."
+    )

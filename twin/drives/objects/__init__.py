@@ -1,0 +1,1 @@
+"""Which annotations show one and the same object."""

@@ -1,0 +1,207 @@
+"""Annotations without ids → objects, by where they stand; and a check of the ids that were given."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.arrays import IntArray
+from geoloc.association.associate import IdFinding, associate_drive, check_ids, poses_by_objects
+from geoloc.locate.records import Sightings
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.poses import Poses
+from geoloc.trajectory.trajectory import Trajectory
+from twin.drives.annotations.gather import epochs_of, only
+from twin.drives.drive import Annotations, Drive
+from twin.drives.folder.notes import Skipped
+from twin.drives.folder.sensor_names import named_in
+
+FOUND = "auto"
+SLIP = "no object stands there, and one near it lacks this picture: a slip of the hand"
+_SLIP_REASON = "which its picture lacks"
+_MAX_WARNINGS = 10
+_TWO_SIGNS = 0.15
+CAMERAS_DISAGREE = "The cameras do not agree with one another"
+_FEW_IDS, _MANY_IDS = 3, 0.3
+
+
+def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
+    """Find out which object each annotation without an id belongs to.
+
+    Ids that the annotator gave stay as they are, and an annotation without one joins them where it shows
+    the same object; the others are named ``auto1``, ``auto2``, … by first sighting. Slips of the hand are
+    left out and counted.
+
+    Parameters
+    ----------
+    drive : Drive
+        In EUREF89.
+    trajectory : Trajectory
+        Of that drive.
+
+    Returns
+    -------
+    Drive
+        Unchanged if every annotation has an id; else with a warning that says what was done.
+
+    Raises
+    ------
+    CalibrationError
+        If the rig cannot compute with an annotated camera.
+    """
+    notes = drive.annotations
+    if notes.has_id.all():
+        return drive
+    epoch = _epochs(drive)
+    association = associate_drive(drive.rig, _sightings(notes), trajectory, notes.kind, _labels(notes), epoch)
+    names = _names(notes, association.object)
+    slip = ~notes.has_id & (np.char.find(association.reason, _SLIP_REASON) >= 0)
+    placed = np.where(notes.has_id | (association.object < 0), notes.object, names[association.object])
+    loose = np.count_nonzero(~notes.has_id)
+    found = np.unique(placed[~notes.has_id & (association.object >= 0)]).size
+    warning = (
+        f"{loose:,} annotations have no object or track id: by position they are {found:,} objects. Give the"
+        " attribute object where that is wrong."
+    )
+    skipped = (Skipped("annotations", drive.name, int(slip.sum()), SLIP),) if slip.any() else ()
+    return replace(
+        drive,
+        annotations=only(replace(notes, object=placed.astype(np.str_)), ~slip),
+        warnings=(*drive.warnings, warning),
+        skipped=(*drive.skipped, *skipped),
+    )
+
+
+def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
+    """Say which ids mark two signs, and which two ids of one camera mark the same sign.
+
+    Tracks of one sign in several cameras have ids of their own unless the annotator tied them together: that
+    is no mistake, and is not reported.
+
+    Returns
+    -------
+    tuple of str
+        At most ten sentences, and one that counts the rest. Where many ids would be one sign for each camera,
+        the cameras are wrong, not the ids: one sentence that begins with `CAMERAS_DISAGREE`.
+    """
+    notes = drive.annotations
+    ids = np.where(notes.has_id, notes.object, "")
+    if not notes.has_id.any():
+        return ()
+    messages: dict[tuple[str, ...], str] = {}
+    between: set[str] = set()
+    for finding in check_ids(*association_input(drive, trajectory, ids), ids):
+        one, other = (set(notes.camera[rows].tolist()) for rows in finding.rows)
+        few, many = sorted(rows.size for rows in finding.rows)
+        if finding.kind == "merge" and one & other:
+            messages.setdefault(finding.ids, _one_sign(notes, finding))
+        elif finding.kind == "split" and few >= _TWO_SIGNS * (few + many):
+            # Fewer are slips of the hand, which the adjustment leaves out.
+            messages.setdefault(finding.ids, _two_signs(notes, finding))
+            if len({_main_camera(notes, rows) for rows in finding.rows}) > 1:
+                between.add(finding.ids[0])
+    if len(between) >= _FEW_IDS and len(between) > _MANY_IDS * np.unique(ids[ids != ""]).size:
+        disagree = (
+            f"{CAMERAS_DISAGREE}: {len(between)} ids would be one sign for each. Check their clocks"
+            " ([timestamps], camera_offset_ms), mounting and calibration."
+        )
+        return (disagree,)
+    if len(messages) > _MAX_WARNINGS:
+        more = len(messages) - _MAX_WARNINGS
+        return (*list(messages.values())[:_MAX_WARNINGS], f"{more} more ids look wrong in the same way.")
+    return tuple(messages.values())
+
+
+def _main_camera(notes: Annotations, rows: IntArray) -> str:
+    """The camera of most of the annotations."""
+    names: list[str] = sorted(notes.camera[rows].tolist())
+    return Counter(names).most_common(1)[0][0]
+
+
+def _two_signs(notes: Annotations, finding: IdFinding) -> str:
+    one, other = (_pictures(notes, rows) for rows in finding.rows)
+    return (
+        f"The id {finding.ids[0]!r} marks two signs. One: {one}. The other: {other}. Give those of the other"
+        " a new id, or correct them."
+    )
+
+
+def _one_sign(notes: Annotations, finding: IdFinding) -> str:
+    one, other = (_pictures(notes, rows) for rows in finding.rows)
+    first, second = finding.ids
+    return (
+        f"The ids {first!r} and {second!r} are one sign, as one place fits both. {first!r}: {one}."
+        f" {second!r}: {other}. Give both the same id."
+    )
+
+
+def _pictures(notes: Annotations, rows: IntArray) -> str:
+    """``22 annotations (skilt 362.50) in C3.xml frames 310 to 345``: what they are, and where."""
+    labels, codes = (np.unique(names[rows]).tolist() for names in (notes.label, notes.skiltnummer))
+    texts = dict.fromkeys("/".join(filter(None, names))[:60] for names in (labels, codes))
+    called = " ".join(filter(None, texts))
+    places = []
+    for camera, file in sorted(set(zip(notes.camera[rows].tolist(), notes.file[rows].tolist(), strict=True))):
+        frame = notes.frame[rows][(notes.camera[rows] == camera) & (notes.file[rows] == file)]
+        of_camera = "" if named_in(file, [camera]) else f" ({camera})"
+        places.append(f"{file}{of_camera} frames {frame.min()} to {frame.max()}")
+    return f"{rows.size} annotations ({called or 'no label'}) in {', '.join(places)}"
+
+
+def association_input(
+    drive: Drive, trajectory: Trajectory, ids: NDArray[np.str_]
+) -> tuple[Rig, Sightings, Poses, NDArray[np.str_], NDArray[np.str_], IntArray]:
+    """Return the arguments of `check_ids` for all annotations of a drive but the ids themselves.
+
+    Parameters
+    ----------
+    ids : str (n,)
+        Ids by which the track is corrected where its fixes are too poor to compare rays; "" for none.
+    """
+    notes, epoch = drive.annotations, _epochs(drive)
+    names, number = np.unique(ids, return_inverse=True)
+    number = np.where(names[number] == "", -1, number)
+    poses = poses_by_objects(drive.rig, _sightings(notes), trajectory, notes.kind, number, epoch)
+    return drive.rig, _sightings(notes), poses, notes.kind, _labels(notes), epoch
+
+
+def _sightings(notes: Annotations) -> Sightings:
+    return Sightings(camera=notes.camera, pixel_px=notes.pixel_px)
+
+
+def _epochs(drive: Drive) -> IntArray:
+    """Epoch of exposure of each annotation."""
+    notes = drive.annotations
+    epoch = np.zeros(notes.frame.size, dtype=np.int64)
+    for camera in np.unique(notes.camera).tolist():
+        mine = notes.camera == camera
+        epoch[mine] = epochs_of(notes, drive.frame_epoch_ns, camera)[mine] + drive.camera_offset_ns
+    return epoch
+
+
+def _labels(notes: Annotations) -> NDArray[np.str_]:
+    """Sign codes, else the label; "" where the label is one whose codes stand in the attribute."""
+    general = np.unique(notes.label[notes.skiltnummer != ""])
+    word = np.where(np.isin(notes.label, general), "", notes.label)
+    return np.where(notes.skiltnummer != "", notes.skiltnummer, word)
+
+
+def _names(notes: Annotations, found: IntArray) -> NDArray[np.str_]:
+    """Name of each object that was found: the id that most of its annotations have, else ``auto1``, …."""
+    given = set(notes.object[notes.has_id].tolist())
+    prefix = FOUND
+    while any(name.startswith(prefix) for name in given):
+        prefix += "_"
+    names = []
+    number = 0
+    for k in range(int(found.max(initial=-1)) + 1):
+        ids = Counter(notes.object[(found == k) & notes.has_id].tolist())
+        if ids:
+            names.append(min(ids, key=lambda name: (-ids[name], name)))
+        else:
+            number += 1
+            names.append(f"{prefix}{number}")
+    return np.array([*names, ""], dtype=np.str_)

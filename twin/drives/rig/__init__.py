@@ -1,0 +1,1 @@
+"""The rig of a drive: its calibration files, and what contradicts them."""

@@ -1,0 +1,83 @@
+"""Camera poses that stand both in ``drive.toml`` and in a rig file, and differ: which of them counts."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from geoloc.errors import CalibrationError
+from geoloc.rig.rig import Rig, RigCamera, looks_like_rig, rig_from_document
+from twin.drives.folder.drive_toml import SETTINGS_FILE, CameraSettings
+from twin.drives.folder.files import DriveFolder
+from twin.drives.rig.driveworks import LARGEST_RIG_BYTES
+from twin.errors import DriveError
+
+_SAME_DEG, _SAME_M = 1e-3, 1e-4
+"""Below what a corrected rig file is written for."""
+
+
+def pose_conflicts(
+    rig: Rig, document: Mapping[str, Any], source: str, cameras: Mapping[str, CameraSettings]
+) -> list[str]:
+    """Say of each camera whose pose ``drive.toml`` gives that a rig file has another one.
+
+    ``calibrate extrinsics`` and ``calibrate verify --apply`` write rig files: beside a table ``[cameras]``
+    their result would be passed over without a word.
+
+    Parameters
+    ----------
+    rig : Rig
+        As the drive is read.
+    document : mapping
+        The rig file.
+    source : str
+        Its name.
+    cameras : mapping of name to CameraSettings
+        Of ``drive.toml``.
+
+    Returns
+    -------
+    list of str
+        One sentence a camera; none of a rig file that cannot be read.
+    """
+    try:
+        other = rig_from_document(document, source)
+    except CalibrationError:
+        return []
+    posed = [name for name, camera in cameras.items() if camera.position_m and name in other.cameras]
+    sentences = []
+    for name in posed:
+        turned_deg, moved_m = _apart(rig.cameras[name], other.cameras[name])
+        if turned_deg > _SAME_DEG or moved_m > _SAME_M:
+            sentences.append(
+                f"position and roll_pitch_yaw under [cameras.{name}] in {SETTINGS_FILE} count, not those of"
+                f" {source}, which differ by {turned_deg:.2f}° and {moved_m:.3f} m: if {source} is the newer,"
+                " delete both keys."
+            )
+    return sentences
+
+
+def unused_rigs(folder: DriveFolder) -> dict[str, Mapping[str, Any]]:
+    """Rig files of a folder whose ``drive.toml`` says all of every camera, by name; broken ones left out."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for name in folder.names(".json"):
+        try:
+            head = folder.head(name, LARGEST_RIG_BYTES + 1)
+            readable = b'"rig"' in head and len(head) <= LARGEST_RIG_BYTES
+            document: Any = json.loads(head) if readable else None
+        except (DriveError, ValueError, RecursionError):
+            continue
+        if looks_like_rig(document):
+            found[name] = document
+    return found
+
+
+def _apart(one: RigCamera, other: RigCamera) -> tuple[float, float]:
+    """Angle in degrees and distance in metres between two poses."""
+    turn = one.rig_R_camera.T @ other.rig_R_camera
+    cosine = min(max((float(np.trace(turn)) - 1.0) / 2.0, -1.0), 1.0)
+    return math.degrees(math.acos(cosine)), float(np.linalg.norm(one.rig_t_camera_m - other.rig_t_camera_m))

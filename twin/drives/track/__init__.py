@@ -1,0 +1,1 @@
+"""Where the car was: fixes of receivers or poses, from any logger."""

@@ -1,0 +1,178 @@
+"""``poses.csv``: full poses of an INS or SLAM → :class:`~geoloc.trajectory.trajectory.PoseTrack`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from geoloc.trajectory.trajectory import PoseTrack
+from twin.drives.epochs import credible, longest_increasing, unit_hint
+from twin.drives.track.fixes import (
+    DEFAULT_SIGMAS,
+    FROZEN,
+    LeftOutError,
+    PosesRead,
+    check_position,
+    counted,
+    frozen,
+    listed,
+)
+from twin.errors import DriveError
+
+REQUIRED = (
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "roll_deg",
+    "pitch_deg",
+    "heading_deg",
+)
+
+
+def looks_like_poses(head: bytes) -> bool:
+    """Whether a file begins with the header of a pose file."""
+    header = head.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").split(",")
+    return {"time_ns", "latitude_deg", "heading_deg"} <= {name.strip() for name in header}
+
+
+def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> PosesRead:
+    """Read a pose file: CSV with a header.
+
+    Columns ``time_ns`` (whole nanoseconds UTC since 1970), ``latitude_deg``, ``longitude_deg``, ``height_m``
+    (ellipsoidal), ``roll_deg`` (right side down), ``pitch_deg``, ``heading_deg`` (clockwise from true north),
+    and any of `DEFAULT_SIGMAS`, whose defaults stand in for an absent column or an empty cell.
+
+    Parameters
+    ----------
+    content : bytes
+    where : str
+        File name, for messages.
+    pitch_nose_up : bool
+        Positive pitch in the file means nose up, as most INS write it; it is turned to nose down.
+
+    Returns
+    -------
+    PosesRead
+        Poses in order of time.
+
+    Raises
+    ------
+    DriveError
+        If a column is missing, or no row can be used.
+    """
+    faults: Counter[str] = Counter()
+    header, times, rows, hint = _table(content, where, faults)
+    epoch_ns = np.array(times, dtype=np.int64)
+    keep = longest_increasing(epoch_ns)
+    faults["epoch not after the pose before"] += int(np.count_nonzero(~keep))
+    skipped = counted("poses", where, faults)
+    if not times:
+        cure = hint or "export the poses of this drive"
+        raise DriveError(f"{where} holds no usable pose ({listed(skipped)}): {cure}.")
+    if len(times) > 2 and np.count_nonzero(keep) < 0.5 * len(times):
+        raise DriveError(
+            f"{where} is not in order of time: {np.count_nonzero(~keep)} of {len(times)} poses are not later"
+            " than the one before; sort it by time_ns."
+        )
+    held = frozen(epoch_ns[keep], *np.array(rows, dtype=np.float64)[keep, :3].T)
+    keep[keep] = ~held
+    faults[FROZEN] += int(np.count_nonzero(held))
+    skipped = counted("poses", where, faults)
+    values = dict(zip((*REQUIRED, *DEFAULT_SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
+    if pitch_nose_up:
+        values["pitch_deg"] = -values["pitch_deg"]
+    return PosesRead(PoseTrack(epoch_ns=epoch_ns[keep], **values), skipped, _ignored(header, where))
+
+
+def _table(
+    content: bytes, where: str, faults: Counter[str]
+) -> tuple[list[str], list[int], list[list[float]], str]:
+    """Header, epochs and values of all usable rows, in file order; the other rows are counted.
+
+    The text says in which unit ``time_ns`` of the first unusable row seems to be.
+    """
+    reader = csv.reader(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
+    times: list[int] = []
+    rows: list[list[float]] = []
+    unusable: list[str] = []
+    try:
+        header = [name.strip() for name in next(reader, [])]
+        at = _columns(header, where)
+        for cells in reader:
+            if not any(cell.strip() for cell in cells):
+                continue
+            try:
+                time_ns, row = _row(cells, at)
+            except LeftOutError as reason:
+                faults[str(reason)] += 1
+                unusable += (
+                    [_cell(cells, at, "time_ns")] if not unusable and at["time_ns"] < len(cells) else []
+                )
+                continue
+            times.append(time_ns)
+            rows.append(row)
+    except csv.Error as error:
+        raise DriveError(
+            f"{where} is not CSV ({error} in line {reader.line_num}): export it again."
+        ) from error
+    return header, times, rows, unit_hint("".join(unusable), "nanoseconds")
+
+
+def _columns(header: Sequence[str], where: str) -> dict[str, int]:
+    """Position of each known column."""
+    missing = [name for name in ("time_ns", *REQUIRED) if name not in header]
+    if missing and len(header) == 1 and ";" in header[0]:
+        raise DriveError(
+            f"{where} is separated by semicolons: export it with commas, and points as decimals."
+        )
+    if missing:
+        raise DriveError(
+            f"{where} lacks the columns {', '.join(missing)}: its first line is {','.join(header)!r:.200}."
+        )
+    twice = sorted({name for name in header if header.count(name) > 1 and name})
+    if twice:
+        raise DriveError(f"{where} has the column {', '.join(twice)} more than once: keep one of each.")
+    return {name: position for position, name in enumerate(header)}
+
+
+def _row(cells: Sequence[str], at: Mapping[str, int]) -> tuple[int, list[float]]:
+    try:
+        time_ns = int(cells[at["time_ns"]])
+        pose = [float(cells[at[name]]) for name in REQUIRED]
+        sigmas = [
+            float(text) if (text := _cell(cells, at, name)) else default
+            for name, default in DEFAULT_SIGMAS.items()
+        ]
+    except ValueError:
+        raise LeftOutError("not a number") from None
+    except IndexError:
+        raise LeftOutError("row too short") from None
+    if not credible(time_ns):
+        raise LeftOutError("time_ns outside the years 2000–2099")
+    if not all(math.isfinite(value) for value in (*pose, *sigmas)):
+        raise LeftOutError("not finite")
+    latitude, longitude, height, roll, pitch, heading = pose
+    check_position(latitude, longitude, height)
+    if abs(roll) > 180 or abs(pitch) > 90 or abs(heading) > 360:
+        raise LeftOutError("attitude outside its range")
+    if min(sigmas) <= 0:
+        raise LeftOutError("sigma not positive")
+    return time_ns, pose + sigmas
+
+
+def _cell(cells: Sequence[str], at: Mapping[str, int], name: str) -> str:
+    return cells[at[name]].strip() if name in at else ""
+
+
+def _ignored(header: Sequence[str], where: str) -> tuple[str, ...]:
+    """A misspelt sigma column would otherwise quietly become the default."""
+    known = ("time_ns", *REQUIRED, *DEFAULT_SIGMAS)
+    unknown = [name for name in header if name and name not in known]
+    if not unknown:
+        return ()
+    return (f"Columns of {where} that were not read: {', '.join(unknown)}; read were {', '.join(known)}.",)

@@ -1,0 +1,188 @@
+"""What ``twin export`` does: decisions made in QGIS come home to the store, then the findings go out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from twin.changesets import ChangeSets, files_of, groups_from_store
+from twin.decisions.decide import Edit, keep_edits
+from twin.decisions.evidence import Evidence
+from twin.decisions.log import position
+from twin.errors import ExportRefusedError, RefusedError
+from twin.export.appearance import DECISIONS
+from twin.export.folder import GEOPACKAGES, export_all
+from twin.export.from_store import layers_from_store
+from twin.export.geopackage import changes_in, edited_decisions, log_position
+from twin.store.atomic_files import refuse_if_open
+from twin.store.store import Store
+
+
+def export_findings(
+    store: Store,
+    folder: Path | str,
+    *,
+    by: str = "QGIS",
+    decision: str = "accept",
+    project: bool = False,
+    change_sets: Callable[[ChangeSets], None] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> list[Path]:
+    """Export the findings of the last match, after keeping what people decided in the last export.
+
+    What was accepted goes out as change sets for API Skriv too (``docs/endringssett.md``).
+
+    Parameters
+    ----------
+    store : Store
+        Matched, and neither synced nor ingested into since.
+    folder : Path
+        Made if it does not exist. Decisions edited in QGIS in the GeoPackages already there are kept in the
+        store by ``change_id``, also those of changes that the last match no longer found.
+    by : str, optional
+        Who is to be named for those decisions.
+    decision : str, optional
+        Findings with this decision become change sets; another than ``accept`` gives previews.
+    project : bool, optional
+        Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.qgis.project`).
+    change_sets : callable, optional
+        Told what became of them: sets, errors in sets (which are then not written), findings left out.
+    progress : callable, optional
+        Told what is being done.
+
+    Returns
+    -------
+    list of Path
+        The files of :func:`twin.export.export_all`.
+
+    Raises
+    ------
+    StoreError
+        Nothing was matched yet.
+    RefusedError
+        The findings are older than the drives or the mirror in the store; or a change set in the folder was
+        sent and is not known to have ended.
+    ExportRefusedError
+        As :func:`twin.export.export_all`; or the decisions in the folder contradict each other, or are none.
+    """
+    # Not above: that module writes files by this package.
+    from twin.changesets.receipts import refuse_if_pending
+
+    folder = Path(folder)
+    last = store.matched()
+    refuse_if_pending(folder)
+    decided = decisions_made_in(folder)
+    if decided:
+        if progress is not None:
+            progress(f"keeping {len(decided)} decision(s) made in QGIS")
+        edits: dict[str, Edit] = {}
+        for path in (folder / name for name in GEOPACKAGES if (folder / name).exists()):
+            edits = {**_edits(path), **edits}
+        keep_edits(store, edits, by=by)
+    noted = position(store.rows)
+    layers = layers_from_store(store, last["method"])
+    made = groups_from_store(store, decision)
+    # The layers are of one moment, but of which? The same match before and after it leaves one answer.
+    if store.matched() != last:
+        raise RefusedError(f"The store {store.path} was matched again during the export: export again.")
+    written = export_all(
+        layers,
+        folder,
+        known_decisions=decided,
+        log_position=noted,
+        change_sets=files_of(made),
+        project=project,
+        progress=progress,
+    )
+    if change_sets is not None:
+        change_sets(made)
+    return written
+
+
+def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -> tuple[str, ...]:
+    """Bring home the decisions that were made in one exported GeoPackage, wherever it is by now.
+
+    Parameters
+    ----------
+    store : Store
+    path : Path
+        A ``twin_utm33.gpkg`` or ``twin_wgs84.gpkg``, under any name. It is not changed.
+    by : str
+        Who decided.
+    reason : str, optional
+
+    Returns
+    -------
+    tuple of str
+        The changes that were decided anew; what was brought home before is not among them.
+
+    Raises
+    ------
+    ExportRefusedError
+        It is open in QGIS, not an export, or holds a decision that is none.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise ExportRefusedError(f"there is no file {path}: name a GeoPackage that `twin export` wrote")
+    store.matched()
+    refuse_if_open(path)
+    return keep_edits(store, _edits(path), by=by, reason=reason)
+
+
+def _edits(path: Path) -> dict[str, Edit]:
+    found = edited_decisions(path)
+    _refuse_unknown(path, found)
+    if not found:
+        return {}
+    at = log_position(path)
+    rows = {row["change_id"]: row for row in changes_in(path) if row["change_id"] in found}
+    return {key: Edit(said, Evidence.from_row(rows[key]), at) for key, said in found.items()}
+
+
+def decisions_made_in(folder: Path) -> dict[str, str]:
+    """Decisions that people made in the GeoPackages of a folder since they were exported.
+
+    Parameters
+    ----------
+    folder : Path
+        Need not exist.
+
+    Returns
+    -------
+    dict
+        change_id → one of :data:`twin.export.DECISIONS`.
+
+    Raises
+    ------
+    ExportRefusedError
+        A file is open in QGIS or is not an export; a decision is none of those that exist; or the two files
+        disagree about a change.
+    """
+    decided: dict[str, str] = {}
+    for name in GEOPACKAGES:
+        path = folder / name
+        refuse_if_open(path)
+        if not path.exists():
+            continue
+        found = edited_decisions(path)
+        _refuse_unknown(path, found)
+        contrary = {change for change, said in found.items() if decided.get(change, said) != said}
+        if contrary:
+            change = min(contrary)
+            raise ExportRefusedError(
+                f"{' and '.join(GEOPACKAGES)} in {folder} disagree about {len(contrary)} decision(s) made in "
+                f"QGIS (change {change}: {decided[change]} and {found[change]}): "
+                "decide the same in both, then export again"
+            )
+        decided |= found
+    return decided
+
+
+def _refuse_unknown(path: Path, found: dict[str, str]) -> None:
+    """Raise where a decision was typed that the store must not take: no export could write it again."""
+    for change, said in sorted(found.items()):
+        if said not in DECISIONS:
+            raise ExportRefusedError(
+                f'{path} holds the decision "{said}" for change {change}: '
+                f"choose one of {', '.join(DECISIONS)} in QGIS, then export again"
+            )

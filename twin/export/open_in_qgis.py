@@ -1,0 +1,118 @@
+"""How an export is opened in QGIS: the project's address, the layers, and what to do there."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from twin.errors import ExportRefusedError, RefusedError
+from twin.export.folder import UTM33
+from twin.export.geopackage import contents_of, edited_decisions
+from twin.export.layers import DESCRIPTION
+from twin.export.qgis.project import PROJECT
+
+# As the packages of Linux, of OSGeo4W and of macOS name it; the last is where macOS keeps programs.
+_PROGRAMS = ("qgis", "qgis-ltr", "qgis-bin", "/Applications/QGIS.app/Contents/MacOS/QGIS")
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """A layer of the export: its name, its number of rows, and what a row is."""
+
+    name: str
+    rows: int
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class QgisExport:
+    """An export as QGIS opens it.
+
+    Attributes
+    ----------
+    file : Path
+        The GeoPackage to decide in.
+    uri : str or None
+        Address of the QGIS project in it; None where it was exported without one.
+    layers : tuple of Layer
+        The one on top of the map first.
+    decisions : mapping of decision → number of changes
+        As they stand in the file.
+    edited : mapping of change_id → decision
+        Those that people made in QGIS since the file was written.
+    """
+
+    file: Path
+    uri: str | None
+    layers: tuple[Layer, ...]
+    decisions: Mapping[str, int]
+    edited: Mapping[str, str]
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What QGIS is started with."""
+        return (str(self.file),) if self.uri is None else ("--project", self.uri)
+
+
+def project_uri(file: Path, project: str = PROJECT) -> str:
+    """Address of a project in a GeoPackage, as QGIS writes it: percent-encoded, absolute.
+
+    Source: QGIS, ``QgsGeoPackageProjectStorage::encodeUri``.
+    """
+    return f"geopackage:{quote(file.resolve().as_posix(), safe='/:')}?projectName={quote(project)}"
+
+
+def qgis_export(folder: Path) -> QgisExport:
+    """Say how the export in a folder is opened, and what stands in it.
+
+    Raises
+    ------
+    ExportRefusedError
+        There is none, or it is not an export of twin.
+    """
+    file = folder / UTM33
+    if not file.exists():
+        raise ExportRefusedError(f"There is no {file}: run `twin export {folder} --project` first.")
+    found = contents_of(file)
+    return QgisExport(
+        file=file,
+        uri=project_uri(file) if PROJECT in found.projects else None,
+        layers=tuple(Layer(name, rows, DESCRIPTION[name]) for name, rows in found.rows.items()),
+        decisions=found.decisions,
+        edited=edited_decisions(file),
+    )
+
+
+def qgis_program() -> str:
+    """Find QGIS.
+
+    Raises
+    ------
+    RefusedError
+        It is not installed, or not where programs are looked for.
+    """
+    found = next(filter(None, map(shutil.which, _PROGRAMS)), None)
+    if found is None:
+        raise RefusedError(
+            "QGIS is not installed here, or not on the search path: get it from https://qgis.org/download "
+            "(Debian and Ubuntu: apt install qgis), 3.22 or later; or open the"
+            " export from a QGIS elsewhere."
+        )
+    return found
+
+
+def start_qgis(program: str, export: QgisExport) -> None:
+    """Start QGIS with an export, and leave it running on its own."""
+    process = subprocess.Popen(  # noqa: S603 - the program that the user's own search path names
+        [program, *export.arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    # It is to outlive us: else Python warns that nobody waited for it.
+    process.returncode = 0

@@ -1,0 +1,1 @@
+"""Styles, map tips and the project that QGIS opens."""

@@ -1,0 +1,1 @@
+"""A recorded drive → estimates in the store."""

@@ -1,0 +1,334 @@
+"""A recorded drive → estimates in the store."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geoloc.adjustment.adjust import OUTLIER
+from geoloc.earth.geodesy import utm33_from_geographic
+from geoloc.earth.ground import stands_far_away
+from geoloc.earth.terrain import Terrain
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.trajectory.fix_checks import quality_counts
+from geoloc.trajectory.trajectory import Poses, Trajectory
+from twin import __version__
+from twin.drives.drive import Drive
+from twin.drives.frames.stamp_files import NO_STAMP
+from twin.drives.objects.identify import id_warnings, with_objects
+from twin.drives.plausibility import annotation_warnings, check_track
+from twin.drives.read import read_drive
+from twin.errors import ConfigError, DriveError
+from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
+from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
+from twin.ingest.rows import corrections, estimate_rows, positions_of, sighting_rows
+from twin.ingest.save import save_drive
+from twin.store.poses import blob_from_poses
+from twin.store.schema import METHODS
+from twin.store.store import Store
+
+if TYPE_CHECKING:
+    from twin.drives.detection.run import DetectorOptions
+
+
+_NS_PER_S = 1_000_000_000
+_VIEW_STEP_M = 0.3
+"""Poses closer together than this add nothing to the question whether a place was in view."""
+
+
+_NUMBER = re.compile(r" of \d+(\.\d+)? s\b|\b\d+(\.\d+)? s ")
+"""A duration inside a reason: without it, the same reason counts together."""
+
+
+@dataclass(frozen=True, slots=True)
+class IngestReport:
+    """What one drive gave.
+
+    Attributes
+    ----------
+    n_sightings, n_located : int
+        Annotations with a foot in the picture, and those of them that got a position.
+    n_estimates : int
+        Objects with a position.
+    skipped : dict
+        "what: reason" → count, for everything that was left out on the way.
+    delay_ms : float or None
+        Median delay of the GNSS host stamps, the trip's link delay.
+    fix_quality : dict
+        In words → number of fixes, of all antennas; empty for a full-pose track.
+    """
+
+    drive_id: str
+    name: str
+    method: str
+    n_annotations: int
+    n_sightings: int
+    n_located: int
+    n_objects: int
+    n_estimates: int
+    length_m: float
+    delay_ms: float | None
+    fix_quality: dict[str, int]
+    warnings: tuple[str, ...]
+    skipped: dict[str, int]
+
+
+def ingest_drive(
+    store: Store,
+    path: Path | str,
+    *,
+    method: str = METHODS[0],
+    budget: ErrorBudget | None = None,
+    terrain: Path | str | None = None,
+    terrain_heights: str | None = None,
+    labels: Path | str | None = None,
+    detector: DetectorOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> IngestReport:
+    """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
+
+    The same drive ingested twice by the same method replaces itself: nothing is doubled.
+
+    Parameters
+    ----------
+    store : Store
+    path : Path or str
+        The drive's folder.
+    method : {"adjusted", "single-frame", "paper"}
+    budget : ErrorBudget, optional
+        One-sigma noise of each source.
+    terrain : Path or str, optional
+        Raster of the ground (GeoTIFF) to use instead of the plane of the road.
+    terrain_heights : {"NN2000", "ellipsoidal"}, optional
+        What its heights are, where it does not say so itself.
+    labels : Path or str, optional
+        What labels mean (:mod:`twin.drives.annotations.labels`), instead of the folder's own ``labels.toml``.
+    detector : DetectorOptions, optional
+        A network that finds the signs in the drive's pictures; annotations are then left unread.
+
+    Raises
+    ------
+    ConfigError, DriveError, TerrainError, GeolocError
+        The drive cannot be read or located; the store is unchanged.
+    """
+    if method not in METHODS:
+        raise DriveError(f"There is no method {method!r}: use one of {', '.join(METHODS)}.")
+    if detector is not None and method != METHODS[0]:
+        raise ConfigError(
+            f"A detector finds the faces of signs, not their feet: only --method {METHODS[0]} places them."
+        )
+    say = progress or (lambda _text: None)
+    meanings = None if labels is None else Path(labels)
+    drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
+    warnings = check_track(drive)
+    say("building the trajectory")
+    drive, datum_sigma_m = in_euref89(drive)
+    trajectory = trajectory_of(drive)
+    drive = _with_objects(drive, trajectory, detector, say)
+    ground = _ground(terrain, terrain_heights, trajectory, method)
+    say(f"locating {len(drive.annotations.frame):,} annotations by {method}")
+    sighted = locate_annotations(
+        drive, trajectory, method=method, budget=budget, datum_sigma_m=datum_sigma_m, terrain=ground
+    )
+    positions = positions_of(drive, sighted)
+    estimates = estimate_rows(drive, sighted, positions, method)
+    n_located = int((sighted.reasons == "").sum())
+    n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
+    doubts: tuple[str, ...] = ()
+    # Rays of a turned camera miss one another, which looks as if ids marked two signs.
+    if detector is None and not (sighted.adjusted and any(turned_cameras(sighted.adjusted))):
+        say("checking the annotators' ids")
+        doubts = clocks_apart(id_warnings(drive, trajectory), drive, trajectory)
+    misfits = misfits_of(drive, sighted, budget or ErrorBudget(), doubts)
+    gap = absence_gap(drive, sighted)
+    line, length_m = _line(trajectory)
+    warnings = (
+        *drive.warnings,
+        *warnings,
+        *(sighted.adjusted.notes if sighted.adjusted else ()),
+        *doubts,
+        *(misfit.sentence for misfit in misfits),
+        *annotation_warnings(drive, n_located),
+        *_absence_warning(drive, n_unplaced, gap),
+    )
+    warnings = tuple(dict.fromkeys(warnings))
+    row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(warnings)}
+    found = corrections(sighted.adjusted)
+    if misfits:
+        found["misfits"] = [misfit.what for misfit in misfits]
+    if gap:
+        found["absence_gap"] = gap
+    save_drive(store, row, method, sighting_rows(drive, sighted, method), estimates, n_unplaced, found)
+    return IngestReport(
+        drive_id=drive.drive_id,
+        name=drive.name,
+        method=method,
+        n_annotations=len(drive.annotations.frame),
+        n_sightings=len(sighted.index),
+        n_located=n_located,
+        n_objects=len(np.unique(drive.annotations.object)),
+        n_estimates=len(estimates),
+        length_m=length_m,
+        delay_ms=row["delay_ms"],
+        fix_quality=row["fix_quality"],
+        warnings=warnings,
+        skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
+    )
+
+
+def _with_objects(
+    drive: Drive, trajectory: Trajectory, detector: DetectorOptions | None, say: Callable[[str], None]
+) -> Drive:
+    """Settle which annotations show the same object."""
+    if detector is not None:
+        from twin.drives.objects.join_tracks import with_joined_tracks
+
+        say("joining the detector's tracks")
+        return with_joined_tracks(drive, trajectory)
+    if not drive.annotations.has_id.all():
+        say("finding out which annotations show the same object")
+    return with_objects(drive, trajectory)
+
+
+def _ground(
+    path: Path | str | None, heights: str | None, trajectory: Trajectory, method: str
+) -> Terrain | None:
+    """Read the terrain around the drive."""
+    if path is None:
+        if heights is not None:
+            raise ConfigError(
+                "Heights of a terrain are declared, but there is no terrain: give --terrain too."
+            )
+        return None
+    if method == "paper":
+        raise ConfigError(
+            "The paper's method knows no terrain: leave --terrain out, or use another --method."
+        )
+    from twin.ingest.terrain import read_terrain
+
+    knots = trajectory.knots
+    return read_terrain(
+        path, *utm33_from_geographic(knots.latitude_deg, knots.longitude_deg), heights=heights
+    )
+
+
+def _drive_row(drive: Drive, trajectory: Trajectory) -> dict[str, Any]:
+    """What the store keeps of the drive itself."""
+    return {
+        "drive_id": drive.drive_id,
+        "name": drive.name,
+        "started_ns": int(trajectory.span_ns[0]),
+        "ended_ns": int(trajectory.span_ns[1]),
+        "datum": drive.datum,
+        "annotations_complete": drive.annotations_complete,
+        "n_frames": sum(int((s != NO_STAMP).sum()) for s in drive.frame_epoch_ns.values()),
+        "n_annotations": len(drive.annotations.frame),
+        "delay_ms": _delay_ms(drive, trajectory),
+        "rig": zlib.compress(drive.rig_document.encode()),
+        "poses": blob_from_poses(_view_poses(drive, trajectory)),
+        "cameras": sorted({str(c) for c in drive.annotations.camera} or drive.frame_epoch_ns),
+        "skipped": [asdict(s) for s in drive.skipped],
+        "software": f"nvdb-twin {__version__}",
+        "content_sha256": drive.content_sha256,
+        "fix_quality": _fix_quality(drive),
+    }
+
+
+def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
+    """Count annotated signs without a position that may stand near the car.
+
+    One whose every ray ends beyond flat ground's reach, or above the horizon, stands far away; a box, or a
+    foot that was rejected for any other reason, may be any sign that the car passed.
+    """
+    far = stands_far_away(sighted.located.rejected)
+    is_sign = drive.is_sign()
+    near = set(drive.annotations.object[is_sign & (drive.annotations.kind == "box")].tolist())
+    seen = sighted.index[~far]
+    near |= set(drive.annotations.object[seen[is_sign[seen]]].tolist())
+    return len(near - placed)
+
+
+def _absence_warning(drive: Drive, n_unplaced: int, gap: str) -> tuple[str, ...]:
+    """Say why a drive that is declared complete cannot show that a sign is missing."""
+    if not drive.annotations_complete:
+        return ()
+    if gap:
+        return (f"This drive cannot show that a sign is missing: {gap}.",)
+    if not n_unplaced:
+        return ()
+    missing = (
+        f"{n_unplaced} annotated objects have no position (see what was left out), so this drive cannot show"
+        " that a sign is missing: annotate the foot of each pole as a point."
+    )
+    return (missing,)
+
+
+def _fix_quality(drive: Drive) -> dict[str, int]:
+    """Fixes of all antennas by quality, in words."""
+    return quality_counts(np.concatenate([np.empty(0, np.int64), *(fixes.quality for fixes in drive.gnss)]))
+
+
+def _line(trajectory: Trajectory) -> tuple[bytes, float]:
+    """The driven line as WKB in EPSG:25833, and its length in metres."""
+    import shapely
+
+    east, north = utm33_from_geographic(*trajectory.line())
+    if len(east) == 1:  # standing still: a line needs two points
+        east, north = np.repeat(east, 2), np.repeat(north, 2)
+    line = shapely.LineString(np.column_stack([east, north]))
+    return bytes(shapely.to_wkb(line)), float(line.length)
+
+
+def _delay_ms(drive: Drive, trajectory: Trajectory) -> float | None:
+    """Median link delay, or None where the recording has no host stamps of its own."""
+    if drive.poses is not None or all(np.array_equal(f.host_ns, f.epoch_ns) for f in drive.gnss):
+        return None
+    return float(trajectory.delay_ms()[0])
+
+
+def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
+    """Poses at the annotated cameras' frames, thinned to steps of 0.3 m."""
+    cameras = {str(c) for c in drive.annotations.camera} or set(drive.frame_epoch_ns)
+    stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
+    known = [s[s != NO_STAMP] for s in stamps]
+    epoch = np.unique(np.concatenate([np.empty(0, np.int64), *known])) + drive.camera_offset_ns
+    poses = trajectory.poses_at(epoch)
+    if not poses.valid.any():
+        return poses
+    epoch = epoch[poses.valid]
+    travelled = np.concatenate(
+        [[0.0], np.cumsum(poses.speed_mps[poses.valid][1:] * np.diff(epoch) / _NS_PER_S)]
+    )
+    step = np.floor(travelled / _VIEW_STEP_M)
+    return trajectory.poses_at(epoch[np.diff(step, prepend=-1.0) > 0])
+
+
+def _skipped(
+    drive: Drive, trajectory: Trajectory, sighted: SightedObjects, n_outliers: int
+) -> dict[str, int]:
+    """Everything that was left out on the way, by what and why."""
+    counts: dict[str, int] = {}
+
+    def add(key: str, count: int) -> None:
+        if count:
+            counts[key] = counts.get(key, 0) + count
+
+    for skipped in drive.skipped:
+        add(f"{skipped.what}: {skipped.reason}", skipped.count)
+    for count, reason in trajectory.dropped:
+        add(f"GNSS fixes: {reason}", count)
+    if sighted.adjusted is None:
+        boxes = int((drive.annotations.kind == "box").sum())
+        add("boxes: they show the face, not the foot (use --method adjusted)", boxes)
+    reasons, numbers = np.unique(sighted.reasons, return_counts=True)
+    for reason, number in zip(reasons, numbers, strict=True):
+        if reason and reason != OUTLIER:
+            add(f"sightings: {_NUMBER.sub('', reason)}", int(number))
+    add("sightings: outliers among those of the same object", n_outliers)
+    return counts

@@ -1,0 +1,275 @@
+"""Positions of a drive's objects, by whichever method, → rows of the store's tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.adjustment.adjust import Adjusted, Correction
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.locate.combine import combine
+from twin.drives.drive import Drive
+from twin.ingest.locate import SightedObjects
+
+_FAR_M = 15.0
+_MANY_REJECTED = 0.25
+"""Share of an object's sightings beyond which its track probably holds two signs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Positions:
+    """Where a drive's objects stand, one row each.
+
+    Attributes
+    ----------
+    name : str (g,)
+    group : int (n,)
+        Row of each sighting's object.
+    latitude_deg, longitude_deg, height_m : float64 (g,)
+        NaN where there is no position.
+    sigma_height_m : float64 (g,)
+        NaN where the method does not tell.
+    covariance_m2 : float64 (g, 2, 2)
+        East and true north.
+    used : bool (n,)
+    n_rejected : int64 (g,)
+        Sightings that contradict the others.
+    range_min_m : float64 (g,)
+    by_source : mapping source → float64 (g, 2, 2)
+        Where the covariance comes from; empty where the method does not tell.
+    """
+
+    name: NDArray[np.str_]
+    group: IntArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    sigma_height_m: FloatArray
+    covariance_m2: FloatArray
+    used: BoolArray
+    n_rejected: IntArray
+    range_min_m: FloatArray
+    by_source: Mapping[str, FloatArray]
+
+
+def positions_of(drive: Drive, sighted: SightedObjects) -> Positions:
+    """Bring the sightings of each object together."""
+    names, group = np.unique(drive.annotations.object[sighted.index], return_inverse=True)
+    if sighted.adjusted is not None:
+        return _adjusted(names, group, sighted.adjusted)
+    combined = combine(sighted.located, group)
+    return Positions(
+        name=names,
+        group=group,
+        latitude_deg=combined.latitude_deg,
+        longitude_deg=combined.longitude_deg,
+        height_m=combined.height_m,
+        sigma_height_m=np.full(names.size, np.nan),
+        covariance_m2=combined.covariance_m2,
+        used=combined.used,
+        n_rejected=combined.n_rejected,
+        range_min_m=combined.range_min_m,
+        by_source={},
+    )
+
+
+def _adjusted(names: NDArray[np.str_], group: IntArray, adjusted: Adjusted) -> Positions:
+    from geoloc.adjustment.adjust import OUTLIER
+
+    nearest = np.full(names.size, np.inf)
+    np.minimum.at(nearest, group[adjusted.used], adjusted.range_m[adjusted.used])
+    return Positions(
+        name=names,
+        group=group,
+        latitude_deg=adjusted.latitude_deg,
+        longitude_deg=adjusted.longitude_deg,
+        height_m=adjusted.height_m,
+        sigma_height_m=adjusted.sigma_height_m,
+        covariance_m2=adjusted.covariance_m2,
+        used=adjusted.used,
+        n_rejected=np.bincount(group[adjusted.rejected == OUTLIER], minlength=names.size),
+        range_min_m=nearest,
+        by_source=adjusted.by_source,
+    )
+
+
+def estimate_rows(
+    drive: Drive, sighted: SightedObjects, positions: Positions, method: str
+) -> list[dict[str, Any]]:
+    """One row an object that has a position."""
+    good = np.isfinite(positions.latitude_deg)
+    if not good.any():
+        return []
+    place = positions.latitude_deg, positions.longitude_deg
+    east, north = utm33_from_geographic(*place)
+    covariance = utm33_covariance_from_enu(positions.covariance_m2, *place)
+    order = np.argsort(positions.group, kind="stable")
+    members = np.split(order, np.cumsum(np.bincount(positions.group, minlength=good.size))[:-1])
+    rows = []
+    for g in np.flatnonzero(good).tolist():
+        used = members[g][positions.used[members[g]]]
+        rows.append(
+            {
+                "estimate_id": f"{drive.drive_id}:{positions.name[g]}:{method}",
+                "drive_id": drive.drive_id,
+                "object": str(positions.name[g]),
+                "method": method,
+                "east_m": float(east[g]),
+                "north_m": float(north[g]),
+                "height_m": float(positions.height_m[g]),
+                "sigma_height_m": finite(positions.sigma_height_m[g]),
+                "cov_ee_m2": float(covariance[g, 0, 0]),
+                "cov_en_m2": float(covariance[g, 0, 1]),
+                "cov_nn_m2": float(covariance[g, 1, 1]),
+                "range_min_m": float(positions.range_min_m[g]),
+                "n_rejected": int(positions.n_rejected[g]),
+                "flags": _flags(positions, sighted, g, used),
+                "budget": _budget(positions, g),
+                **_summary(drive, sighted, used),
+            }
+        )
+    return rows
+
+
+def sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[dict[str, Any]]:
+    """One row a sighting, with the position that it alone gives, and what the adjustment says of it."""
+    located, notes, index = sighted.located, drive.annotations, sighted.index
+    east, north = utm33_from_geographic(located.latitude_deg, located.longitude_deg)
+    covariance = utm33_covariance_from_enu(located.covariance_m2, located.latitude_deg, located.longitude_deg)
+    numbers = {
+        "u_px": notes.pixel_px[index, 0],
+        "v_px": notes.pixel_px[index, 1],
+        "east_m": east,
+        "north_m": north,
+        "cov_ee_m2": covariance[:, 0, 0],
+        "cov_en_m2": covariance[:, 0, 1],
+        "cov_nn_m2": covariance[:, 1, 1],
+        "range_m": located.range_m,
+        "speed_mps": sighted.poses.speed_mps,
+    }
+    rejected = located.rejected
+    if sighted.adjusted is not None:
+        rejected = sighted.adjusted.rejected
+        numbers |= _of_adjustment(sighted.adjusted, positions_group(drive, sighted))
+    columns: dict[str, list[Any]] = {
+        "object": notes.object[index].tolist(),
+        "camera": notes.camera[index].tolist(),
+        "frame": notes.frame[index].tolist(),
+        "epoch_ns": sighted.epoch_ns.tolist(),
+        "kind": notes.kind[index].tolist(),
+        "rejected": rejected.tolist(),
+        **{name: _none_for_nan(values) for name, values in numbers.items()},
+    }
+    names = tuple(columns)
+    shared = {"drive_id": drive.drive_id, "method": method}
+    return [
+        {**shared, "number": k, **dict(zip(names, values, strict=True))}
+        for k, values in enumerate(zip(*columns.values(), strict=True))
+    ]
+
+
+def positions_group(drive: Drive, sighted: SightedObjects) -> IntArray:
+    """Row of each sighting's object among the drive's objects in alphabetical order."""
+    return np.unique(drive.annotations.object[sighted.index], return_inverse=True)[1]
+
+
+def corrections(adjusted: Adjusted | None) -> dict[str, Any]:
+    """What the adjustment found out about the car, as JSON: values with one sigma; {} for other methods."""
+    if adjusted is None:
+        return {}
+
+    def told(correction: Correction) -> dict[str, float | None]:
+        return {"value": correction.value, "sigma": finite(correction.sigma)}
+
+    return {
+        "pixel_noise_factor": adjusted.noise,
+        "camera_offset_ms": told(adjusted.time_offset_ms),
+        "rolling_shutter_ms": told(adjusted.readout_ms),
+        "boresight_deg": {
+            camera: dict(zip(("pitch", "yaw", "roll"), map(told, values), strict=True))
+            for camera, values in adjusted.boresight_deg.items()
+        },
+    }
+
+
+def finite(value: float) -> float | None:
+    """The number, or None for NaN and infinity, which neither JSON nor SQL has."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _of_adjustment(adjusted: Adjusted, group: IntArray) -> dict[str, FloatArray]:
+    """Residuals, and the camera's place in the grid when it saw."""
+    from geoloc.earth.geodesy import geographic_from_enu
+
+    latitude, longitude = adjusted.latitude_deg[group], adjusted.longitude_deg[group]
+    eye = geographic_from_enu(latitude, longitude, adjusted.eye_m[:, 0], adjusted.eye_m[:, 1])
+    eye_east, eye_north = utm33_from_geographic(*eye)
+    return {
+        "range_m": adjusted.range_m,
+        "residual_u_px": adjusted.residual_px[:, 0],
+        "residual_v_px": adjusted.residual_px[:, 1],
+        "eye_east_m": eye_east,
+        "eye_north_m": eye_north,
+    }
+
+
+def _none_for_nan(values: FloatArray) -> list[float | None]:
+    known = np.isfinite(values)
+    return [value if ok else None for value, ok in zip(values.tolist(), known.tolist(), strict=True)]
+
+
+def _budget(positions: Positions, g: int) -> dict[str, list[float]]:
+    """Source → east, east-north and north covariance in true axes; {} where the method does not tell."""
+    return {
+        source: [float(c[g, 0, 0]), float(c[g, 0, 1]), float(c[g, 1, 1])]
+        for source, c in positions.by_source.items()
+    }
+
+
+def _summary(drive: Drive, sighted: SightedObjects, member: IntArray) -> dict[str, Any]:
+    """Label, code, text, type and counts of the sightings that one object's position comes from."""
+    annotations, rows = drive.annotations, sighted.index[member]
+    label, codes = _commonest(annotations.label[rows]), _commonest(annotations.skiltnummer[rows])
+    texts = annotations.text[rows]
+    cameras = sorted({str(camera) for camera in annotations.camera[rows]})
+    return {
+        "label": label,
+        "skiltnummer": codes,
+        # One picture in which it could be read is enough.
+        "text": _commonest(texts[texts != ""]) if (texts != "").any() else None,
+        "nvdb_type": None if codes else drive.other_objects.get(label),
+        "n_sightings": len(member),
+        # Cameras that run side by side show the same instant in frames of their own.
+        "n_frames": len({(annotations.camera[i], annotations.frame[i]) for i in rows}),
+        "n_cameras": len(cameras),
+        "cameras": cameras,
+        "first_ns": int(sighted.epoch_ns[member].min()),
+        "last_ns": int(sighted.epoch_ns[member].max()),
+    }
+
+
+def _commonest(values: NDArray[np.str_]) -> str:
+    """The most frequent value; of equals the first in alphabetical order, so that runs agree."""
+    unique, counts = np.unique(values, return_counts=True)
+    return str(unique[np.argmax(counts)])
+
+
+def _flags(positions: Positions, sighted: SightedObjects, g: int, used: IntArray) -> str:
+    flags = []
+    if used.size == 1:
+        flags.append("one sighting")
+    if positions.range_min_m[g] > _FAR_M:
+        flags.append(f"never nearer than {_FAR_M:g} m")
+    rejected = int(positions.n_rejected[g])
+    if rejected:
+        flags.append(f"{rejected} outliers left out")
+    if rejected >= 2 and rejected > _MANY_REJECTED * (used.size + rejected):
+        flags.append("its track may hold two signs")
+    if sighted.adjusted is not None and not (sighted.is_foot[used]).any():
+        flags.append("its face, not its foot")
+    return ";".join(flags)

@@ -1,0 +1,46 @@
+"""A drive, its sightings and its estimates into the store, in one transaction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sqlalchemy as sa
+
+from twin.store import schema
+from twin.store.store import Row, Store
+
+
+def save_drive(
+    store: Store,
+    drive: Row,
+    method: str,
+    sightings: Sequence[Row],
+    estimates: Sequence[Row],
+    n_unplaced: int = 0,
+    corrections: Row | None = None,
+) -> None:
+    """Replace one drive's record and its sightings and estimates by `method`, in one transaction.
+
+    Results of another method from files that were since changed are of another recording: they go too.
+    """
+    drive_id = drive["drive_id"]
+    result = {"drive_id": drive_id, "method": method, "n_unplaced": n_unplaced}
+    with store.transaction() as connection:
+        known = connection.execute(
+            sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive_id)
+        ).scalar()
+        connection.execute(sa.delete(schema.drive).where(schema.drive.c.drive_id == drive_id))
+        connection.execute(sa.insert(schema.drive), [dict(drive)])
+        results = {
+            schema.drive_method: [{**result, "corrections": dict(corrections or {})}],
+            schema.sighting: sightings,
+            schema.estimate: estimates,
+        }
+        for table, rows in results.items():
+            old = sa.delete(table).where(table.c.drive_id == drive_id)
+            if known == drive["content_sha256"]:
+                old = old.where(table.c.method == method)
+            connection.execute(old)
+            if rows:
+                connection.execute(sa.insert(table), [dict(row) for row in rows])
+        store.touch(connection)

@@ -1,0 +1,353 @@
+"""Match the store's estimates against its mirror of NVDB and keep the findings."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import sqlalchemy as sa
+
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import geographic_from_utm33, metres_per_degree, utm33_from_geographic
+from geoloc.locate.visibility import views
+from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
+from geoloc.trajectory.trajectory import Poses
+from twin import __version__
+from twin.errors import StoreError
+from twin.matching.absence import Passage, Views, evidence_of_absence, still_seen
+from twin.matching.assign import assign
+from twin.matching.config import MatchConfig
+from twin.matching.poles.poles import ObservedPole, observed_poles
+from twin.matching.poles.same_pole import each_pole_once, may_be_one
+from twin.matching.poles.seen_in import pictures_of, seen_from
+from twin.matching.save import save_changes
+from twin.matching.sites import Site, along_the_road, mirror_near, sites_from_mirror
+from twin.matching.verdicts.change import doubt_of, doubtful_as_review
+from twin.matching.verdicts.judge import VERDICTS, Change, judge
+from twin.mirror.vegnett.network import FACT as VEGNETT
+from twin.store import schema
+from twin.store.poses import poses_from_blob
+from twin.store.schema import METHODS
+from twin.store.store import Snapshot, Store, utc_now
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class MatchReport:
+    """What a match found.
+
+    Attributes
+    ----------
+    method : str
+        Whose estimates were matched.
+    verdicts : dict
+        Verdict → number of findings, every verdict named.
+    n_poles, n_sites : int
+        Observed poles; NVDB sites near a drive that have any position.
+    n_in_view : int
+        Sites that a completely annotated drive had in view.
+    n_outdated : int
+        Poles of earlier drives that a later, completely annotated drive passed without seeing them: left out.
+    warnings : tuple of str
+        Drives that do not fit themselves, and complete ones that cannot show that a sign is missing.
+    """
+
+    method: str
+    verdicts: dict[str, int]
+    n_poles: int
+    n_sites: int
+    n_in_view: int
+    n_outdated: int
+    warnings: tuple[str, ...] = ()
+
+
+def match(
+    store: Store,
+    *,
+    method: str | None = None,
+    config: MatchConfig | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> MatchReport:
+    """Compare every estimate of one method with the mirror, and replace the store's findings.
+
+    Parameters
+    ----------
+    store : Store
+    method : str, optional
+        Default: the best that drives were ingested by, in the order of `METHODS`.
+    config : MatchConfig, optional
+
+    Raises
+    ------
+    StoreError
+        No drive was ingested, nothing was synced, or no drive was ingested by the method.
+    """
+    config = config or MatchConfig()
+    say = progress or (lambda _text: None)
+    method = choose_method(store, method)
+    if store.fact("mirror") is None:
+        raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
+    with store.snapshot() as view:
+        say("grouping estimates into poles")
+        drives = _drives(view, method)
+        # What is no sign has nothing to be compared with in a mirror of signs.
+        is_sign = schema.estimate.c.nvdb_type.is_(None)
+        estimates = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign))
+        known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
+        has_network = store.fact(VEGNETT) is not None
+        directions = seen_from(view, estimates, method) if has_network else {}
+        pairs = may_be_one(estimates, config)
+        once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
+        poles = observed_poles(once, [drive.drive_id for drive in drives], config, known, directions)
+        points, plates = mirror_near(view, _places(drives, poles), config)
+    sites = _sites(store, points, plates, config, has_network=has_network)
+    say("finding which signs were in view")
+    current = still_seen(poles, [drive.past(poles, config) for drive in drives], config)
+    seen = evidence_of_absence([drive.past(sites, config) for drive in drives], sites, config)
+    say("assigning")
+    assignment = assign(current, sites, seen.p_unannotated, config)
+    changes = judge(
+        current,
+        sites,
+        assignment,
+        seen.complete,
+        seen.watched_by,
+        config,
+        p_unannotated=seen.p_unannotated,
+        passed=seen.passed,
+    )
+    changes = doubtful_as_review(changes, {drive.drive_id: drive.doubt for drive in drives if drive.doubt})
+    keys = {member: pole.key for pole in poles for member in pole.members}
+    measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
+    watched = _Cameras.of(current, drives)
+    rows = [
+        {**asdict(change), **_covariance(change, measured), "cameras": watched.for_finding(change)}
+        for change in changes
+    ]
+    settings = _settings(method, config, drives, estimates) | {"road_network": has_network}
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
+    run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
+    save_changes(store, rows, keys, run)
+    return MatchReport(
+        method=method,
+        verdicts=_counts(changes),
+        n_poles=len(current),
+        n_sites=len(sites),
+        n_in_view=int((seen.complete >= config.min_views).sum()),
+        n_outdated=len(poles) - len(current),
+        warnings=tuple(warning for drive in drives for warning in drive.warnings()),
+    )
+
+
+def choose_method(store: Store, method: str | None) -> str:
+    """Return `method` if drives were ingested by it; by default the best one that some were."""
+    present = store.methods()
+    if not present:
+        raise StoreError(f"The store {store.path} has no drive yet: run `twin ingest-drive` first.")
+    if method is None:
+        return next((name for name in METHODS if name in present), present[0])
+    if method not in present:
+        raise StoreError(
+            f"No drive in the store {store.path} was ingested by --method {method}, only by "
+            f"{', '.join(present)}: run `twin ingest-drive --method {method}` first."
+        )
+    return method
+
+
+@dataclass(frozen=True, slots=True)
+class _Drive:
+    """What matching needs of a drive.
+
+    ``doubt``: in which way it does not fit itself; "" where it does. ``is_complete``: whether it was declared
+    completely annotated. ``absence_gap``: why a sign that it passed and did not see may stand all the same:
+    an annotated object without a place, for one, may be that very sign.
+    """
+
+    drive_id: str
+    name: str
+    started_ns: int
+    content_sha256: str
+    doubt: str
+    is_complete: bool
+    absence_gap: str
+    rig: Rig
+    poses: Poses
+    cameras: tuple[str, ...]
+
+    @property
+    def is_evidence(self) -> bool:
+        """Whether a sign that it passed and did not see is gone."""
+        return self.is_complete and not self.absence_gap and not self.doubt
+
+    def warnings(self) -> Iterator[str]:
+        """What to know of its findings."""
+        if self.doubt:
+            yield f"{self.doubt} Until then its findings are for review, and it shows no sign to be missing."
+        elif self.is_complete and self.absence_gap:
+            yield f"The drive {self.name} cannot show that a sign is missing: {self.absence_gap}."
+
+    def past(self, places: Sequence[Site] | Sequence[ObservedPole], config: MatchConfig) -> Passage:
+        """What the drive had in view of the places."""
+        east, north = np.array([(place.east_m, place.north_m) for place in places]).reshape(-1, 2).T
+        views = views_of_places(self.rig, self.poses, east, north, config, cameras=self.cameras)
+        return Passage(self.drive_id, self.started_ns, self.is_evidence, views)
+
+
+def _settings(
+    method: str, config: MatchConfig, drives: Sequence[_Drive], estimates: Sequence[Row]
+) -> dict[str, Any]:
+    """Everything that findings depend on but NVDB: by its SHA-256 two runs are known to be alike.
+
+    A drive's files (``drive.toml`` among them) are known by their hash. How it was ingested (terrain, error
+    budget, installed grids) is known by what came of it: the hash of its estimates.
+    """
+    digests = {drive.drive_id: hashlib.sha256() for drive in drives}
+    for row in sorted(estimates, key=lambda e: str(e["estimate_id"])):
+        values = [row[name] for name in _HASHED]
+        digests[row["drive_id"]].update(json.dumps(values, sort_keys=True).encode())
+    return {
+        "software": f"nvdb-twin {__version__}",
+        "method": method,
+        "matching": asdict(config),
+        "drives": {
+            drive.drive_id: {
+                "content_sha256": drive.content_sha256,
+                "estimates_sha256": digests[drive.drive_id].hexdigest(),
+                "complete": drive.is_evidence,
+                "doubt": drive.doubt,
+            }
+            for drive in drives
+        },
+    }
+
+
+_HASHED = (
+    "object",
+    "east_m",
+    "north_m",
+    "cov_ee_m2",
+    "cov_en_m2",
+    "cov_nn_m2",
+    "skiltnummer",
+    "text",
+    "cameras",
+)
+
+
+def _places(drives: Sequence[_Drive], poles: Sequence[ObservedPole]) -> FloatArray:
+    """Where something was seen, or driven past: EPSG:25833, to some hundred metres."""
+    track = [np.stack([d.poses.latitude_deg, d.poses.longitude_deg], axis=1) for d in drives]
+    coarse = np.unique(np.round(np.concatenate(track) / _COARSE_DEG), axis=0) * _COARSE_DEG
+    east, north = utm33_from_geographic(*coarse.T)
+    seen = np.array([(pole.east_m, pole.north_m) for pole in poles]).reshape(-1, 2)
+    return np.concatenate([np.stack([east, north], axis=1), seen])
+
+
+_COARSE_DEG = 0.002
+
+
+def views_of_places(
+    rig: Rig,
+    poses: Poses,
+    east: FloatArray,
+    north: FloatArray,
+    config: MatchConfig,
+    *,
+    cameras: Sequence[str],
+) -> Views:
+    """Find the camera images that had each place (EPSG:25833) in view, and where the car stood from it."""
+    place, azimuth = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    if len(east):
+        lat, lon = geographic_from_utm33(east, north)
+        for seen in views(rig, poses, lat, lon, max_range_m=config.view_range_m, cameras=list(cameras)):
+            per_east, per_north = metres_per_degree(lat[seen.site])
+            de = (poses.longitude_deg[seen.pose] - lon[seen.site]) * per_east
+            dn = (poses.latitude_deg[seen.pose] - lat[seen.site]) * per_north
+            place.append(seen.site)
+            azimuth.append(np.rad2deg(np.arctan2(de, dn)) % 360.0)
+    return Views(np.concatenate(place), np.concatenate(azimuth))
+
+
+def _drives(view: Snapshot, method: str) -> list[_Drive]:
+    """Drives ingested by the method, in time order; only these can have seen or missed a sign."""
+    d, m = schema.drive, schema.drive_method
+    statement = (
+        sa.select(d, m.c.n_unplaced, m.c.corrections)
+        .join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
+        .order_by(d.c.started_ns, d.c.drive_id)
+    )
+    drives = []
+    for row in view.rows(statement):
+        unplaced = f"{row['n_unplaced']} annotated objects have no position" if row["n_unplaced"] else ""
+        document = json.loads(zlib.decompress(row["rig"]))
+        rig, _ = without_template_masks(rig_from_document(document, source=row["name"]))
+        drives.append(
+            _Drive(
+                drive_id=row["drive_id"],
+                started_ns=row["started_ns"],
+                content_sha256=row["content_sha256"],
+                name=row["name"],
+                doubt=doubt_of(row["name"], row["corrections"].get("misfits", ())),
+                is_complete=bool(row["annotations_complete"]),
+                absence_gap=row["corrections"].get("absence_gap") or unplaced,
+                rig=rig,
+                poses=poses_from_blob(row["poses"]),
+                cameras=tuple(row["cameras"]),
+            )
+        )
+    return drives
+
+
+def _sites(
+    store: Store, points: Sequence[Row], plates: Sequence[Row], config: MatchConfig, *, has_network: bool
+) -> list[Site]:
+    """Sites of the mirror; with the road network also which way they face, and their road."""
+    if not has_network:
+        return sites_from_mirror(points, plates, config)
+    from twin.mirror.vegnett import facing, load_vegnett
+
+    sites = sites_from_mirror(points, plates, config, facing(store))
+    return along_the_road(sites, load_vegnett(store))
+
+
+@dataclass(frozen=True, slots=True)
+class _Cameras:
+    """Cameras that saw each pole, by its key, and those of each drive that were annotated."""
+
+    of_pole: Mapping[str, frozenset[str]]
+    of_drive: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, poles: Sequence[ObservedPole], drives: Sequence[_Drive]) -> _Cameras:
+        return cls({pole.key: pole.cameras for pole in poles}, {d.drive_id: d.cameras for d in drives})
+
+    def for_finding(self, change: Change) -> str:
+        """Names joined by ","; of a sign that was not seen, the cameras of the drives that looked for it."""
+        seen = self.of_pole.get(change.terms.get("pole", ""))
+        if seen is not None:
+            names = {camera.partition("/")[2] for camera in seen}
+        else:
+            names = {name for drive in change.drive_ids.split(",") for name in self.of_drive.get(drive, ())}
+        return ",".join(sorted(names))
+
+
+def _covariance(
+    change: Change, measured: Mapping[tuple[float, float], FloatArray]
+) -> dict[str, float | None]:
+    """Columns of the measured position's covariance; null where a finding stands at NVDB's position."""
+    found = measured.get((change.east_m, change.north_m))
+    values = [None] * 3 if found is None else found[[0, 0, 1], [0, 1, 1]].tolist()
+    return dict(zip(("cov_ee_m2", "cov_en_m2", "cov_nn_m2"), values, strict=True))
+
+
+def _counts(changes: Sequence[Change]) -> dict[str, int]:
+    counts = dict.fromkeys(VERDICTS, 0)
+    for change in changes:
+        counts[change.verdict] += 1
+    return counts

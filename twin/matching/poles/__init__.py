@@ -1,0 +1,1 @@
+"""Poles that drives saw: estimates of one pole put together, and the frames they were seen in."""

@@ -1,0 +1,1 @@
+"""From pairs and gaps to verdicts, each with its reason."""

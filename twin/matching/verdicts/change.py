@@ -1,0 +1,175 @@
+"""A finding, and what it rests on."""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from twin.matching.assign import Alternatives
+from twin.matching.config import MatchConfig
+from twin.matching.likelihood import moved_density
+from twin.matching.poles.poles import ObservedPole
+from twin.matching.sites import SKILTPUNKT, Site
+
+VERDICTS = ("unchanged", "moved", "wrong_type", "new", "missing", "not_observable", "review")
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One finding. Field names are the columns of the table ``change``.
+
+    ``east_m, north_m`` (EPSG:25833) is where the sign stands now: the measured position, or NVDB's for
+    what was not seen. `confidence` is the probability that the verdict is right; for ``review`` that of the
+    likeliest reading. `terms` says what both rest on (``docs/matching.md``).
+    """
+
+    change_id: str
+    verdict: str
+    reason: str
+    confidence: float
+    nvdb_type: int
+    nvdb_id: int | None
+    nvdb_version: int | None
+    skiltnummer_nvdb: str
+    skiltnummer_seen: str
+    distance_m: float | None
+    distance_sigma_m: float | None
+    drive_ids: str
+    n_sightings: int
+    east_m: float
+    north_m: float
+    terms: Mapping[str, Any] = field(default_factory=dict)
+
+
+def change_id(*identity: object) -> str:
+    """Twelve hex digits of the finding's identity: the same finding has the same id in every run."""
+    return hashlib.sha256("|".join(str(part) for part in identity).encode()).hexdigest()[:12]
+
+
+def name_of(site: Site) -> str:
+    """``Skiltpunkt 17 (202, 808)``."""
+    kind = "Skiltpunkt" if site.nvdb_type == SKILTPUNKT else "Skiltplate"
+    codes = f" ({', '.join(site.codes)})" if site.codes else ""
+    return f"{kind} {site.nvdb_id}{codes}"
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """A pole against NVDB's position.
+
+    Attributes
+    ----------
+    distance_m : float
+    sigma_m : float
+        Our one sigma along that direction, by the fused covariance.
+    p_beyond : float
+        Probability that the pole stands further from NVDB's position than the tolerance.
+    """
+
+    distance_m: float
+    sigma_m: float
+    p_beyond: float
+
+
+def offset_of(pole: ObservedPole, site: Site, config: MatchConfig) -> Offset:
+    """Measure a pole against NVDB's position.
+
+    The probability weighs two readings by how well they explain the distance: NVDB's position is as good as
+    it says (then the pole stands between it and our measurement, the nearer to ours the better that is), or
+    the sign was moved (then only our measurement says where it stands). The fused covariance is a bound: it
+    holds even if all drives make the same errors. Here the errors that each drive makes for itself
+    (`MatchConfig.own_share`) are averaged; else NVDB's position would be trusted too much beside ours.
+    """
+    east, north = pole.east_m - site.east_m, pole.north_m - site.north_m
+    distance = math.hypot(east, north)
+    (ee, en), (_, nn) = pole.covariance_m2.tolist()
+    if distance < 1e-6:
+        variance = (ee + nn) / 2
+    else:
+        variance = (ee * east**2 + 2 * en * east * north + nn * north**2) / distance**2
+    bound = math.sqrt(variance)
+    variance *= 1 - config.own_share * (1 - pole.averaged)
+    sigma = math.sqrt(variance)
+    both = site.sigma_m**2 + variance
+    in_place = (1 - config.p_moved) * math.exp(-0.5 * distance**2 / both) / (2 * math.pi * both)
+    moved = config.p_moved * float(moved_density(distance, config))
+    share = site.sigma_m**2 / both
+    beyond = in_place * _phi((share * distance - config.tolerance_m) / max(math.sqrt(share) * sigma, 1e-9))
+    beyond += moved * _phi((distance - config.tolerance_m) / max(sigma, 1e-9))
+    return Offset(distance, bound, beyond / (in_place + moved))
+
+
+def _phi(z: float) -> float:
+    """Standard normal distribution function."""
+    return 0.5 * math.erfc(-z / math.sqrt(2.0))
+
+
+def when_seen(pole: ObservedPole) -> dict[str, Any]:
+    """Time of the first and last sighting, and in how many drives."""
+    known = pole.last_ns > 0
+    return {
+        "first": utc_time(pole.first_ns) if known else None,
+        "last": utc_time(pole.last_ns) if known else None,
+        "drives": len(pole.drive_ids),
+    }
+
+
+def utc_time(epoch_ns: int) -> str:
+    """``2026-05-28T20:26:40Z``."""
+    moment = dt.datetime.fromtimestamp(epoch_ns // 1_000_000_000, tz=dt.UTC)
+    return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def other_sites(alternatives: Alternatives, sites: Sequence[Site]) -> list[dict[str, Any]]:
+    """Alternatives of a pole: other sites, or none."""
+    return [
+        {
+            "nvdb_type": sites[j].nvdb_type if j >= 0 else None,
+            "nvdb_id": sites[j].nvdb_id if j >= 0 else None,
+            "probability": round(p, 4),
+        }
+        for j, p in alternatives
+    ]
+
+
+def other_poles(alternatives: Alternatives, poles: Sequence[ObservedPole]) -> list[dict[str, Any]]:
+    """Alternatives of a site: poles that it may be, or none."""
+    return [{"pole": poles[i].key if i >= 0 else None, "probability": round(p, 4)} for i, p in alternatives]
+
+
+_CLAIMS = ("new", "moved", "wrong_type", "missing")
+
+
+def doubt_of(name: str, misfits: Sequence[str]) -> str:
+    """Return the sentence that says in which way a drive does not fit itself; "" where it does."""
+    if not misfits:
+        return ""
+    return f"The drive {name} does not fit itself ({'; '.join(misfits)}): mend it and ingest it again."
+
+
+def doubtful_as_review(changes: Sequence[Change], doubts: Mapping[str, str]) -> list[Change]:
+    """Turn what contradicts NVDB into ``review`` where it rests on a drive whose positions are not trusted.
+
+    Parameters
+    ----------
+    doubts : mapping of drive id to the sentence of `doubt_of`
+        Of the drives that are not trusted alone.
+    """
+
+    def judged(change: Change) -> Change:
+        doubt = next((doubts[one] for one in change.drive_ids.split(",") if one in doubts), "")
+        if not doubt or change.verdict not in _CLAIMS:
+            return change
+        return replace(
+            change,
+            # An id of its own: the same site may have another review.
+            change_id=change_id("review", change.change_id),
+            verdict="review",
+            reason=f"{doubt} Else this would be {change.verdict.replace('_', ' ')}: {change.reason}",
+        )
+
+    return sorted(map(judged, changes), key=lambda change: change.change_id)

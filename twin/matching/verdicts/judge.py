@@ -1,0 +1,345 @@
+"""Pairs and leftovers → verdicts, each with its reason in one sentence and its terms."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geoloc.arrays import BoolArray, FloatArray
+from twin.matching.assign import Assignment
+from twin.matching.config import MatchConfig
+from twin.matching.likelihood import TERMS
+from twin.matching.plates.readings import family
+from twin.matching.plates.texts import texts_compared
+from twin.matching.poles.poles import ObservedPole
+from twin.matching.sites import SKILTPUNKT, Site
+from twin.matching.verdicts.change import (
+    VERDICTS,
+    Change,
+    Offset,
+    change_id,
+    name_of,
+    offset_of,
+    other_poles,
+    other_sites,
+    when_seen,
+)
+from twin.matching.verdicts.judge_plates import MatchedPole, plate_findings
+
+__all__ = ["VERDICTS", "Change", "judge"]
+
+
+def judge(
+    poles: Sequence[ObservedPole],
+    sites: Sequence[Site],
+    assignment: Assignment,
+    views: NDArray[np.int64],
+    complete_drives: Sequence[Sequence[str]],
+    config: MatchConfig,
+    *,
+    p_unannotated: FloatArray | None = None,
+    passed: BoolArray | None = None,
+) -> list[Change]:
+    """Give every pole and every site in view its verdict.
+
+    A site whose position and plates are as NVDB has them gives one ``unchanged``; otherwise each finding is a
+    row of its own: the pole's (Skiltpunkt) and one for each plate that differs (Skiltplate).
+
+    Parameters
+    ----------
+    views : int (n_sites,)
+        Frames of completely annotated drives in which the site was in view.
+    complete_drives : per site, the ids of those drives
+    p_unannotated : float64 (n_sites,), optional
+        As :func:`twin.matching.assign.assign` got it. Default: `p_missed` where `views` are enough, else 1.
+    passed : bool (n_sites,), optional
+        Whether a completely annotated drive had the place in view at all. Default: where there are views.
+
+    Returns
+    -------
+    list of Change
+        In the order of ``change_id``.
+    """
+    if p_unannotated is None:
+        p_unannotated = np.where(views >= config.min_views, config.p_missed, 1.0)
+    scene = _Scene(
+        poles=poles,
+        sites=sites,
+        assignment=assignment,
+        views=views,
+        drives=complete_drives,
+        p_gone=config.p_gone / (config.p_gone + (1 - config.p_gone) * p_unannotated),
+        passed=views > 0 if passed is None else passed,
+        mirrored=_mirrored(poles, sites, config),
+        config=config,
+    )
+    changes: list[Change] = []
+    for index, site_index in enumerate(assignment.site_of_pole.tolist()):
+        changes += _new_pole(scene, index) if site_index < 0 else _pair(scene, index, site_index)
+    paired = set(assignment.site_of_pole.tolist())
+    for j in np.flatnonzero(scene.passed).tolist():
+        if j not in paired and sites[j].own_geometry:
+            changes += _unseen_site(scene, j)
+    return sorted(changes, key=lambda change: change.change_id)
+
+
+def _mirrored(poles: Sequence[ObservedPole], sites: Sequence[Site], config: MatchConfig) -> BoolArray:
+    """Whether the mirror has any sign in the neighbourhood of each pole."""
+    from scipy.spatial import cKDTree
+
+    if not poles or not sites:
+        return np.zeros(len(poles), dtype=bool)
+    tree = cKDTree(np.array([(site.east_m, site.north_m) for site in sites]))
+    distance, _ = tree.query(np.array([(pole.east_m, pole.north_m) for pole in poles]))
+    return np.asarray(distance <= config.mirrored_m)
+
+
+@dataclass(frozen=True, slots=True)
+class _Scene:
+    """Everything that a verdict may rest on; `p_gone` is that of a site to which no pole belongs."""
+
+    poles: Sequence[ObservedPole]
+    sites: Sequence[Site]
+    assignment: Assignment
+    views: NDArray[np.int64]
+    drives: Sequence[Sequence[str]]
+    p_gone: FloatArray
+    passed: BoolArray
+    mirrored: BoolArray
+    config: MatchConfig
+
+    def confidence(self, index: int) -> float:
+        """Probability that a pole still stands and is what it was assigned to."""
+        still = 1.0 - self.poles[index].p_taken_down
+        return float(self.assignment.confidence_of_pole[index]) * still
+
+    def unsure(self, index: int) -> bool:
+        """Whether another reading of a pole is nearly as likely."""
+        return self.confidence(index) < self.config.review_below
+
+
+def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
+    """Findings of a pole and the site it was assigned to."""
+    pole, site, config = scene.poles[index], scene.sites[site_index], scene.config
+    offset = offset_of(pole, site, config)
+    confidence = scene.confidence(index)
+    enough = scene.views[site_index] >= config.min_views
+    match = MatchedPole(
+        pole=pole,
+        site=site,
+        offset=offset,
+        confidence=confidence,
+        p_gone=float(scene.p_gone[site_index]) if enough else 0.0,
+        terms=_pair_terms(scene, index, site, offset),
+    )
+    if scene.unsure(index):
+        reason = (
+            f"{name_of(site)} is the likeliest match ({confidence:.0%}), but {_rival(scene, index)} "
+            f"({_why(match)}): look before deciding."
+        )
+        return [_pole_change("review", reason, match, confidence)]
+    plates = plate_findings(match, config)
+    findings = plates.findings
+    match = replace(match, pole=replace(pole, codes=plates.codes))
+    if not site.own_geometry:
+        reason = (
+            f"{name_of(site)} has no position of its own in NVDB, only the road's centre line: here is one, "
+            f"± {pole.sigma_m:.2f} m ({_why(match)})."
+        )
+        return [_pole_change("review", reason, match, confidence), *findings]
+    if offset.distance_m - config.tolerance_m > config.moved_quantile * offset.sigma_m:
+        reason = (
+            f"{name_of(site)} stands {offset.distance_m:.2f} m (± {offset.sigma_m:.2f} m) from NVDB's "
+            f"position, beyond the tolerance of {config.tolerance_m:.1f} m ({_why(match)})."
+        )
+        return [_pole_change("moved", reason, match, confidence * offset.p_beyond), *findings]
+    if findings:
+        return findings
+    reason = (
+        f"{name_of(site)} stands where NVDB has it: {offset.distance_m:.2f} m off, ± {offset.sigma_m:.2f} m "
+        f"({_why(match)})."
+    )
+    confidence *= (1 - offset.p_beyond) * plates.p_as_known
+    return [_pole_change("unchanged", reason, match, confidence)]
+
+
+def _rival(scene: _Scene, index: int) -> str:
+    """What else a pole may be, in words."""
+    if scene.poles[index].p_taken_down > 1 - scene.assignment.confidence_of_pole[index]:
+        return "a later, completely annotated drive passed and did not see it"
+    rival = int(scene.assignment.rival_of_pole[index])
+    name = name_of(scene.sites[rival]) if rival >= 0 else "a sign that NVDB does not have"
+    return f"{name} is nearly as likely"
+
+
+def _why(match: MatchedPole) -> str:
+    """The terms of a pair in words."""
+    pole, site, terms = match.pole, match.site, match.terms["log_odds"]
+    words = [f"a distance of {match.terms['sigmas']:.1f} sigmas"] if site.own_geometry else []
+    if not pole.codes:
+        words.append("its sign code was not annotated")
+    elif site.codes:
+        words.append(_codes_in_words(pole.codes, site.codes))
+    words += [
+        f'though {told["code"]} reads "{told["seen"]}" and in NVDB "{told["nvdb"]}"'
+        for told in match.terms.get("texts", ())
+        if told["differs"]
+    ]
+    if terms["facing"] < 0:
+        words.append("though NVDB says that it faces away")
+    if terms["side"]:
+        words.append("on the side that NVDB says" if terms["side"] > 0 else "though on the other side")
+    n_drives = len(pole.drive_ids)
+    words.append(f"seen in {n_drives} drives" if n_drives > 1 else "seen in one drive")
+    return ", ".join(words)
+
+
+def _codes_in_words(seen: Sequence[str], known: Sequence[str]) -> str:
+    if Counter(seen) == Counter(known):
+        return "same sign code" if len(seen) == 1 else "same sign codes"
+    if set(seen) & set(known):
+        return "some of its sign codes"
+    kin = {family(code) for code in seen} & {family(code) for code in known}
+    return "a code of its family" if kin else "another code"
+
+
+def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[str, Any]:
+    assignment, pole = scene.assignment, scene.poles[index]
+    odds = assignment.terms_of_pole[index].tolist()
+    texts = texts_compared(pole.codes, pole.texts, site.plates, scene.config)
+    return {
+        "match": round(float(assignment.confidence_of_pole[index]), 4),
+        "log_odds": {name: round(value, 2) for name, value in zip(TERMS, odds, strict=True)},
+        "sigmas": round(offset.distance_m / float(np.hypot(offset.sigma_m, site.sigma_m)), 2),
+        "nvdb_sigma_m": round(site.sigma_m, 3),
+        "beyond_tolerance": round(offset.p_beyond, 4) if site.own_geometry else None,
+        "pole": pole.key,
+        "seen": when_seen(pole),
+        "taken_down": round(pole.p_taken_down, 4),
+        "alternatives": other_sites(assignment.alternatives_of_pole.get(index, ()), scene.sites),
+        **({"texts": texts} if texts else {}),
+    }
+
+
+def _pole_change(verdict: str, reason: str, match: MatchedPole, confidence: float) -> Change:
+    pole, site = match.pole, match.site
+    return Change(
+        change_id=change_id(verdict, site.nvdb_type, site.nvdb_id),
+        verdict=verdict,
+        reason=reason,
+        confidence=confidence,
+        nvdb_type=site.nvdb_type,
+        nvdb_id=site.nvdb_id,
+        nvdb_version=site.version,
+        skiltnummer_nvdb=";".join(site.codes),
+        skiltnummer_seen=";".join(pole.codes),
+        distance_m=match.offset.distance_m,
+        distance_sigma_m=match.offset.sigma_m,
+        drive_ids=",".join(pole.drive_ids),
+        n_sightings=pole.n_sightings,
+        east_m=pole.east_m,
+        north_m=pole.north_m,
+        terms=match.terms,
+    )
+
+
+def _new_pole(scene: _Scene, index: int) -> list[Change]:
+    pole, config = scene.poles[index], scene.config
+    rival = int(scene.assignment.rival_of_pole[index])
+    codes = " ".join(pole.codes) or "a sign without an annotated code"
+    verdict = "review"
+    if not scene.mirrored[index]:
+        reason = (
+            f"{codes} stands here, and the mirror has no sign at all within {config.mirrored_m:.0f} m: is "
+            "this place inside the mirrored area?"
+        )
+    elif scene.unsure(index) and rival >= 0:
+        name = name_of(scene.sites[rival])
+        reason = f"{codes}: either new, or {name} moved or changed: look before deciding."
+    elif scene.unsure(index):
+        reason = f"{codes} stood here, but a later, completely annotated drive passed and did not see it."
+    else:
+        verdict = "new"
+        reason = f"{codes} stands here, and no sign of NVDB within {config.gate_m:.0f} m is left for it."
+    confidence = scene.confidence(index)
+    alternatives = scene.assignment.alternatives_of_pole.get(index, ())
+    change = Change(
+        change_id=change_id(verdict, SKILTPUNKT, pole.key),
+        verdict=verdict,
+        reason=reason,
+        confidence=confidence,
+        nvdb_type=SKILTPUNKT,
+        nvdb_id=None,
+        nvdb_version=None,
+        skiltnummer_nvdb="",
+        skiltnummer_seen=";".join(pole.codes),
+        distance_m=None,
+        distance_sigma_m=None,
+        drive_ids=",".join(pole.drive_ids),
+        n_sightings=pole.n_sightings,
+        east_m=pole.east_m,
+        north_m=pole.north_m,
+        terms={
+            "match": round(confidence, 4),
+            "pole": pole.key,
+            "seen": when_seen(pole),
+            "taken_down": round(pole.p_taken_down, 4),
+            "alternatives": other_sites(alternatives, scene.sites),
+        },
+    )
+    return [change]
+
+
+def _unseen_site(scene: _Scene, j: int) -> list[Change]:
+    """A site that a complete drive passed, and that no pole belongs to."""
+    site, config, frames = scene.sites[j], scene.config, int(scene.views[j])
+    alone, gone = float(scene.assignment.confidence_of_site[j]), float(scene.p_gone[j])
+    alternatives = scene.assignment.alternatives_of_site.get(j, ())
+    confidence = alone * gone
+    drives = len(scene.drives[j])
+    if frames < config.min_views or gone < config.review_below:
+        verdict, confidence = "not_observable", 1 - gone
+        reason = (
+            f"{name_of(site)} was not seen, but its front was in view in only {frames} frames of completely "
+            f"annotated drives, and never in {config.min_views} of one drive: that is too few to tell."
+        )
+    elif confidence >= config.review_below:
+        verdict = "missing"
+        reason = f"{name_of(site)} was not seen, though its place was in view in {frames} frames of " + (
+            "a completely annotated drive." if drives == 1 else f"{drives} completely annotated drives."
+        )
+    elif any(i >= 0 and scene.unsure(i) for i, _ in alternatives):
+        return []  # The pole that it may be asks the question already.
+    else:
+        verdict = "review"
+        reason = (
+            f"{name_of(site)} was not seen for certain in {frames} frames: a sign near it may be this one."
+        )
+    change = Change(
+        change_id=change_id(verdict, site.nvdb_type, site.nvdb_id),
+        verdict=verdict,
+        reason=reason,
+        confidence=confidence,
+        nvdb_type=site.nvdb_type,
+        nvdb_id=site.nvdb_id,
+        nvdb_version=site.version,
+        skiltnummer_nvdb=";".join(site.codes),
+        skiltnummer_seen="",
+        distance_m=None,
+        distance_sigma_m=None,
+        drive_ids=",".join(scene.drives[j]),
+        n_sightings=0,
+        east_m=site.east_m,
+        north_m=site.north_m,
+        terms={
+            "match": round(alone, 4),
+            "absence": {"frames": frames, "drives": drives, "gone": round(gone, 4)},
+            "alternatives": other_poles(alternatives, scene.poles),
+        },
+    )
+    return [change]

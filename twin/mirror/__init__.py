@@ -1,0 +1,1 @@
+"""The mirror of NVDB in the store: signs, their history, and the road network."""

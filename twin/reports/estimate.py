@@ -1,0 +1,303 @@
+"""Why an estimate stands where it stands: what the store keeps of one object, put together for people."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import sqlalchemy as sa
+
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
+from geoloc.earth.heights import nn2000_from_ellipsoidal
+from geoloc.locate.combine import ellipse
+from geoloc.rig.rig import Rig, rig_from_document
+from twin.errors import ConfigError, StoreError
+from twin.export.appearance import SIGMAS_95
+from twin.ingest.rows import finite
+from twin.matching.config import MatchConfig
+from twin.matching.sites import Site, sites_from_mirror
+from twin.reports.sightings import CameraShare, Frames, cameras_of, frames_of
+from twin.store import schema
+from twin.store.schema import METHODS
+from twin.store.store import Snapshot, Store
+
+Row = Mapping[str, Any]
+
+NEIGHBOURS_M = 15.0
+_MAX_NAMED = 8
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetShare:
+    """One source of an estimate's error: one sigma along the ellipse's long axis and across it."""
+
+    source: str
+    along_m: float
+    across_m: float
+    share: float
+    """Part of the whole variance (both axes together); the shares of all sources add up to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateExplained:
+    """One estimate with everything that it rests on.
+
+    Attributes
+    ----------
+    east_m, north_m : float
+        EPSG:25833.
+    latitude_deg, longitude_deg : float
+        EPSG:4326 by NVDB's null transformation.
+    height_m, sigma_height_m, height_nn2000_m : float
+        `height_m` above the ellipsoid. NaN where unknown.
+    covariance_m2 : float64 (2, 2)
+        Grid east, grid north.
+    major95_m, minor95_m, azimuth_deg : float
+        Half axes of the ellipse that holds the object with 95 % probability; the long axis clockwise from
+        true north.
+    budget : tuple of BudgetShare
+        Largest first; empty for methods that do not tell.
+    n_sightings, n_frames, n_rejected : int
+        Used ones, the frames that they are in, and outliers among the object's sightings.
+    corrections : mapping
+        What the drive's adjustment found (`twin.ingest.rows.corrections`); empty for other methods.
+    neighbours : tuple of Site
+        Of the mirror, with a position of their own, within 15 m.
+    also : tuple of str
+        Estimates of the same object of the same drive by other methods.
+    line_m : float64 (k, 2)
+        Where the car drove, EPSG:25833.
+    """
+
+    estimate_id: str
+    object: str
+    label: str
+    skiltnummer: str
+    drive_id: str
+    drive_name: str
+    method: str
+    flags: tuple[str, ...]
+    east_m: float
+    north_m: float
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    sigma_height_m: float
+    height_nn2000_m: float
+    covariance_m2: FloatArray
+    major95_m: float
+    minor95_m: float
+    azimuth_deg: float
+    budget: tuple[BudgetShare, ...]
+    n_sightings: int
+    n_frames: int
+    n_rejected: int
+    frames: Frames
+    cameras: tuple[CameraShare, ...]
+    corrections: Mapping[str, Any]
+    neighbours: tuple[Site, ...]
+    also: tuple[str, ...]
+    line_m: FloatArray
+
+    def as_json(self) -> dict[str, Any]:
+        """Return everything but the drive's line in types that JSON has; unknown numbers are None."""
+        document: dict[str, Any] = _plain(self)
+        del document["line_m"]
+        columns = document["frames"]
+        document["frames"] = [
+            dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
+        ]
+        return document
+
+
+def explain_estimate(store: Store, which: str) -> EstimateExplained:
+    """Gather what the store knows of one estimate.
+
+    Parameters
+    ----------
+    store : Store
+    which : str
+        An estimate's id (``drive:object:method``), or an object's where only one drive has it: then the
+        best method's estimate. ``drive:object`` is understood too.
+
+    Raises
+    ------
+    ConfigError
+        There is no such estimate, or several drives have such an object: the sentence names the candidates.
+    StoreError
+        The store has no estimates yet.
+    """
+    with store.snapshot() as view:
+        row = _chosen(view, which, store.path)
+        (drive,) = view.rows(sa.select(schema.drive).where(schema.drive.c.drive_id == row["drive_id"]))
+        found = view.rows(_of(schema.drive_method, row))
+        sightings = view.rows(
+            _of(schema.sighting, row)
+            .where(schema.sighting.c.object == row["object"])
+            .order_by(schema.sighting.c.epoch_ns, schema.sighting.c.number)
+        )
+        also = view.rows(_same_object(row))
+        near = _neighbours(view, row["east_m"], row["north_m"])
+    frames = frames_of(sightings, _rig(drive))
+    return EstimateExplained(
+        **{
+            name: row[name]
+            for name in ("estimate_id", "object", "label", "skiltnummer", "drive_id", "method")
+        },
+        **{
+            name: row[name]
+            for name in ("east_m", "north_m", "height_m", "n_sightings", "n_frames", "n_rejected")
+        },
+        drive_name=drive["name"],
+        flags=tuple(flag for flag in row["flags"].split(";") if flag),
+        **_place(row),
+        frames=frames,
+        cameras=cameras_of(frames),
+        corrections=found[0]["corrections"] if found else {},
+        neighbours=near,
+        also=tuple(sorted((r["estimate_id"] for r in also), key=_rank)),
+        line_m=_line(drive["line"]),
+    )
+
+
+def _of(table: sa.Table, row: Row) -> sa.Select[Any]:
+    return sa.select(table).where(table.c.drive_id == row["drive_id"], table.c.method == row["method"])
+
+
+def _same_object(row: Row) -> sa.Select[Any]:
+    table = schema.estimate.c
+    return sa.select(table.estimate_id).where(
+        table.drive_id == row["drive_id"], table.object == row["object"], table.method != row["method"]
+    )
+
+
+def _rank(estimate_id: str) -> int:
+    """Best method first."""
+    method = estimate_id.rsplit(":", 1)[-1]
+    return METHODS.index(method) if method in METHODS else len(METHODS)
+
+
+def _chosen(view: Snapshot, which: str, path: Path) -> Row:
+    table = schema.estimate.c
+    exact = view.rows(sa.select(schema.estimate).where(table.estimate_id == which))
+    if exact:
+        return exact[0]
+    asked = sa.or_(table.object == which, table.drive_id + ":" + table.object == which)
+    rows = view.rows(sa.select(schema.estimate).where(asked))
+    if not rows:
+        raise _no_such(view, which, path)
+    best = sorted(rows, key=lambda r: (_rank(r["estimate_id"]), r["estimate_id"]))
+    drives = {row["drive_id"] for row in rows}
+    if len(drives) > 1:
+        names = [next(r["estimate_id"] for r in best if r["drive_id"] == drive) for drive in sorted(drives)]
+        raise ConfigError(f"{len(drives)} drives have an object {which!r}: name one of {_listed(names)}.")
+    return best[0]
+
+
+def _no_such(view: Snapshot, which: str, path: Path) -> ConfigError | StoreError:
+    """Say why there is no such estimate: none at all, an object without a position, or a wrong name."""
+    names = [r["object"] for r in view.rows(sa.select(schema.estimate.c.object).distinct())]
+    seen = schema.sighting.c
+    reasons = view.rows(
+        sa.select(seen.rejected, sa.func.count().label("n"))
+        .where(sa.or_(seen.object == which, seen.drive_id + ":" + seen.object == which))
+        .group_by(seen.rejected)
+        .order_by(sa.desc("n"))
+    )
+    if reasons:
+        why = next((r["rejected"] for r in reasons if r["rejected"]), "its rays meet nowhere")
+        return ConfigError(f"The object {which!r} in {path} was annotated but has no position: {why}.")
+    if not names:
+        return StoreError(f"The store {path} has no estimates yet: run `twin ingest-drive` first.")
+    return ConfigError(
+        f"No estimate or object is called {which!r} in {path}: it has {_listed(sorted(names))}."
+    )
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_MAX_NAMED])
+    return shown if len(names) <= _MAX_NAMED else f"{shown} and {len(names) - _MAX_NAMED} more"
+
+
+def _place(row: Row) -> dict[str, Any]:
+    """Position, ellipse and budget in the forms that people read."""
+    lat, lon = geographic_from_utm33(row["east_m"], row["north_m"])
+    covariance = np.array(
+        [[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]], dtype=np.float64
+    )
+    major, minor, grid_azimuth = ellipse(covariance)
+    azimuth = float(grid_azimuth + grid_convergence_deg(lat, lon)) % 180.0
+    sigma = row["sigma_height_m"]
+    return {
+        "latitude_deg": float(lat),
+        "longitude_deg": float(lon),
+        "sigma_height_m": float("nan") if sigma is None else sigma,
+        "height_nn2000_m": float(nn2000_from_ellipsoidal(lat, lon, row["height_m"]).height_m),
+        "covariance_m2": covariance,
+        "major95_m": SIGMAS_95 * float(major),
+        "minor95_m": SIGMAS_95 * float(minor),
+        "azimuth_deg": azimuth,
+        "budget": _budget(row["budget"], azimuth),
+    }
+
+
+def _budget(budget: Mapping[str, Sequence[float]], azimuth_deg: float) -> tuple[BudgetShare, ...]:
+    """Each source's sigmas along the whole's axes; its covariance is in true east and north."""
+    sin, cos = np.sin(np.radians(azimuth_deg)), np.cos(np.radians(azimuth_deg))
+    whole = sum(ee + nn for ee, _, nn in budget.values())
+    shares = []
+    for source, (ee, en, nn) in budget.items():
+        along = ee * sin**2 + 2.0 * en * sin * cos + nn * cos**2
+        # What is left of nothing may be less than nothing by a rounding.
+        sigmas = np.sqrt(np.maximum([along, ee + nn - along], 0.0))
+        share = (ee + nn) / whole if whole > 0.0 else 0.0
+        shares.append(BudgetShare(source, float(sigmas[0]), float(sigmas[1]), share))
+    return tuple(sorted(shares, key=lambda s: (-s.share, s.source)))
+
+
+def _rig(drive: Row) -> Rig:
+    return rig_from_document(json.loads(zlib.decompress(drive["rig"])), source=drive["name"])
+
+
+def _neighbours(view: Snapshot, east_m: float, north_m: float) -> tuple[Site, ...]:
+    def near(table: sa.Table) -> sa.ColumnElement[bool]:
+        return sa.and_(
+            table.c.east_m.between(east_m - NEIGHBOURS_M, east_m + NEIGHBOURS_M),
+            table.c.north_m.between(north_m - NEIGHBOURS_M, north_m + NEIGHBOURS_M),
+        )
+
+    def rows(table: sa.Table, wanted: sa.ColumnElement[bool]) -> list[Row]:
+        columns = [column for column in table.columns if column.name != "raw"]
+        return view.rows(sa.select(*columns).where(wanted))
+
+    points = rows(schema.skiltpunkt, near(schema.skiltpunkt))
+    plate = schema.skiltplate
+    of_these = plate.c.point_id.in_([point["nvdb_id"] for point in points])
+    sites = sites_from_mirror(points, rows(plate, sa.or_(near(plate), of_these)), MatchConfig())
+    distance = {s: np.hypot(s.east_m - east_m, s.north_m - north_m) for s in sites if s.own_geometry}
+    return tuple(sorted((s for s in distance if distance[s] <= NEIGHBOURS_M), key=distance.__getitem__))
+
+
+def _line(wkb: bytes) -> FloatArray:
+    import shapely
+
+    return np.asarray(shapely.get_coordinates(shapely.from_wkb(wkb)), dtype=np.float64)
+
+
+def _plain(value: Any) -> Any:
+    """Dataclasses → dicts, arrays → lists, NaN → None."""
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return finite(value) if isinstance(value, float) else value

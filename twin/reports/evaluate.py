@@ -1,0 +1,309 @@
+"""Estimates against surveyed truth: the numbers and the figures that the paper reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sqlalchemy as sa
+
+from geoloc.arrays import FloatArray
+from geoloc.locate.accuracy import ellipse_coverage, error_stats, stats_by_range
+from twin.errors import TruthError
+from twin.reports.pairing import Pairing, by_id, by_position, nearest_m
+from twin.reports.truth import Truth, read_truth
+from twin.store import schema
+from twin.store.folders import make_folder
+from twin.store.store import Store
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Row = Mapping[str, Any]
+
+__all__ = ["BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "plot", "read_truth"]
+
+BY = ("auto", "id", "position")
+"""Ways to find out which surveyed object an estimate is of."""
+WITHIN_M = 5.0
+"""An estimate farther from every surveyed position is of another object, if they are paired by position."""
+ONE_FRAME = ("single-frame", "paper")
+"""Methods whose single sightings are positions of their own; `adjusted` only ever places whole objects."""
+
+
+@dataclass(frozen=True, slots=True)
+class MethodResult:
+    """Errors of one method.
+
+    Attributes
+    ----------
+    objects : dict
+        n, mean, median, p95, max, rmse of the estimates' horizontal errors, metres.
+    coverage95 : float
+        Share of the truths inside the 95 % ellipse.
+    objects_by_range, sightings_by_range : list of dict
+        The same statistics by distance: of the estimates by that of their nearest sighting, and of single
+        sightings; the latter empty for `adjusted`, whose sightings are no positions by themselves.
+        ``from_m``, ``to_m`` (None: no limit), n … rmse, ``coverage95``.
+    not_estimated : tuple of str
+        Truth objects that this method has no estimate of.
+    not_in_truth : int
+        Estimates of this method that are of no truth object.
+    paired_by : str
+        ``id`` or ``position``.
+    """
+
+    method: str
+    objects: dict[str, float]
+    coverage95: float
+    objects_by_range: list[dict[str, Any]]
+    sightings_by_range: list[dict[str, Any]]
+    not_estimated: tuple[str, ...]
+    not_in_truth: int
+    paired_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Results by method, and the arrays behind them for plots."""
+
+    methods: tuple[MethodResult, ...]
+    sightings: dict[str, dict[str, FloatArray]]
+    """Method of one frame → ``range_m``, ``speed_mps``, ``error_m`` of every located sighting of a truth
+    object."""
+    estimates: dict[str, dict[str, FloatArray]]
+    """method → ``range_m`` (nearest sighting), ``speed_mps`` (the car's mean while it saw the object) and
+    ``error_m`` of every estimate."""
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """Return the numbers without the arrays."""
+        return [asdict(result) for result in self.methods]
+
+
+def evaluate(
+    store: Store, truths: Sequence[Truth], *, by: str = BY[0], within_m: float = WITHIN_M
+) -> Evaluation:
+    """Compare every method in the store with the truth.
+
+    Parameters
+    ----------
+    by : {"auto", "id", "position"}
+        How estimates find their truth. By position they are paired one-to-one, a drive and method at a time,
+        where both know sign codes only if they share one. Default: by id, or by position if no id fits.
+    within_m : float
+        Farther apart than this nothing is paired by position.
+
+    Raises
+    ------
+    TruthError
+        None of the truth's objects has an estimate.
+    """
+    estimates = store.rows(sa.select(schema.estimate).order_by(schema.estimate.c.estimate_id))
+    if not estimates:
+        raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
+    find, paired_by = _pairing(store, estimates, truths, by, within_m)
+    sightings = store.rows(sa.select(schema.sighting).where(schema.sighting.c.rejected == ""))
+    speed = _mean_speeds(sightings)
+    results: list[MethodResult] = []
+    sighting_arrays: dict[str, dict[str, FloatArray]] = {}
+    estimate_arrays: dict[str, dict[str, FloatArray]] = {}
+    for method in store.methods():
+        mine = [{**row, "speed_mps": speed.get(_key(row))} for row in estimates if row["method"] == method]
+        own = _paired(mine, find)
+        if not own:
+            continue
+        placed = (s for s in sightings if s["method"] == method in ONE_FRAME and s["east_m"] is not None)
+        seen = _paired(placed, find)
+        objects, singles = _errors(own, "range_min_m"), _errors(seen, "range_m")
+        estimate_arrays[method] = objects.arrays()
+        if seen:
+            sighting_arrays[method] = singles.arrays()
+        missed = {truth.object for truth in truths} - {truth.object for _, truth in own}
+        results.append(_result(method, objects, singles, sorted(missed), len(mine) - len(own), paired_by))
+    return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
+
+
+def _result(
+    method: str, objects: _Errors, singles: _Errors, missed: list[str], not_in_truth: int, paired_by: str
+) -> MethodResult:
+    return MethodResult(
+        method=method,
+        objects=asdict(error_stats(objects.error_m)),
+        coverage95=float(ellipse_coverage(objects.offset_m, objects.covariance_m2)),
+        objects_by_range=objects.by_range(),
+        sightings_by_range=singles.by_range(),
+        not_estimated=tuple(missed),
+        not_in_truth=not_in_truth,
+        paired_by=paired_by,
+    )
+
+
+def _pairing(
+    store: Store, estimates: Sequence[Row], truths: Sequence[Truth], by: str, within_m: float
+) -> tuple[Pairing, str]:
+    """How estimates find their truth, and which way that is.
+
+    Raises
+    ------
+    TruthError
+        No estimate finds any.
+    """
+    if by not in BY:
+        raise TruthError(f"Estimates cannot be paired by {by!r}: use one of {', '.join(BY)}.")
+    ways = {"id": by_id(truths), "position": by_position(estimates, truths, within_m)}
+    for way in ways if by == "auto" else (by,):
+        if any(ways[way](row) is not None for row in estimates):
+            return ways[way], way
+    names = ", ".join(sorted({t.object for t in truths})[:3])
+    held = ", ".join(sorted({row["object"] for row in estimates})[:3])
+    if by == "id":
+        raise TruthError(
+            f"No estimate in {store.path} belongs to an object of the truth file ({names}, …): the column "
+            f"object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them; "
+            "or pair them by position (--by position)."
+        )
+    raise TruthError(
+        f"No estimate in {store.path} ({held}, …) has the id of an object of the truth file ({names}, …), or "
+        f"stands within {within_m:g} m of one; the nearest is {nearest_m(estimates, truths):.1f} m away: is "
+        "it the right file, and in EPSG:25833? --within allows more."
+    )
+
+
+def _paired(rows: Iterable[Row], find: Pairing) -> list[tuple[Row, Truth]]:
+    """Rows that have a truth, with it."""
+    return [(row, truth) for row in rows if (truth := find(row)) is not None]
+
+
+def _key(row: Row) -> tuple[str, str, str]:
+    return row["method"], row["drive_id"], row["object"]
+
+
+def _mean_speeds(sightings: Sequence[Row]) -> dict[tuple[str, str, str], float]:
+    """(method, drive, object) → the car's mean speed over the sightings that took part."""
+    speeds: dict[tuple[str, str, str], list[float]] = {}
+    for row in sightings:
+        if row["speed_mps"] is not None:
+            speeds.setdefault(_key(row), []).append(row["speed_mps"])
+    return {key: float(np.mean(values)) for key, values in speeds.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Errors:
+    """Positions minus truth, EPSG:25833, with their covariance and the range to the object."""
+
+    offset_m: FloatArray
+    covariance_m2: FloatArray
+    range_m: FloatArray
+    speed_mps: FloatArray
+
+    @property
+    def error_m(self) -> FloatArray:
+        return np.asarray(np.hypot(self.offset_m[:, 0], self.offset_m[:, 1]))
+
+    def arrays(self) -> dict[str, FloatArray]:
+        return {"range_m": self.range_m, "speed_mps": self.speed_mps, "error_m": self.error_m}
+
+    def by_range(self) -> list[dict[str, Any]]:
+        bins = []
+        for one in stats_by_range(self.error_m, self.range_m):
+            if one.stats.n:
+                inside = (self.range_m >= one.from_m) & (self.range_m < one.to_m)
+                covered = ellipse_coverage(self.offset_m[inside], self.covariance_m2[inside])
+                # JSON has no infinity: the last bin is open.
+                to_m = one.to_m if math.isfinite(one.to_m) else None
+                bins.append(
+                    {"from_m": one.from_m, "to_m": to_m, **asdict(one.stats), "coverage95": float(covered)}
+                )
+        return bins
+
+
+def _errors(pairs: Sequence[tuple[Row, Truth]], range_name: str) -> _Errors:
+    def column(*names: str) -> FloatArray:
+        values = [[row.get(name) for name in names] for row, _ in pairs]
+        return np.array(values, dtype=np.float64).reshape(len(pairs), len(names))
+
+    truth = np.array([(t.east_m, t.north_m) for _, t in pairs]).reshape(-1, 2)
+    covariance = column("cov_ee_m2", "cov_en_m2", "cov_en_m2", "cov_nn_m2").reshape(-1, 2, 2)
+    return _Errors(
+        offset_m=column("east_m", "north_m") - truth,
+        covariance_m2=covariance,
+        range_m=column(range_name)[:, 0],
+        speed_mps=column("speed_mps")[:, 0],
+    )
+
+
+def plot(evaluation: Evaluation, folder: Path | str) -> list[Path]:
+    """Draw error against distance and against speed, every method in each, as the paper does.
+
+    Filled marks are objects: at the distance of their nearest sighting, or at the car's mean speed while it
+    saw them. Faint dots are single sightings of the methods of one frame. The errors' axis is logarithmic:
+    methods are a factor of ten and more apart.
+
+    Returns
+    -------
+    list of Path
+        ``error_distance.png`` and ``error_speed.png``.
+    """
+    folder = make_folder(folder)
+    return [
+        _figure(evaluation, folder / name, column, label, scale)
+        for name, column, label, scale in (
+            ("error_distance.png", "range_m", "distance from camera to object [m]", 1.0),
+            ("error_speed.png", "speed_mps", "speed of the car [km/h], methods side by side", 3.6),
+        )
+    ]
+
+
+_LOOKS = {"adjusted": ("#009e73", "o"), "single-frame": ("#0072b2", "D"), "paper": ("#d55e00", "s")}
+_LEAST_ERROR_M = 0.003
+"""What is smaller is drawn here: a logarithm has no zero."""
+_APART = 0.012
+"""Part of the axis by which methods are drawn beside each other where they share a speed."""
+
+
+def _figure(evaluation: Evaluation, path: Path, column: str, label: str, scale: float) -> Path:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set_yscale("log")
+    methods = [name for name in _LOOKS if name in evaluation.estimates]
+    furthest = _furthest(evaluation, column) * scale
+    # The car has one speed for all methods, but a distance that each of them finds for itself.
+    apart = 0.0 if column == "range_m" else _APART * furthest
+    shift = {method: apart * (k - (len(methods) - 1) / 2) for k, method in enumerate(methods)}
+    for what, drawn in (("objects", evaluation.estimates), ("single sightings", evaluation.sightings)):
+        for method in filter(drawn.__contains__, methods):
+            x = drawn[method][column] * scale + shift[method]
+            _draw(axes, x, drawn[method]["error_m"], method, what)
+    axes.set(xlabel=label, ylabel="horizontal error [m]", xlim=(-0.03 * furthest, 1.03 * furthest))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.grid(alpha=0.3)
+    legend = figure.legend(loc="outside upper center", fontsize=8.5, ncols=2, frameon=False)
+    for handle in legend.legend_handles:
+        if handle is not None:
+            handle.set(alpha=1.0, markersize=7)
+    figure.savefig(path, dpi=120)
+    return path
+
+
+def _draw(axes: Axes, x: FloatArray, error_m: FloatArray, method: str, what: str) -> None:
+    colour, marker = _LOOKS[method]
+    look: dict[str, Any] = {"marker": marker, "ms": 7, "mec": "black", "mew": 0.7, "alpha": 0.9, "zorder": 3}
+    if what != "objects":
+        look = {"marker": ".", "ms": 4, "mew": 0, "alpha": 0.35, "zorder": 2}
+    name = f"{method}, {error_m.size:,} {what}, median {np.median(error_m):.2f} m"
+    axes.plot(x, np.maximum(error_m, _LEAST_ERROR_M), ls="", color=colour, label=name, **look)
+
+
+def _furthest(evaluation: Evaluation, column: str) -> float:
+    """Largest distance or speed that is drawn; 1 where all are zero or unknown."""
+    drawn = [*evaluation.estimates.values(), *evaluation.sightings.values()]
+    values = np.concatenate([arrays[column] for arrays in drawn])
+    return float(np.max(values[np.isfinite(values)], initial=0.0)) or 1.0

@@ -1,0 +1,1 @@
+"""Simulated drives as folders, and the sample that the demo runs on."""

@@ -1,0 +1,115 @@
+"""The whole job on the shipped sample, as a newcomer's first run."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from twin.errors import TwinError
+from twin.export import export_findings, render_png
+from twin.export.from_store import layers_from_store
+from twin.ingest.ingest import IngestReport, ingest_drive
+from twin.matching.match import MatchReport, match
+from twin.mirror.sync import SyncResult, sync_nvdb
+from twin.reports.evaluate import Evaluation, evaluate, plot, read_truth
+from twin.store.folders import make_folder
+from twin.store.schema import METHODS
+from twin.store.store import Store
+
+
+@dataclass(frozen=True, slots=True)
+class DemoReport:
+    """What the demo did, for the closing table."""
+
+    sync: SyncResult
+    drives: tuple[IngestReport, ...]
+    match: MatchReport
+    evaluation: Evaluation
+    expected: dict[str, int]
+    """Verdict → how many the sample was made to hold."""
+    files: tuple[Path, ...]
+
+
+def sample_folder() -> Path:
+    """Return the folder of the shipped sample: package data of a wheel, or ``data/`` of a source tree.
+
+    Raises
+    ------
+    TwinError
+        The installation lacks the sample.
+    """
+    package = Path(__file__).parent
+    for folder in (package / "sample_data", package.parent / "data"):
+        if (folder / "truth.csv").is_file():
+            return folder
+    raise TwinError("This installation lacks the sample data: install the wheel, or work in the source tree.")
+
+
+def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) -> DemoReport:
+    """Sync, ingest, match, export and evaluate the sample; NVDB is played by the replay server on loopback.
+
+    Parameters
+    ----------
+    out : Path or str
+        Folder for the store ``demo.db`` and the exported layers. That of an earlier demo is used again:
+        running twice changes nothing.
+    """
+    from nvdb.area import Area
+    from nvdb.replay.server import ReplayServer
+
+    say = progress or (lambda _text: None)
+    out, sample = make_folder(out), sample_folder()
+    # A name of its own: the demo's invented signs must never get into a store that somebody works with.
+    with Store.open(out / "demo.db") as store:
+        with ReplayServer(sample / "nvdb") as server:
+            say("syncing NVDB's signs from the replay server")
+            synced = sync_nvdb(store, Area(kommuner=(5001,)), api_url=server.url)
+        drives = []
+        for folder in sorted(path for path in sample.iterdir() if path.name.startswith("trip_")):
+            # The baseline too, so that the closing table can compare.
+            for method in reversed(METHODS):
+                say(f"ingesting {folder.name} by {method}")
+                drives.append(ingest_drive(store, folder, method=method, progress=progress))
+        say("matching")
+        found = match(store, progress=progress)
+        say("exporting")
+        files = export_findings(store, out, project=True, progress=progress)
+        render_png(layers_from_store(store, found.method), out / "changes.png")
+        evaluation = evaluate(store, read_truth(sample / "truth.csv"))
+        figures = plot(evaluation, out)
+    return DemoReport(
+        sync=synced,
+        drives=tuple(drives),
+        match=found,
+        evaluation=evaluation,
+        expected=_expected(sample / "expected_changes.csv"),
+        files=(*files, out / "changes.png", *figures),
+    )
+
+
+def _expected(path: Path) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            counts[row["verdict"]] = counts.get(row["verdict"], 0) + 1
+    return counts
+
+
+def summary(report: DemoReport) -> dict[str, Any]:
+    """Return the closing table's numbers, as ``--json`` prints them."""
+    best = report.drives[-1]
+    errors = {result.method: result.objects["median"] for result in report.evaluation.methods}
+    return {
+        "signs_synced": {"skiltpunkt": report.sync.skiltpunkt, "skiltplate": report.sync.skiltplate},
+        "drives": len({drive.drive_id for drive in report.drives}),
+        "sightings": best.n_sightings,
+        "estimates": best.n_estimates,
+        "verdicts": {k: v for k, v in report.match.verdicts.items() if v},
+        "verdicts_expected": report.expected,
+        "median_error_m": errors,
+        "coverage95": {result.method: result.coverage95 for result in report.evaluation.methods},
+        "files": [str(path) for path in report.files],
+    }

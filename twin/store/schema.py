@@ -1,0 +1,303 @@
+"""The store's tables. Coordinates are EPSG:25833 metres, epochs int64 nanoseconds UTC."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import sqlalchemy as sa
+
+VERSION = 6
+"""Raised with every change of the tables: a store of another version is upgraded or refused."""
+
+UPGRADES: Mapping[int, tuple[str, ...]] = {
+    4: ("ALTER TABLE estimate ADD COLUMN nvdb_type INTEGER",),
+    5: (
+        "ALTER TABLE estimate ADD COLUMN text VARCHAR",
+        "ALTER TABLE change ADD COLUMN cameras VARCHAR",
+    ),
+}
+"""What makes a store of one version one of the next; without an entry it is refused."""
+
+metadata = sa.MetaData()
+
+meta = sa.Table(
+    "meta",
+    metadata,
+    sa.Column("key", sa.String, primary_key=True),
+    sa.Column("value", sa.String, nullable=False),
+)
+
+
+ROWID = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+"""An id that SQLite keeps rows by: INTEGER PRIMARY KEY needs no index of its own, BIGINT would."""
+
+
+def _nvdb_columns() -> list[sa.Column[Any]]:
+    """Make the columns that both object types carry."""
+    return [
+        sa.Column("nvdb_id", ROWID, primary_key=True, autoincrement=False),
+        sa.Column("version", sa.Integer),
+        sa.Column("start_date", sa.String),
+        sa.Column("end_date", sa.String),
+        sa.Column("last_modified", sa.String),
+        sa.Column("east_m", sa.Float),
+        sa.Column("north_m", sa.Float),
+        sa.Column("height_m", sa.Float),
+        sa.Column("own_geometry", sa.Boolean, nullable=False),
+        sa.Column("accuracy_cm", sa.Float),
+        sa.Column("capture_method", sa.String),
+        sa.Column("road_reference", sa.String),
+        sa.Column("kommuner", sa.JSON, nullable=False),
+        sa.Column("stedfesting", sa.JSON, nullable=False),
+        sa.Column("problems", sa.JSON, nullable=False),
+        sa.Column("raw", sa.LargeBinary, nullable=False),
+        sa.Column("synced_at", sa.String, nullable=False),
+    ]
+
+
+def _skiltpunkt_columns() -> list[sa.Column[Any]]:
+    return [*_nvdb_columns(), sa.Column("plate_ids", sa.JSON, nullable=False)]
+
+
+def _skiltplate_columns() -> list[sa.Column[Any]]:
+    return [
+        *_nvdb_columns(),
+        sa.Column("point_id", sa.BigInteger),
+        sa.Column("skiltnummer", sa.String),
+        sa.Column("skiltnummer_text", sa.String),
+        sa.Column("skiltnummer_enum_id", sa.Integer),
+        sa.Column("ansiktsside", sa.String),
+        sa.Column("text", sa.String),
+        sa.Column("plasseringskode", sa.Integer),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorTables:
+    """The tables of one object type.
+
+    Attributes
+    ----------
+    visible : Table
+        The mirror that everybody reads: always whole.
+    aside : Table
+        A backfill, or a round of changes, that is not whole yet. Same columns.
+    history : Table
+        States that were replaced or deleted, with ``seen_until``: when we learnt of it.
+    """
+
+    visible: sa.Table
+    aside: sa.Table
+    history: sa.Table
+
+
+def _mirror_tables(name: str, columns: Callable[[], list[sa.Column[Any]]]) -> MirrorTables:
+    visible = sa.Table(name, metadata, *columns())
+    aside = sa.Table(f"{name}_aside", metadata, *columns())
+    history = sa.Table(
+        f"{name}_history", metadata, *columns(), sa.Column("seen_until", sa.String, primary_key=True)
+    )
+    return MirrorTables(visible, aside, history)
+
+
+MIRROR = {
+    95: _mirror_tables("skiltpunkt", _skiltpunkt_columns),
+    96: _mirror_tables("skiltplate", _skiltplate_columns),
+}
+"""Vegobjekttype → its tables."""
+
+skiltpunkt = MIRROR[95].visible
+skiltplate = MIRROR[96].visible
+
+
+def _veglenke_columns() -> list[sa.Column[Any]]:
+    # NVDB says that sekvens, number and segment are unique; the rest of the key costs nothing and makes sure
+    # that a link without a segment number never takes the place of another.
+    return [
+        sa.Column("veglenkesekvensid", sa.BigInteger, primary_key=True, autoincrement=False),
+        sa.Column("veglenkenummer", sa.Integer, primary_key=True, autoincrement=False),
+        sa.Column("segmentnummer", sa.Integer, primary_key=True, autoincrement=False),
+        sa.Column("startposisjon", sa.Float, primary_key=True),
+        sa.Column("startdato", sa.String, primary_key=True),
+        sa.Column("sluttposisjon", sa.Float, nullable=False),
+        sa.Column("sluttdato", sa.String),
+        sa.Column("konnektering", sa.Boolean, nullable=False),
+        sa.Column("detaljert", sa.Boolean, nullable=False),
+        sa.Column("type_veg", sa.String, nullable=False),
+        sa.Column("detaljniva", sa.String, nullable=False),
+        sa.Column("vegkategori", sa.String, nullable=False),
+        sa.Column("trafikantgruppe", sa.String, nullable=False),
+        sa.Column("kortform", sa.String, nullable=False),
+        sa.Column("retning", sa.Integer, nullable=False),  # 1 with the metering, -1 against it, 0 unknown
+        sa.Column("fra_meter", sa.Float),
+        sa.Column("til_meter", sa.Float),
+        sa.Column("geometri", sa.LargeBinary, nullable=False),  # WKB LineString Z, EPSG:25833 and NN2000
+    ]
+
+
+veglenke = sa.Table("veglenke", metadata, *_veglenke_columns())
+"""The road network of an area, segmented: the columns of :class:`nvdb.vegnett.Vegnett`."""
+veglenke_aside = sa.Table("veglenke_aside", metadata, *_veglenke_columns())
+"""A road network whose last page has not come yet."""
+
+drive = sa.Table(
+    "drive",
+    metadata,
+    sa.Column("drive_id", sa.String, primary_key=True),
+    sa.Column("name", sa.String, nullable=False),
+    sa.Column("started_ns", sa.BigInteger, nullable=False),
+    sa.Column("ended_ns", sa.BigInteger, nullable=False),
+    sa.Column("datum", sa.String, nullable=False),
+    sa.Column("annotations_complete", sa.Boolean, nullable=False),
+    sa.Column("n_frames", sa.Integer, nullable=False),
+    sa.Column("n_annotations", sa.Integer, nullable=False),
+    sa.Column("length_m", sa.Float, nullable=False),
+    sa.Column("delay_ms", sa.Float),
+    sa.Column("line", sa.LargeBinary, nullable=False),  # WKB LineString, EPSG:25833
+    sa.Column("rig", sa.LargeBinary, nullable=False),  # zlib of the rig document
+    sa.Column("poses", sa.LargeBinary, nullable=False),  # npz: where the car was, for "was it in view?"
+    sa.Column("content_sha256", sa.String, nullable=False),  # of every file that was read
+    sa.Column("fix_quality", sa.JSON, nullable=False),  # GGA quality → fixes
+    sa.Column("cameras", sa.JSON, nullable=False),  # annotated cameras
+    sa.Column("warnings", sa.JSON, nullable=False),
+    sa.Column("skipped", sa.JSON, nullable=False),
+    sa.Column("software", sa.String, nullable=False),
+)
+
+drive_method = sa.Table(
+    "drive_method",
+    metadata,
+    sa.Column("drive_id", sa.String, primary_key=True),
+    sa.Column("method", sa.String, primary_key=True),
+    # Annotated objects without a position that may stand near: no sign can be called missing beside them.
+    sa.Column("n_unplaced", sa.Integer, nullable=False),
+    sa.Column("corrections", sa.JSON, nullable=False),  # found out; misfits, absence_gap
+)
+
+sighting = sa.Table(
+    "sighting",
+    metadata,
+    sa.Column("drive_id", sa.String, primary_key=True),
+    sa.Column("method", sa.String, primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True),
+    sa.Column("object", sa.String, nullable=False),
+    sa.Column("camera", sa.String, nullable=False),
+    sa.Column("frame", sa.Integer, nullable=False),
+    sa.Column("epoch_ns", sa.BigInteger, nullable=False),
+    sa.Column("kind", sa.String, nullable=False),  # foot or box
+    sa.Column("u_px", sa.Float, nullable=False),
+    sa.Column("v_px", sa.Float, nullable=False),
+    sa.Column("east_m", sa.Float),
+    sa.Column("north_m", sa.Float),
+    sa.Column("cov_ee_m2", sa.Float),  # grid east and grid north
+    sa.Column("cov_en_m2", sa.Float),
+    sa.Column("cov_nn_m2", sa.Float),
+    sa.Column("range_m", sa.Float),
+    sa.Column("speed_mps", sa.Float),
+    sa.Column("residual_u_px", sa.Float),  # seen minus expected; the adjustment's alone
+    sa.Column("residual_v_px", sa.Float),
+    sa.Column("eye_east_m", sa.Float),  # the camera's place, EPSG:25833
+    sa.Column("eye_north_m", sa.Float),
+    sa.Column("rejected", sa.String, nullable=False),
+)
+
+estimate = sa.Table(
+    "estimate",
+    metadata,
+    sa.Column("estimate_id", sa.String, primary_key=True),
+    sa.Column("drive_id", sa.String, nullable=False, index=True),
+    sa.Column("object", sa.String, nullable=False),
+    sa.Column("label", sa.String, nullable=False),
+    sa.Column("skiltnummer", sa.String, nullable=False),
+    sa.Column("method", sa.String, nullable=False, index=True),
+    sa.Column("east_m", sa.Float, nullable=False),
+    sa.Column("north_m", sa.Float, nullable=False),
+    sa.Column("height_m", sa.Float, nullable=False),
+    sa.Column("sigma_height_m", sa.Float),
+    sa.Column("cov_ee_m2", sa.Float, nullable=False),  # grid east and grid north
+    sa.Column("cov_en_m2", sa.Float, nullable=False),
+    sa.Column("cov_nn_m2", sa.Float, nullable=False),
+    sa.Column("n_sightings", sa.Integer, nullable=False),
+    sa.Column("n_frames", sa.Integer, nullable=False),
+    sa.Column("n_cameras", sa.Integer, nullable=False),
+    sa.Column("cameras", sa.JSON, nullable=False),
+    sa.Column("first_ns", sa.BigInteger, nullable=False),
+    sa.Column("last_ns", sa.BigInteger, nullable=False),
+    sa.Column("range_min_m", sa.Float, nullable=False),
+    sa.Column("n_rejected", sa.Integer, nullable=False),
+    sa.Column("flags", sa.String, nullable=False),
+    sa.Column("budget", sa.JSON, nullable=False),  # source → covariance, true east and north
+    sa.Column("nvdb_type", sa.Integer),  # of an object that is no sign; null for signs
+    sa.Column("text", sa.String),  # on its plates, joined as their codes are; null where none was annotated
+)
+
+change = sa.Table(
+    "change",
+    metadata,
+    sa.Column("change_id", sa.String, primary_key=True),
+    sa.Column("verdict", sa.String, nullable=False, index=True),
+    sa.Column("reason", sa.String, nullable=False),
+    sa.Column("confidence", sa.Float, nullable=False),
+    sa.Column("nvdb_type", sa.Integer, nullable=False),
+    sa.Column("nvdb_id", sa.BigInteger),
+    sa.Column("nvdb_version", sa.Integer),
+    sa.Column("skiltnummer_nvdb", sa.String, nullable=False),
+    sa.Column("skiltnummer_seen", sa.String, nullable=False),
+    sa.Column("distance_m", sa.Float),
+    sa.Column("distance_sigma_m", sa.Float),
+    sa.Column("cov_ee_m2", sa.Float),  # of the measured position, grid east and grid north
+    sa.Column("cov_en_m2", sa.Float),
+    sa.Column("cov_nn_m2", sa.Float),
+    sa.Column("drive_ids", sa.String, nullable=False),
+    sa.Column("n_sightings", sa.Integer, nullable=False),
+    sa.Column("east_m", sa.Float, nullable=False),
+    sa.Column("north_m", sa.Float, nullable=False),
+    sa.Column("terms", sa.JSON, nullable=False, default=dict),  # what the verdict rests on
+    sa.Column("cameras", sa.String),  # that saw it, or looked for it, joined by ","
+)
+
+decision_log = sa.Table(
+    "decision_log",
+    metadata,
+    sa.Column("id", ROWID, primary_key=True),
+    sa.Column("batch", sa.Integer, nullable=False, index=True),  # what one command or one match decided
+    sa.Column("change_id", sa.String, nullable=False, index=True),
+    sa.Column("kind", sa.String, nullable=False),  # decided, undone, reopened, carried
+    sa.Column("decision", sa.String, nullable=False),  # open, accept, dismiss, defer
+    sa.Column("reason", sa.String, nullable=False),
+    sa.Column("by", sa.String, nullable=False),
+    sa.Column("at", sa.String, nullable=False),  # UTC
+    sa.Column("evidence", sa.JSON, nullable=False),  # what the decision rested on
+    sa.Column("undo_of", sa.BigInteger),  # the entry that this one takes back
+)
+"""Every decision ever made: rows are added, never changed; kept also while a finding is absent."""
+
+decision = sa.Table("decision", sa.MetaData(), *(sa.Column(c.name, c.type) for c in decision_log.columns))
+"""The decision that holds for each change: a view, the last row of the log."""
+
+_DECISION_LOG_RULES = """
+CREATE VIEW decision AS SELECT * FROM decision_log AS e
+  WHERE e.id = (SELECT max(n.id) FROM decision_log AS n WHERE n.change_id = e.change_id)
+--
+CREATE TRIGGER decision_log_keeps BEFORE UPDATE ON decision_log
+  BEGIN SELECT RAISE(ABORT, 'decisions are never changed'); END
+--
+CREATE TRIGGER decision_log_stays BEFORE DELETE ON decision_log
+  BEGIN SELECT RAISE(ABORT, 'decisions are never deleted'); END
+"""
+for _rule in _DECISION_LOG_RULES.split("--"):
+    sa.event.listen(metadata, "after_create", sa.DDL(_rule))  # type: ignore[no-untyped-call]
+
+pole_key = sa.Table(
+    "pole_key",
+    metadata,
+    sa.Column("member", sa.String, primary_key=True),  # drive:object
+    sa.Column("pole", sa.String, nullable=False),
+)
+"""Which pole an estimate belongs to: the key that a pole first got stays with all its members."""
+
+
+METHODS = ("adjusted", "single-frame", "paper")
+"""Geolocation methods, best first."""

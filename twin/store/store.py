@@ -1,0 +1,303 @@
+"""The twin's state: one SQLite file (WAL), reached through SQLAlchemy Core.
+
+A state change is one transaction: a killed process leaves the state before it or after it. The tables'
+columns are declared in :mod:`twin.store.schema`.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+
+from twin.errors import RefusedError, StoreError
+from twin.store import schema
+
+Row = Mapping[str, Any]
+
+_BUSY_TIMEOUT_S = 10.0
+
+
+def utc_now() -> str:
+    """Return the present instant as ISO 8601 UTC to the second: ``2026-06-10T08:00:00Z``."""
+    return dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+_REVISION = "revision"
+
+
+class Snapshot:
+    """One state of a store, for several queries that must agree."""
+
+    def __init__(self, connection: sa.Connection) -> None:
+        self._connection = connection
+
+    def rows(self, statement: sa.Select[Any]) -> list[Row]:
+        """Run a query and return its rows as mappings."""
+        return [dict(row) for row in self._connection.execute(statement).mappings()]
+
+    def columns(self, statement: sa.Select[Any]) -> dict[str, list[Any]]:
+        """Run a query and return its columns: much faster than rows where there are many."""
+        found = self._connection.execute(statement)
+        names, rows = list(found.keys()), found.fetchall()
+        return {name: [row[i] for row in rows] for i, name in enumerate(names)}
+
+
+class Store:
+    """An open store. Use :meth:`open`; close it or use it as a context manager.
+
+    Parameters
+    ----------
+    engine : sqlalchemy.Engine
+        Connected to a database that has the tables of :mod:`twin.store.schema`.
+    path : Path
+        For messages.
+    """
+
+    def __init__(self, engine: sa.Engine, path: Path) -> None:
+        self._engine = engine
+        self.path = path
+
+    @classmethod
+    def open(cls, path: Path | str, *, create: bool = True) -> Store:
+        """Open a store, making a new one where there is none.
+
+        Parameters
+        ----------
+        path : Path or str
+            The SQLite file.
+        create : bool
+            Whether a missing file is made. False for commands that only read.
+
+        Raises
+        ------
+        StoreError
+            Missing (with ``create=False``), not a store, unreadable, or written by a newer version.
+        """
+        path = Path(path)
+        existed = path.exists()
+        if not existed and not create:
+            raise StoreError(
+                f"There is no store at {path}: run `twin sync-nvdb` or `twin ingest-drive` first, "
+                "or name another with --store."
+            )
+        if not path.parent.is_dir():
+            raise StoreError(
+                f"The folder of the store {path} does not exist: make it, or name another --store."
+            )
+        engine = _engine(path)
+        try:
+            _check_or_create(engine, path, create=create)
+        except BaseException:
+            engine.dispose()
+            raise
+        return cls(engine, path)
+
+    def close(self) -> None:
+        """Close every connection."""
+        self._engine.dispose()
+
+    def __enter__(self) -> Store:
+        """Return the store itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+    @contextmanager
+    def transaction(self) -> Iterator[sa.Connection]:
+        """Give a connection inside one write transaction: all of it is kept, or nothing.
+
+        Raises
+        ------
+        StoreError
+            Another process writes to the store, the disk is full, or the folder is read-only.
+        """
+        writer = self._engine.execution_options(writes=True)
+        with store_errors(self.path), writer.begin() as connection:
+            yield connection
+
+    def rows(self, statement: sa.Select[Any]) -> list[Row]:
+        """Run a query and return its rows as mappings, inside one read transaction."""
+        with self.snapshot() as view:
+            return view.rows(statement)
+
+    def count(self, table: sa.Table) -> int:
+        """Count the rows of a table."""
+        return int(self.rows(sa.select(sa.func.count().label("n")).select_from(table))[0]["n"])
+
+    @contextmanager
+    def snapshot(self) -> Iterator[Snapshot]:
+        """Give a view of one and the same state, however many queries are asked of it."""
+        with store_errors(self.path), self._engine.connect() as connection, connection.begin():
+            yield Snapshot(connection)
+
+    def methods(self) -> list[str]:
+        """Return the geolocation methods by which drives were ingested, in alphabetical order."""
+        column = schema.drive_method.c.method
+        return [row["method"] for row in self.rows(sa.select(column).distinct().order_by(column))]
+
+    def matched(self) -> dict[str, Any]:
+        """Return the facts of the last match, whose findings are those of the store's drives and mirror.
+
+        Raises
+        ------
+        StoreError
+            Nothing was matched yet.
+        RefusedError
+            Drives or mirror have changed since.
+        """
+        last = self.fact("last_match")
+        if last is None:
+            raise StoreError(f"The store {self.path} has no findings yet: run `twin match` first.")
+        if last["revision"] != self.revision():
+            raise RefusedError(
+                f"The store {self.path} has changed since the last match (sync or ingest): "
+                "run `twin match` again first."
+            )
+        return last
+
+    # -- small facts ---------------------------------------------------------------------------------------
+
+    def fact(self, key: str) -> dict[str, Any] | None:
+        """Return a JSON object kept under `key` (``mirror``, ``last_match``), or None."""
+        with store_errors(self.path), self._engine.connect() as connection:
+            return self.fact_in(connection, key)
+
+    def revision(self) -> int:
+        """Return how often drives or the mirror have changed: findings of an older revision are stale."""
+        return int((self.fact(_REVISION) or {"n": 0})["n"])
+
+    def revision_in(self, connection: sa.Connection) -> int:
+        """As `revision`, inside the caller's transaction."""
+        return int((self.fact_in(connection, _REVISION) or {"n": 0})["n"])
+
+    def touch(self, connection: sa.Connection) -> None:
+        """Count a change of drives or mirror, inside the caller's transaction."""
+        self.put_fact(connection, _REVISION, {"n": self.revision_in(connection) + 1})
+
+    @staticmethod
+    def fact_in(connection: sa.Connection, key: str) -> dict[str, Any] | None:
+        """Return a JSON object kept under `key`, inside the caller's transaction; None if there is none."""
+        value = connection.execute(sa.select(schema.meta.c.value).where(schema.meta.c.key == key)).scalar()
+        return None if value is None else json.loads(value)
+
+    def put_fact(self, connection: sa.Connection, key: str, value: Row) -> None:
+        """Keep a JSON object under `key` inside the caller's transaction."""
+        self.drop_fact(connection, key)
+        text = json.dumps(dict(value), ensure_ascii=False)
+        connection.execute(sa.insert(schema.meta), [{"key": key, "value": text}])
+
+    def drop_fact(self, connection: sa.Connection, key: str) -> None:
+        """Forget what is kept under `key`, inside the caller's transaction."""
+        connection.execute(sa.delete(schema.meta).where(schema.meta.c.key == key))
+
+
+def _engine(path: Path) -> sa.Engine:
+    engine = sa.create_engine(
+        sa.URL.create("sqlite", database=str(path)), connect_args={"timeout": _BUSY_TIMEOUT_S}
+    )
+
+    # pysqlite opens transactions late and commits on its own; SQLAlchemy's documented cure is to take over.
+    @sa.event.listens_for(engine, "connect")
+    def _on_connect(connection: Any, _record: Any) -> None:
+        connection.isolation_level = None
+        cursor = connection.cursor()
+        cursor.execute("PRAGMA foreign_keys=ON")
+        cursor.close()
+
+    @sa.event.listens_for(engine, "begin")
+    def _on_begin(connection: sa.Connection) -> None:
+        # A writer takes the lock at once: one that read first could find the state changed under it.
+        writes = connection.get_execution_options().get("writes", False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+    return engine
+
+
+@contextmanager
+def store_errors(path: Path) -> Iterator[None]:
+    """Turn what SQLite says into one sentence with a cure."""
+    try:
+        yield
+    except sa.exc.DBAPIError as error:
+        text = str(error.orig)
+        if "locked" in text or "busy" in text:
+            cure = "another process is writing to it; try again when that has ended"
+        elif "readonly" in text or "unable to open" in text:
+            cure = "give this user the right to write the file and its folder, or name another --store"
+        elif "full" in text or "disk I/O" in text:
+            cure = "free some space; nothing was changed"
+        elif "not a database" in text or "malformed" in text:
+            cure = "it is not a twin store; name another --store"
+        else:
+            cure = "nothing was changed"
+        raise StoreError(f"The store {path} could not be used ({text}): {cure}.") from error
+
+
+def _check_or_create(engine: sa.Engine, path: Path, *, create: bool) -> None:
+    with store_errors(path), engine.connect() as connection:
+        tables = set(sa.inspect(connection).get_table_names())
+    if not tables and not create:
+        raise StoreError(f"{path} is empty and not a twin store: name another --store.")
+    if not tables:
+        with store_errors(path):
+            _create(engine)
+        return
+    if schema.meta.name not in tables:
+        raise StoreError(f"{path} is a database but not a twin store: name another --store.")
+    with store_errors(path), engine.connect() as connection:
+        value = connection.execute(
+            sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version")
+        ).scalar()
+    found = int(value) if value is not None and str(value).isdigit() else None
+    if found is None:
+        raise StoreError(f"The store {path} does not say its version: it is damaged; name another --store.")
+    if found > schema.VERSION:
+        raise StoreError(
+            f"The store {path} was written by a newer twin (schema {found}; this twin knows "
+            f"{schema.VERSION}): upgrade twin, or name another --store."
+        )
+    if found < schema.VERSION:
+        _upgrade(engine, path, found)
+
+
+def _upgrade(engine: sa.Engine, path: Path, found: int) -> None:
+    """Bring the tables of an older store to this version, in one transaction; what it holds stays.
+
+    Raises
+    ------
+    StoreError
+        The store is older than any that can be upgraded, or cannot be written.
+    """
+    if any(version not in schema.UPGRADES for version in range(found, schema.VERSION)):
+        raise StoreError(
+            f"The store {path} was written by an older twin (schema {found}; this twin needs "
+            f"{schema.VERSION}): sync and ingest into a new --store."
+        )
+    is_version = schema.meta.c.key == "schema_version"
+    with store_errors(path), engine.execution_options(writes=True).begin() as connection:
+        # Asked again inside the transaction: another process may have upgraded it meanwhile.
+        current = int(connection.execute(sa.select(schema.meta.c.value).where(is_version)).scalar_one())
+        for version in range(current, schema.VERSION):
+            for statement in schema.UPGRADES[version]:
+                connection.exec_driver_sql(statement)
+        connection.execute(sa.update(schema.meta).where(is_version).values(value=str(schema.VERSION)))
+
+
+def _create(engine: sa.Engine) -> None:
+    # WAL is a property of the file: set once, outside any transaction.
+    raw = engine.raw_connection()
+    try:
+        raw.cursor().execute("PRAGMA journal_mode=WAL")
+    finally:
+        raw.close()
+    with engine.execution_options(writes=True).begin() as connection:
+        schema.metadata.create_all(connection)
+        connection.execute(sa.insert(schema.meta), [{"key": "schema_version", "value": str(schema.VERSION)}])
