@@ -196,6 +196,7 @@ def test_store_locked_by_another_process_is_said(store: Store, monkeypatch: pyte
 _WRITER = """
 import sys
 sys.path.insert(0, sys.argv[2])
+from twin.matching.save import save_changes
 from twin.store.store import Store
 import test_store
 store = Store.open(sys.argv[1])
@@ -220,7 +221,7 @@ def test_store_survives_sigkill_in_the_middle_of_writing(tmp_path: Path, written
         with Store.open(path) as watcher:
             # Wait for states, not for time; then kill wherever the writer happens to be.
             while int((watcher.fact("last_match") or {"method": 0})["method"]) < written:
-                pass
+                assert process.poll() is None, "the writer ended by itself"
         os.kill(process.pid, signal.SIGKILL)
     with Store.open(path) as store:
         last = store.fact("last_match")
