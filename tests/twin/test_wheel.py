@@ -58,4 +58,4 @@ def test_wheel_carries_types_and_no_tests(installed: Path) -> None:
 
 def test_wheel_carries_the_default_labels(installed: Path) -> None:
     """What Mapillary's labels mean in Norway travels with the package."""
-    assert (installed / "twin" / "drives" / "labels_default.toml").exists()
+    assert (installed / "twin" / "drives" / "annotations" / "labels_default.toml").exists()

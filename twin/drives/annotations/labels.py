@@ -182,7 +182,7 @@ def _matches(pieces: tuple[str, ...], text: str) -> bool:
 @cache
 def default_label_map() -> LabelMap:
     """Return the labels that ship with twin: those of Mapillary and of common European data sets."""
-    return read_label_map(files("twin.drives").joinpath(DEFAULT).read_bytes(), DEFAULT)
+    return read_label_map(files("twin.drives.annotations").joinpath(DEFAULT).read_bytes(), DEFAULT)
 
 
 def _document(content: bytes, where: str) -> dict[str, Any]:

@@ -117,7 +117,7 @@ def test_default_labels_do_not_guess(label: str) -> None:
 
 def test_default_sign_codes_are_known_to_nvdb() -> None:
     """Every code above the second comment stands in the datakatalog's snapshot of Skiltnummer."""
-    text = files("twin.drives").joinpath("labels_default.toml").read_text(encoding="utf-8")
+    text = files("twin.drives.annotations").joinpath("labels_default.toml").read_text(encoding="utf-8")
     confirmed, _, regulation = text.partition("# Not in the part of the datakatalog")
     known = {str(value).split(" ")[0] for value in snapshot().egenskapstyper[5530].verdier.values()}
     codes = set(tomllib.loads(confirmed)["labels"].values())
