@@ -41,7 +41,7 @@ def sample_folder() -> Path:
     TwinError
         The installation lacks the sample.
     """
-    package = Path(__file__).parent
+    package = Path(__file__).parents[1]
     for folder in (package / "sample_data", package.parent / "data"):
         if (folder / "truth.csv").is_file():
             return folder
