@@ -12,7 +12,7 @@
     └── RefusedError        doing it would lose or overwrite something
         └── ExportRefusedError  … in an export folder
 
-Exit codes live in :mod:`twin.cli` alone.
+Exit codes live in :mod:`twin.cli.exit_codes` alone.
 """
 
 from __future__ import annotations

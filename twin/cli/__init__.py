@@ -1,17 +1,6 @@
-"""The command line: parse, call one function, print. Exit codes live here alone.
+"""The command line: a module a subject, in which each command is declared and done by one function.
 
-==== =========================================================
-code meaning
-==== =========================================================
-0    done
-1    an error in twin itself (please report it); ``match
-     --exit-code`` alone says so that findings are open
-2    usage: unknown command or option, wrong value
-3    network: the API did not answer as it should
-4    bad data: a drive, a store, a truth file, an API's objects
-5    refused: doing it would lose or overwrite something
-130  interrupted
-==== =========================================================
+:mod:`twin.cli.app` says which module holds which command, :mod:`twin.cli.exit_codes` with which code it ends.
 """
 
 from __future__ import annotations
@@ -20,7 +9,9 @@ import signal
 import sys
 from collections.abc import Sequence
 
-EXIT_OK, EXIT_BUG, EXIT_USAGE, EXIT_NETWORK, EXIT_DATA, EXIT_REFUSED, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
+from twin.cli.exit_codes import EXIT_BUG, EXIT_INTERRUPTED, EXIT_OK, exit_code
+
+__all__ = ["main", "run"]
 
 _INTERRUPTED = (
     "Interrupted: the store shows the old state or the whole new one; run the command again to go on."
@@ -89,21 +80,3 @@ def _with_option(error: Exception) -> str:
     if isinstance(error, MassDeletionError):
         return f"{str(error).removesuffix('.')} (--confirm-deletions)."
     return str(error)
-
-
-def exit_code(error: BaseException) -> int:
-    """Return the exit code that belongs to an exception; 1 for what twin does not expect."""
-    from geoloc.errors import GeolocError
-    from nvdb.errors import NvdbError, RequestError, TransportError
-    from nvdb.mirror.sync import MassDeletionError
-    from twin.errors import ConfigError, RefusedError, TwinError
-
-    if isinstance(error, RefusedError | MassDeletionError):
-        return EXIT_REFUSED
-    if isinstance(error, RequestError | ConfigError):
-        return EXIT_USAGE
-    if isinstance(error, TransportError):
-        return EXIT_NETWORK
-    if isinstance(error, NvdbError | TwinError | GeolocError):
-        return EXIT_DATA
-    return EXIT_BUG

@@ -7,20 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from twin.cli.options import JsonOption
 from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, warn
 
-app = typer.Typer(
-    name="calibrate",
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Calibrate the car's cameras from pictures, and check that they still are.",
-    epilog="Try it: twin calibrate example board",
-)
-
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document on stdout instead of tables.")
-]
+app = typer.Typer()
 _PARAMETER_DIGITS, _SIGMA_DIGITS = 8, 2
 
 

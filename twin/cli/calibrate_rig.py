@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twin.cli.calibrate import JsonOption, app
+from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
 from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, steps, warn
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from twin.calibrate.drives.verify import Verification
     from twin.calibrate.extrinsics.calibrate import ExtrinsicsReport
 
-__all__ = ["app"]
+app = typer.Typer()
 
 
 @app.command(
@@ -239,9 +239,7 @@ def from_drives(
         typer.Option(help="Write the newest drive's rig here, with the corrections that are certain."),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="PNG of each camera's angles over time.")] = None,
-    store: Annotated[
-        Path, typer.Option("--store", envvar="TWIN_STORE", help="The store, one SQLite file.")
-    ] = Path("twin.db"),
+    store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Follow the cameras' mounting over the drives in the store, and warn of one that was moved."""

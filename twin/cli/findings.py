@@ -1,19 +1,22 @@
-"""The bodies of ``twin match``, ``twin decide`` and ``twin explain``: findings and what people decide."""
+"""``twin match``, ``twin explain`` and ``twin decide``: findings and what people decide."""
 
 from __future__ import annotations
 
 import datetime as dt
-import getpass
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from twin.cli.exit_codes import EXIT_OPEN_FINDINGS
+from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, StoreOption, person
 from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
+from twin.store.kinds import Decision, Method, Verdict
 
 if TYPE_CHECKING:
     from twin.decisions.findings import Selection
@@ -21,22 +24,37 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 
-_WORDS = ("accept", "dismiss", "defer", "open")
+app = typer.Typer()
 _UNDO = "undo"
-_EXIT_OPEN_FINDINGS = 1
-"""As of ``git diff --exit-code``, and only where it was asked for."""
+_Told = tuple[Mapping[str, Any], str]
+"""What was decided: for ``--json``, and in one sentence."""
 
 
-def person() -> str:
-    """Return the login name, "" where the system knows none."""
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):
-        return ""
+class FindingVerdict(StrEnum):
+    """Verdicts that ask for a decision."""
+
+    NEW = Verdict.NEW
+    MISSING = Verdict.MISSING
+    MOVED = Verdict.MOVED
+    WRONG_TYPE = Verdict.WRONG_TYPE
+    REVIEW = Verdict.REVIEW
 
 
-def match(method: str | None, tolerance: float, exit_code: bool, store: Path, json_output: bool) -> None:
-    """``twin match``."""
+@app.command("match", epilog="Example: twin match")
+def match(
+    method: Annotated[
+        Method | None, typer.Option(help="Whose estimates to match. Default: the best in the store.")
+    ] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="Metres from NVDB's position beyond which a sign has moved.")
+    ] = 1.0,
+    exit_code: Annotated[
+        bool, typer.Option("--exit-code", help="Exit with 1 if findings are open, 0 if none is.")
+    ] = False,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Compare the estimates with the mirror: new, missing, moved, wrong type, unchanged, or for review."""
     from twin.decisions.findings import findings, is_open
     from twin.matching.config import MatchConfig
     from twin.matching.match import match as run
@@ -52,7 +70,7 @@ def match(method: str | None, tolerance: float, exit_code: bool, store: Path, js
     if json_output:
         print_json({**asdict(report), "n_open": n_open, "changes": changes})
     else:
-        _print_findings([change for change in changes if change["verdict"] != "unchanged"])
+        _print_findings([change for change in changes if change["verdict"] != Verdict.UNCHANGED])
         print_table("Verdicts", ["verdict", "findings"], list(report.verdicts.items()))
         note(
             f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
@@ -66,7 +84,7 @@ def match(method: str | None, tolerance: float, exit_code: bool, store: Path, js
         if n_open:
             note(f"{n_open} findings are open: decide with `twin decide`, or in QGIS after `twin export`.")
     if exit_code and n_open:
-        raise typer.Exit(_EXIT_OPEN_FINDINGS)
+        raise typer.Exit(EXIT_OPEN_FINDINGS)
 
 
 def _print_findings(changes: Sequence[Row]) -> None:
@@ -74,39 +92,94 @@ def _print_findings(changes: Sequence[Row]) -> None:
     print_table("Findings", ["change", "verdict", "decision", "reason"], rows, right_from=4)
 
 
+@app.command(
+    "decide",
+    epilog="Example: twin decide dismiss 3f09a1b2c4d5 --reason 'road works'.  In bulk: twin decide accept "
+    "--verdict new --class 362 --since 2026-06-01.  From QGIS: twin decide --from out/twin_utm33.gpkg.  "
+    "Back: twin decide undo",
+)
 def decide(
-    words: Sequence[str],
-    wanted: Selection,
-    from_file: Path | None,
-    reason: str,
-    by: str | None,
-    dry_run: bool,
-    store: Path,
-    json_output: bool,
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            help="accept, dismiss, defer or open, and change ids (or their first six digits); or undo, and "
+            "how many commands.",
+            metavar="CHANGE_ID… DECISION",
+            show_default=False,
+        ),
+    ] = None,
+    verdict: Annotated[list[FindingVerdict] | None, typer.Option(help="Findings of this verdict.")] = None,
+    drive: Annotated[list[str] | None, typer.Option(help="Findings of this drive: its id or name.")] = None,
+    area: Annotated[Path | None, typer.Option(help="Findings inside the polygons of a GeoJSON file.")] = None,
+    sign_class: Annotated[
+        list[str] | None, typer.Option("--class", help="Sign code seen or in NVDB: 362.50, or 362 for all.")
+    ] = None,
+    since: Annotated[
+        dt.datetime | None,
+        typer.Option(formats=["%Y-%m-%d"], help="Findings of drives since this day (UTC)."),
+    ] = None,
+    until: Annotated[
+        dt.datetime | None,
+        typer.Option(formats=["%Y-%m-%d"], help="Findings of drives until this day (UTC)."),
+    ] = None,
+    state: Annotated[
+        Decision, typer.Option(help="Select among findings that are now so decided.")
+    ] = Decision.OPEN,
+    from_file: Annotated[
+        Path | None, typer.Option("--from", help="Take the decisions made in QGIS in an exported GeoPackage.")
+    ] = None,
+    reason: Annotated[str, typer.Option(help="Why; kept with the decision.")] = "",
+    by: ByOption = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say which findings would be decided.")
+    ] = False,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
 ) -> None:
-    """``twin decide``."""
+    """Decide about findings: one by one, in bulk, or as decided in QGIS. Undo takes the last command back.
+
+    A decision holds until what it rests on really changes; then the finding is open again and says why.
+    """
+    from twin.decisions.findings import Selection
     from twin.store.store import Store
 
-    who = person() if by is None else by
-    verbs = [word for word in words if word in (*_WORDS, _UNDO)]
-    others = [word for word in words if word not in verbs]
+    selection = Selection(
+        drives=tuple(drive or ()),
+        area=area,
+        verdicts=tuple(verdict or ()),
+        classes=tuple(sign_class or ()),
+        since=since.date() if since else None,
+        until=until.date() if until else None,
+        decision=state,
+    )
+    who, selects = person(by), not selection.is_empty
+    choices = (Decision.ACCEPT, Decision.DISMISS, Decision.DEFER, Decision.OPEN, _UNDO)
+    verbs = [word for word in words or () if word in choices]
+    others = [word for word in words or () if word not in choices]
     with Store.open(store, create=False) as opened:
         if from_file is not None:
-            _refuse(
-                bool(words) or not wanted.is_empty or dry_run, "--from takes nothing but --reason and --by"
-            )
-            _from_file(opened, from_file, who, reason, json_output)
-            return
-        _refuse(len(verbs) != 1, f"say one of {', '.join((*_WORDS, _UNDO))}, once")
-        if verbs[0] == _UNDO:
-            _refuse(not wanted.is_empty or bool(reason) or dry_run, "undo takes only a number and --by")
-            _undo(opened, others, who, json_output)
-            return
-        _refuse(bool(others) and not wanted.is_empty, "name changes, or select them by options, not both")
-        _refuse(
-            not others and wanted.is_empty, "name changes, or select them by --verdict, --drive, --area …"
-        )
-        _decide(opened, verbs[0], others, wanted, (who, reason), dry_run, json_output)
+            _refuse(bool(words) or selects or dry_run, "--from takes nothing but --reason and --by")
+            done, sentence = _from_file(opened, from_file, who, reason)
+        else:
+            _refuse(len(verbs) != 1, f"say one of {', '.join(choices)}, once")
+            if verbs[0] == _UNDO:
+                _refuse(selects or bool(reason) or dry_run, "undo takes only a number and --by")
+                done, sentence = _undo(opened, others, who)
+            else:
+                _refuse(bool(others) and selects, "name changes, or select them by options, not both")
+                _refuse(
+                    not others and not selects, "name changes, or select them by --verdict, --drive, --area …"
+                )
+                if selects:
+                    selected = _selected(opened, selection)
+                    others = [row["change_id"] for row in selected]
+                    if dry_run and not json_output:
+                        _print_findings(selected)
+                done, sentence = _decide(opened, others, verbs[0], by=who, reason=reason, dry_run=dry_run)
+    if json_output:
+        print_json(done)
+    else:
+        note(sentence)
 
 
 def _refuse(wrong: bool, cure: str) -> None:
@@ -114,74 +187,71 @@ def _refuse(wrong: bool, cure: str) -> None:
         raise ConfigError(f"This is no decision that twin understands: {cure} (see `twin decide --help`).")
 
 
-def _decide(
-    store: Store,
-    decision: str,
-    change_ids: Sequence[str],
-    wanted: Selection,
-    by_and_reason: tuple[str, str],
-    dry_run: bool,
-    json_output: bool,
-) -> None:
-    from twin.decisions.decide import decide as run
+def _selected(store: Store, selection: Selection) -> list[Row]:
     from twin.decisions.findings import select
 
     store.matched()
-    if not change_ids:
-        rows = select(store.rows, wanted)
-        if not rows:
-            raise RefusedError(
-                f"No {wanted.decision} finding fits what was selected, so nothing was decided: "
-                "`twin match` lists the findings; --state selects those that were decided before."
-            )
-        change_ids = [row["change_id"] for row in rows]
-        if dry_run and not json_output:
-            _print_findings(rows)
-    by, reason = by_and_reason
-    done = run(store, change_ids, decision, by=by, reason=reason, dry_run=dry_run)
-    _tell({"would_decide" if dry_run else "decided": decision, **asdict(done)}, json_output)
+    rows = select(store.rows, selection)
+    if not rows:
+        raise RefusedError(
+            f"No {selection.decision} finding fits what was selected, so nothing was decided: "
+            "`twin match` lists the findings; --state selects those that were decided before."
+        )
+    return rows
 
 
-def _from_file(store: Store, path: Path, by: str, reason: str, json_output: bool) -> None:
+def _decide(
+    store: Store, change_ids: Sequence[str], decision: str, *, by: str, reason: str, dry_run: bool
+) -> _Told:
+    from twin.decisions.decide import decide
+
+    store.matched()
+    done = decide(store, change_ids, decision, by=by, reason=reason, dry_run=dry_run)
+    findings = _findings(done.change_ids)
+    if dry_run:
+        sentence = f"Would {decision} {findings}; nothing was decided (--dry-run)."
+    else:
+        already = f"; {len(done.already):,} had it already" if done.already else ""
+        sentence = f"{findings}: {decision}{already}."
+    return {"would_decide" if dry_run else "decided": decision, **asdict(done)}, sentence
+
+
+def _from_file(store: Store, path: Path, by: str, reason: str) -> _Told:
     from twin.export import decide_as_in
 
     done = decide_as_in(store, path, by=by, reason=reason)
-    _tell({"from": str(path), "change_ids": list(done)}, json_output)
+    return {"from": str(path), "change_ids": list(done)}, f"{_findings(done)} decided as in {path}."
 
 
-def _undo(store: Store, others: Sequence[str], by: str, json_output: bool) -> None:
+def _undo(store: Store, numbers: Sequence[str], by: str) -> _Told:
     from twin.decisions.decide import undo
 
-    _refuse(len(others) > 1 or not all(word.isdigit() for word in others), "undo takes one number")
-    done = undo(store, int(others[0]) if others else 1, by=by)
-    _tell({"undone": True, "change_ids": list(done)}, json_output)
+    _refuse(len(numbers) > 1 or not all(word.isdigit() for word in numbers), "undo takes one number")
+    done = undo(store, int(numbers[0]) if numbers else 1, by=by)
+    return {
+        "undone": True,
+        "change_ids": list(done),
+    }, f"{_findings(done)}: the decision of before holds again."
 
 
-def _tell(done: Mapping[str, Any], json_output: bool) -> None:
-    """Print what was decided: JSON, or a sentence with the number of changes."""
-    if json_output:
-        print_json(done)
-        return
-    n = len(done["change_ids"])
-    changes = "1 finding" if n == 1 else f"{n:,} findings"
-    if "would_decide" in done:
-        note(f"Would {done['would_decide']} {changes}; nothing was decided (--dry-run).")
-    elif "from" in done:
-        note(f"{changes} decided as in {done['from']}.")
-    elif "undone" in done:
-        note(f"{changes}: the decision of before holds again.")
-    else:
-        already = f"; {len(done['already']):,} had it already" if done["already"] else ""
-        note(f"{changes}: {done['decided']}{already}.")
+def _findings(change_ids: Sequence[str]) -> str:
+    return "1 finding" if len(change_ids) == 1 else f"{len(change_ids):,} findings"
 
 
-def explain(change_id: str, store: Path, json_output: bool) -> None:
-    """``twin explain``."""
+@app.command("explain", epilog="Example: twin explain 3f09a1b2c4d5")
+def explain(
+    change: Annotated[
+        str, typer.Argument(help="A finding's change_id, or its first six digits.", metavar="CHANGE_ID")
+    ],
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Explain one finding: verdict, confidence and reason, and who decided what about it."""
     from twin.decisions.explain import explain_change
     from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
-        explained = explain_change(opened, change_id)
+        explained = explain_change(opened, change)
     if json_output:
         print_json(explained.as_json())
         return

@@ -1,4 +1,4 @@
-"""The body of ``twin submit``, and what ``twin export`` says of change sets."""
+"""``twin submit``: change sets to API Skriv."""
 
 from __future__ import annotations
 
@@ -8,66 +8,62 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from twin.cli.exit_codes import EXIT_DATA
+from twin.cli.options import JsonOption
 from twin.cli.output import note, print_json, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
 
 if TYPE_CHECKING:
     from nvdb.skriv.client import SkrivClient
-    from twin.changesets import ChangeSets
     from twin.changesets.read_exported import ExportedSet
     from twin.changesets.submit import Submitted
 
+app = typer.Typer()
+DEFAULT_SKRIV_API = "https://nvdbapiskriv.test.atlas.vegvesen.no"
+"""The test environment: what changes NVDB itself is named on purpose."""
 PASSWORD = "TWIN_SKRIV_PASSWORD"  # noqa: S105  (the name of a variable)
 _KEYRING = "twin API Skriv"
-_EXIT_DATA = 4
-"""What API Skriv or our own checks refuse, as :data:`twin.cli.EXIT_DATA`."""
 _CONTACT = "TWIN_CONTACT"
 
-Realm = Literal["EMPLOYEE", "SERVICE_ACCOUNT", "EXTERNAL"]
 Credentials = Callable[[], tuple[str, str]]
 
 
-def print_change_sets(made: ChangeSets, folder: Path) -> None:
-    """Say what became of the findings: sets, warnings, what was left out."""
-    for item in made.left_out:
-        warn(item.sentence)
-    for number, sett in enumerate(made.setts, start=1):
-        for sentence in sett.warnings:
-            note(f"set {number}: {sentence}")
-        for sentence in sett.errors:
-            warn(f"set {number} is not written: {sentence}")
-        for clause in sett.not_undone:
-            note(f"set {number} cannot be undone by twin: {clause}.")
-    n = sum(len(sett.groups) for sett in made.setts if not sett.errors)
-    if n and made.is_preview:
-        note(f"Previews of change sets: they cannot be sent, since nobody has accepted these findings ({n}).")
-    elif n:
-        note(f"Check the change sets with `twin submit {folder}`, send them with --go.")
+class Realm(StrEnum):
+    """Kinds of users of API Skriv, as in :data:`nvdb.skriv.login.Realm`."""
+
+    EMPLOYEE = "EMPLOYEE"
+    SERVICE_ACCOUNT = "SERVICE_ACCOUNT"
+    EXTERNAL = "EXTERNAL"
 
 
-def change_sets_as_json(made: ChangeSets) -> dict[str, Any]:
-    """The same for programs."""
-    return {
-        "errors": [sentence for sett in made.setts for sentence in sett.errors],
-        "left_out": {item.change_id: item.sentence for item in made.left_out},
-    }
-
-
-def end_if_unsendable(made: ChangeSets) -> None:
-    """End with the exit code for bad data where a set has errors."""
-    if any(sett.errors for sett in made.setts):
-        raise typer.Exit(_EXIT_DATA)
-
-
+@app.command("submit", epilog="Example: twin submit out  (checks only)   then: twin submit out --go")
 def submit(
-    path: Path, go: bool, api_url: str, user: str | None, realm: Realm, wait_s: float, json_output: bool
+    path: Annotated[
+        Path, typer.Argument(help="An export's folder, or one change set.", metavar="FOLDER|FILE")
+    ],
+    go: Annotated[
+        bool, typer.Option("--go", help="Send and start them; without it they are checked.")
+    ] = False,
+    api_url: Annotated[
+        str, typer.Option(envvar="TWIN_SKRIV_URL", help="API Skriv; by default its test environment.")
+    ] = DEFAULT_SKRIV_API,
+    user: Annotated[
+        str | None,
+        typer.Option(envvar="TWIN_SKRIV_USER", help="User name; the password is TWIN_SKRIV_PASSWORD's."),
+    ] = None,
+    realm: Annotated[
+        Realm, typer.Option(envvar="TWIN_SKRIV_REALM", help="What kind of user that is.")
+    ] = Realm.EMPLOYEE,
+    wait: Annotated[float, typer.Option(min=0, help="Longest wait for one set.", metavar="SECONDS")] = 3600.0,
+    json_output: JsonOption = False,
 ) -> None:
-    """``twin submit``."""
+    """Check the change sets of an export; with --go send them to NVDB's API Skriv and report each object."""
     from nvdb.errors import LoginError
     from twin.changesets.read_exported import exported_sets
 
@@ -80,14 +76,14 @@ def submit(
         )
     done: list[Submitted] = []
     try:
-        _do(found, credentials, go, _Api(api_url, realm, wait_s), done, quiet=json_output)
+        _do(found, credentials, go, _Api(api_url, realm, wait), done, quiet=json_output)
     except LoginError as error:
         raise RefusedError(str(error)) from error
     finally:
         # What was carried out is told, whatever went wrong after it.
         _print(done, go, credentials is not None, json_output)
     if not all(item.accepted for item in done):
-        raise typer.Exit(_EXIT_DATA)
+        raise typer.Exit(EXIT_DATA)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +131,7 @@ def _client(api: _Api, credentials: Credentials, say: Callable[[str], None]) -> 
         time.sleep(seconds)
 
     with NvdbClient(api.url, contact=os.environ.get(_CONTACT)) as http:
-        yield SkrivClient(http, OidcLogin(http, credentials, realm=api.realm), sleep=wait)
+        yield SkrivClient(http, OidcLogin(http, credentials, realm=api.realm.value), sleep=wait)
 
 
 def _credentials(user: str | None) -> Credentials | None:

@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlencode
 
 from nvdb.area import Area
@@ -92,6 +91,31 @@ class SyncResult:
     unknown: dict[str, int]
     datakatalog: str
     datakatalog_news: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SyncPlan:
+    """What a sync would do and ask first.
+
+    Attributes
+    ----------
+    source, area : str
+        ``les-v4`` or ``uberiket``; in words.
+    mode : str
+        ``backfill``, ``resumed`` or ``changes``.
+    position : str or None
+        In the change feed; None for a ``backfill``.
+    first_url : str
+    expected : dict
+        Type → the API's own count, None where it gives none.
+    """
+
+    source: str
+    area: str
+    mode: str
+    position: str | None
+    first_url: str
+    expected: dict[int, int | None]
 
 
 def area_from_options(
@@ -202,7 +226,7 @@ def dry_run(
     store: Store | None = None,
     replace: bool = False,
     fresh: bool = False,
-) -> dict[str, Any]:
+) -> SyncPlan:
     """Say what :func:`sync_nvdb` would do and ask first, and how many signs there are; nothing is written.
 
     Parameters
@@ -211,12 +235,6 @@ def dry_run(
         As :func:`sync_nvdb` takes them.
     store : Store, optional
         The one that would be synced; None if it would be a new one.
-
-    Returns
-    -------
-    dict
-        ``source``, ``area``, ``mode`` (``backfill``, ``resumed`` or ``changes``), ``position`` (in the change
-        feed, None for a ``backfill``), ``first_url`` and ``expected`` (type → the API's own count or None).
 
     Raises
     ------
@@ -228,22 +246,22 @@ def dry_run(
     if store is not None:
         _check_area(store, area, replace)
     with NvdbClient(api_url=api_url, contact=contact) as client, _Asking(api_url) as asking:
-        made = _source(source, client, snapshot())
-        made.check(area)
-        mode, position, cursor = _plan(made, area, store, fresh)
+        followed = _source(source, client, snapshot())
+        followed.check(area)
+        mode, position, cursor = _plan(followed, area, store, fresh)
         asked = _source(source, asking, snapshot())
         if mode == "changes":
             url = _first_url(lambda: asked.changes(SKILT_TYPES, position or ""))
         else:
             url = _first_url(lambda: asked.pages(SKILT_TYPES[0], area, cursor))
-        return {
-            "source": made.name,
-            "area": area.text(),
-            "mode": mode,
-            "position": position,
-            "first_url": url,
-            "expected": {type_id: made.count(type_id, area) for type_id in SKILT_TYPES},
-        }
+        return SyncPlan(
+            source=followed.name,
+            area=area.text(),
+            mode=mode,
+            position=position,
+            first_url=url,
+            expected={type_id: followed.count(type_id, area) for type_id in SKILT_TYPES},
+        )
 
 
 def _plan(source: Source, area: Area, store: Store | None, fresh: bool) -> tuple[str, str | None, str | None]:

@@ -15,23 +15,31 @@ from typing import Any
 import pyogrio
 import pytest
 from checkout import ROOT
+from typer.core import TyperGroup
+from typer.main import get_group
 
-from twin.cli import exit_code
-from twin.cli.app import Method, app
+from twin.cli.app import app
+from twin.cli.exit_codes import exit_code
+from twin.store.kinds import Method
 from twin.store.schema import METHODS
 
 Twin = Callable[..., Any]
 
 
-def commands() -> list[str]:
-    """Names of all commands."""
-    return [str(command.name) for command in app.registered_commands]
+def commands(group: TyperGroup | None = None) -> list[str]:
+    """Names of all commands, those of a group with the group's before them: ``calibrate verify``."""
+    group = group or get_group(app)
+    names = []
+    for name in group.list_commands(Any):
+        command = group.get_command(Any, name)
+        names += [f"{name} {sub}" for sub in commands(command)] if isinstance(command, TyperGroup) else [name]
+    return names
 
 
 @pytest.mark.parametrize("command", commands())
 def test_help_of_every_command_has_an_example(twin: Twin, command: str) -> None:
     """Every command explains itself and shows how it is called."""
-    answer = twin(command, "--help")
+    answer = twin(*command.split(), "--help")
     assert answer.code == 0
     assert f"Example: twin {command}" in " ".join(answer.out.split())
 

@@ -16,7 +16,7 @@ import pytest
 import shapely
 
 from geoloc.earth.geodesy import geographic_from_utm33
-from twin.cli.findings import person
+from twin.cli.options import person
 from twin.export import FILES
 
 Twin = Callable[..., Any]
@@ -225,4 +225,4 @@ def test_whole_rerun_with_nothing_new_changes_nothing(
 def test_person_is_the_login_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without --by and TWIN_USER the system says who it is."""
     monkeypatch.setenv("LOGNAME", "ola")
-    assert person() == "ola"
+    assert (person(None), person("kari")) == ("ola", "kari")

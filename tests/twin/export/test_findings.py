@@ -17,7 +17,7 @@ import sqlalchemy as sa
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
-from twin.cli import commands
+from twin.cli import run
 from twin.decisions.decide import decide
 from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export import FILES, edited_decisions, export_findings, from_store
@@ -155,7 +155,7 @@ def test_export_command_says_once_that_the_geoid_model_is_missing(
     store: Store, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Whoever reads null heights has been told why, on stderr, and only where it is so."""
-    commands.export(out, None, store.path, json_output=False)
+    assert run(["export", str(out), "--store", str(store.path)]) == 0
     told = "".join(capsys.readouterr().err.split()).count("HREF2018Bisnotinstalled")
     assert told == int(np.isnan(nn2000_from_ellipsoidal([], [], []).sigma_m))
 

@@ -27,7 +27,7 @@ from nvdb.objects.geometri import in_norway
 from nvdb.replay.generated import GeneratedWorld
 from nvdb.replay.server import Fault, ReplayServer, RequestInfo
 from nvdb.replay.world import ReplayWorld
-from twin.cli import exit_code
+from twin.cli.exit_codes import exit_code
 from twin.errors import RefusedError, StoreError, TwinError
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.mirror.sync import SyncResult, sync_nvdb

@@ -47,8 +47,8 @@ RUNNER = f"""
 import json, os, signal, sys
 import sqlalchemy as sa
 from twin.cli import run
-import nvdb.client, nvdb.mirror, nvdb.uberiket, twin.sync
-import twin.cli.app, twin.cli.commands, twin.cli.output, twin.cli.sync
+import nvdb.mirror.les_v4, nvdb.mirror.uberiket, twin.mirror.sync
+import twin.cli.app, twin.cli.mirror, twin.cli.output
 
 
 def work(arguments, kill):

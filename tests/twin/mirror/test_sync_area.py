@@ -195,14 +195,14 @@ def test_dry_run_tells_first_what_the_sync_then_does(
             (False, "changes", "start="),
             (True, "backfill", "/vegobjekter/95?"),
         ):
-            found = dry_run(Area(), store=store, fresh=fresh, **options)
-            assert (found["mode"], word in found["first_url"]) == (mode, True)
-            assert found["expected"] == {95: 30, 96: 60}
+            plan = dry_run(Area(), store=store, fresh=fresh, **options)
+            assert (plan.mode, word in plan.first_url) == (mode, True)
+            assert plan.expected == {95: 30, 96: 60}
             position = (store.fact("mirror") or {}).get("position")
-            assert found["position"] == (position if mode == "changes" else None)
+            assert plan.position == (position if mode == "changes" else None)
             asked.clear()
             assert sync_nvdb(store, Area(), fresh=fresh, **options).mode == mode
-            path = urlsplit(found["first_url"])
+            path = urlsplit(plan.first_url)
             question = path.path, dict(parse_qsl(path.query))
             assert question in [(info.path, dict(info.query)) for info in asked]
 
@@ -214,11 +214,11 @@ def test_dry_run_goes_on_with_an_interrupted_backfill(world: ReplayWorld, url: s
             sync_nvdb(store, Area(), api_url=server.url)
         before = store.fact("mirror_backfill")
         assert before is not None
-        found = dry_run(Area(), api_url=server.url, store=store)
-        assert (found["mode"], found["position"]) == ("resumed", before["position"])
-        assert dict(parse_qsl(urlsplit(found["first_url"]).query))["start"] == before["cursors"]["95"]
+        plan = dry_run(Area(), api_url=server.url, store=store)
+        assert (plan.mode, plan.position) == ("resumed", before["position"])
+        assert dict(parse_qsl(urlsplit(plan.first_url).query))["start"] == before["cursors"]["95"]
         assert store.fact("mirror_backfill") == before
-        assert dry_run(Area(), api_url=url, store=store)["mode"] == "backfill"  # another address
+        assert dry_run(Area(), api_url=url, store=store).mode == "backfill"  # another address
 
 
 def test_dry_run_refuses_what_the_sync_would_refuse(url: str, tmp_path: Path) -> None:
@@ -228,7 +228,7 @@ def test_dry_run_refuses_what_the_sync_would_refuse(url: str, tmp_path: Path) ->
         other = Area.from_fylker_text("3")
         with pytest.raises(RefusedError, match="--replace"):
             dry_run(other, api_url=url, store=store)
-        assert dry_run(other, api_url=url, store=store, replace=True)["mode"] == "backfill"
+        assert dry_run(other, api_url=url, store=store, replace=True).mode == "backfill"
 
 
 def test_dry_run_of_the_command_knows_the_store(twin: Twin, url: str, tmp_path: Path) -> None:

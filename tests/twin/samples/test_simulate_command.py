@@ -12,7 +12,7 @@ import pytest
 from geoloc.errors import GeolocError
 from geoloc.simulation.noise import NoiseSpec
 from geoloc.simulation.simulate import SCENARIOS
-from twin.cli.app import ScenarioName
+from twin.cli.samples import ScenarioName
 from twin.drives.read import read_drive
 from twin.errors import ConfigError, RefusedError
 from twin.samples import simulate as simulate_module

@@ -1,0 +1,208 @@
+"""``twin ingest-drive`` and ``twin inspect``: recorded drives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from twin.cli.exit_codes import EXIT_DATA
+from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
+from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
+from twin.store.kinds import Method
+
+if TYPE_CHECKING:
+    from twin.drives.inspection.inspect import CameraSeen, Inspection
+    from twin.ingest.ingest import IngestReport
+    from twin.store.store import Store
+
+app = typer.Typer()
+_MOST_FILES = 40
+_MOST_SKIPPED = 20
+
+
+@contextmanager
+def _made_store(path: Path) -> Iterator[Store]:
+    """Open a store, making it; one that was only made for a command that failed is taken away again."""
+    from twin.store.store import Store
+
+    existed = path.exists()
+    try:
+        with Store.open(path) as opened:
+            yield opened
+    except BaseException:
+        if not existed:
+            for name in (path.name, f"{path.name}-wal", f"{path.name}-shm"):
+                path.with_name(name).unlink(missing_ok=True)
+        raise
+
+
+@app.command("ingest-drive", epilog="Example: twin ingest-drive data/trip_trondheim")
+def ingest_drive(
+    drive: Annotated[Path, typer.Argument(help="The drive's folder.", metavar="DRIVE")],
+    method: Annotated[
+        Method,
+        typer.Option(
+            help="adjusted: all sightings together. single-frame: each by itself. paper: the baseline."
+        ),
+    ] = Method.ADJUSTED,
+    terrain: Annotated[
+        Path | None, typer.Option(help="Ground raster (GeoTIFF) instead of the plane of the road.")
+    ] = None,
+    terrain_heights: Annotated[
+        str | None, typer.Option(help="NN2000 or ellipsoidal, where the raster does not say.")
+    ] = None,
+    labels: Annotated[
+        Path | None, typer.Option(help="What labels mean, instead of the drive's labels.toml.")
+    ] = None,
+    detector: Annotated[
+        Path | None, typer.Option(help="Find the signs by this network (ONNX) instead of annotations.")
+    ] = None,
+    detector_every: Annotated[int, typer.Option(min=1, help="Run the detector on every so many frames.")] = 1,
+    detector_threshold: Annotated[
+        float, typer.Option(help="Lowest score of a box that counts, between 0 and 1.")
+    ] = 0.25,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Locate what was annotated in a recorded drive, and keep it in the store."""
+    from twin.drives.detection.run import DetectorOptions
+    from twin.ingest.ingest import ingest_drive as ingest
+
+    with _made_store(store) as opened, steps(quiet=json_output) as progress:
+        report = ingest(
+            opened,
+            drive,
+            method=method,
+            terrain=terrain,
+            terrain_heights=terrain_heights,
+            labels=labels,
+            detector=DetectorOptions(detector, detector_every, detector_threshold) if detector else None,
+            progress=progress,
+        )
+    for warning in report.warnings:
+        warn(warning)
+    if json_output:
+        print_json(report)
+        return
+    print_pairs(f"Drive {report.name}", _ingest_pairs(report))
+    if report.skipped:
+        print_table("Left out", ["what", "count"], list(report.skipped.items()))
+
+
+def _ingest_pairs(report: IngestReport) -> dict[str, object]:
+    delay = None if report.delay_ms is None else f"{report.delay_ms:.1f} ms"
+    return {
+        "drive id": report.drive_id,
+        "method": report.method,
+        "length": f"{report.length_m:.0f} m",
+        "GNSS host stamps late by (median)": delay,
+        "GNSS fixes": ", ".join(f"{n:,} {quality}" for quality, n in report.fix_quality.items()) or None,
+        "annotations": report.n_annotations,
+        "sightings located": f"{report.n_located:,} of {report.n_sightings:,}",
+        "objects located": f"{report.n_estimates:,} of {report.n_objects:,}",
+    }
+
+
+@app.command("inspect", epilog="Example: twin inspect path/to/trip --out timeline.png")
+def inspect(
+    drive: Annotated[Path, typer.Argument(help="A folder with a recorded drive.", metavar="DRIVE")],
+    out: Annotated[Path | None, typer.Option(help="PNG of all sensors on one timeline.")] = None,
+    json_output: JsonOption = False,
+) -> None:
+    """Show what a drive folder holds: files, sensors on one timeline, gaps, delays, and what is missing."""
+    from twin.drives.inspection.inspect import inspect_drive
+    from twin.drives.inspection.picture import draw_timeline
+
+    with steps(quiet=json_output) as say:
+        found = inspect_drive(drive, progress=say)
+    picture = draw_timeline(found, out) if out is not None and found.sensors else None
+    if json_output:
+        print_json({**found.as_json(), "picture": None if picture is None else str(picture)})
+    else:
+        _print(found, out, picture)
+    if not found.ready:
+        raise typer.Exit(EXIT_DATA)
+
+
+def _print(found: Inspection, out: Path | None, picture: Path | None) -> None:
+    _print_files(found)
+    _print_rig(found)
+    _print_sensors(found)
+    for skipped in found.skipped[:_MOST_SKIPPED]:
+        note(f"left out: {skipped.count:,} {skipped.what} of {skipped.where}: {skipped.reason}")
+    if len(found.skipped) > _MOST_SKIPPED:
+        note(f"… and {len(found.skipped) - _MOST_SKIPPED} more; --json lists them all.")
+    for warning in found.warnings:
+        warn(warning)
+    if picture is not None:
+        note(f"wrote {picture}")
+    elif out is not None:
+        note(f"Nothing in {found.path} has a time, so there is no timeline to draw.")
+    if found.ready:
+        note(f"Ready: twin ingest-drive {found.path}")
+    for refusal in found.refusals:
+        note(f"twin ingest-drive would refuse: {refusal}")
+
+
+def _print_files(found: Inspection) -> None:
+    rows = [
+        (
+            file.name,
+            f"{file.count:,}" if file.count > 1 else "",
+            _size(file.size_bytes),
+            file.kind,
+            _used(file.used),
+        )
+        for file in found.files[:_MOST_FILES]
+    ]
+    print_table(f"{found.name}: files", ["file", "", "size", "what it is", "read"], rows)
+    if len(found.files) > _MOST_FILES:
+        note(f"… and {len(found.files) - _MOST_FILES} more files; --json lists them all.")
+
+
+def _used(used: bool) -> str:
+    return "yes" if used else ""
+
+
+def _size(n_bytes: int) -> str:
+    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if n_bytes >= factor:
+            return f"{n_bytes / factor:.1f} {unit}"
+    return f"{n_bytes} B"
+
+
+def _print_rig(found: Inspection) -> None:
+    cameras = {camera.name: _camera(camera) for camera in found.cameras}
+    antennas = {
+        name: f"lever arm {x:g}, {y:g}, {z:g} m" if any((x, y, z)) else "lever arm all zero"
+        for name, (x, y, z) in found.antennas.items()
+    }
+    print_pairs("Drive", {**found.settings, **cameras, **antennas})
+
+
+def _camera(camera: CameraSeen) -> str:
+    if camera.size_px is None:
+        return camera.problem
+    width, height = camera.size_px
+    across = "" if camera.horizontal_fov_deg is None else f", {camera.horizontal_fov_deg:.0f}° across"
+    return f"{camera.model}, {width} x {height}{across}"
+
+
+def _print_sensors(found: Inspection) -> None:
+    if not found.sensors:
+        return
+    from twin.drives.epochs import utc_text
+    from twin.drives.inspection.picture import text_timeline, told
+
+    first, last = min(s.first_ns for s in found.sensors), max(s.last_ns for s in found.sensors)
+    lines = text_timeline(found.sensors)
+    print_table(
+        f"Sensors, {utc_text(first)} and {(last - first) / 1e9:.1f} s on",
+        ["sensor", "", "timeline", "samples"],
+        [(s.name, s.kind, line, told(s)) for s, line in zip(found.sensors, lines, strict=True)],
+        right_from=4,
+    )

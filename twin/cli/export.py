@@ -1,0 +1,159 @@
+"""``twin export`` and ``twin qgis``: what QGIS opens, and how decisions come home."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from twin.cli.exit_codes import EXIT_DATA
+from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, StoreOption, person
+from twin.cli.output import note, print_json, print_paths, print_table, steps, warn
+from twin.store.kinds import Decision
+
+if TYPE_CHECKING:
+    from twin.changesets import ChangeSets
+    from twin.export.open_in_qgis import QgisExport
+
+app = typer.Typer()
+
+
+class SetDecision(StrEnum):
+    """Decisions whose findings an export turns into change sets."""
+
+    ACCEPT = Decision.ACCEPT
+    OPEN = Decision.OPEN
+
+
+@app.command("export", epilog="Example: twin export out  (then twin qgis out)")
+def export(
+    folder: Annotated[Path, typer.Argument(help="Where to write; made if it does not exist.", metavar="DIR")],
+    by: ByOption = None,
+    decision: Annotated[
+        SetDecision, typer.Option(help="accept: change sets to send. open: previews, of what is undecided.")
+    ] = SetDecision.ACCEPT,
+    project: Annotated[
+        bool, typer.Option("--project", help="With a QGIS project in twin_utm33.gpkg: see twin qgis.")
+    ] = False,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Write the findings as GeoPackages (UTM33 and WGS84, styled for QGIS) and GeoJSON.
+
+    Accepted findings are also written as change sets for API Skriv: see twin submit.
+    """
+    from twin.export import export_findings as write
+    from twin.store.store import Store
+
+    made: list[ChangeSets] = []
+    with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
+        files = write(
+            opened,
+            folder,
+            by=person(by),
+            decision=decision,
+            project=project,
+            change_sets=made.append,
+            progress=progress,
+        )
+    if json_output:
+        print_json({"files": [str(path) for path in files], **_change_sets_as_json(made[0])})
+    else:
+        _print_export(files, folder)
+        _print_change_sets(made[0], folder)
+    if any(sett.errors for sett in made[0].setts):
+        raise typer.Exit(EXIT_DATA)
+
+
+def _print_export(files: Sequence[Path], folder: Path) -> None:
+    from geoloc.earth.heights import nn2000_from_ellipsoidal
+
+    print_paths("Written:", files)
+    note(f"How to open them in QGIS, and decide there: twin qgis {folder}")
+    geoid = nn2000_from_ellipsoidal([], [], [])
+    if math.isnan(geoid.sigma_m):
+        note(geoid.how)
+
+
+def _print_change_sets(made: ChangeSets, folder: Path) -> None:
+    """Say what became of the findings: sets, warnings, what was left out."""
+    for item in made.left_out:
+        warn(item.sentence)
+    for number, sett in enumerate(made.setts, start=1):
+        for sentence in sett.warnings:
+            note(f"set {number}: {sentence}")
+        for sentence in sett.errors:
+            warn(f"set {number} is not written: {sentence}")
+        for clause in sett.not_undone:
+            note(f"set {number} cannot be undone by twin: {clause}.")
+    n = sum(len(sett.groups) for sett in made.setts if not sett.errors)
+    if n and made.is_preview:
+        note(f"Previews of change sets: they cannot be sent, since nobody has accepted these findings ({n}).")
+    elif n:
+        note(f"Check the change sets with `twin submit {folder}`, send them with --go.")
+
+
+def _change_sets_as_json(made: ChangeSets) -> dict[str, Any]:
+    """The same for programs."""
+    return {
+        "errors": [sentence for sett in made.setts for sentence in sett.errors],
+        "left_out": {item.change_id: item.sentence for item in made.left_out},
+    }
+
+
+@app.command("qgis", epilog="Example: twin qgis out   with QGIS started: twin qgis out --open")
+def qgis(
+    folder: Annotated[
+        Path, typer.Argument(help="The folder that twin export wrote to.", metavar="[FOLDER]")
+    ] = Path("out"),
+    start: Annotated[bool, typer.Option("--open", help="Start QGIS with it.")] = False,
+    json_output: JsonOption = False,
+) -> None:
+    """Say how to open an export in QGIS, what its layers are, and how decisions made there come back."""
+    from twin.export.open_in_qgis import qgis_export, qgis_program, start_qgis
+
+    found = qgis_export(folder)
+    if not json_output:
+        _print(found, folder)
+    program = qgis_program() if start else "qgis"
+    if json_output:
+        print_json(
+            {
+                "file": str(found.file),
+                "project": found.uri,
+                "command": [program, *found.arguments],
+                "layers": [
+                    {"name": layer.name, "rows": layer.rows, "what": layer.what} for layer in found.layers
+                ],
+                "decisions": dict(found.decisions),
+                "decided_in_qgis": dict(found.edited),
+            }
+        )
+    if start:
+        start_qgis(program, found)
+
+
+def _print(found: QgisExport, folder: Path) -> None:
+    from twin.export.qgis.project import PROJECT
+
+    sys.stdout.write(f"Open it:\n  {shlex.join(['qgis', *found.arguments])}\n")
+    if found.uri is None:
+        note(f"It has no QGIS project: `twin export {folder} --project` puts one in.")
+    else:
+        note(f"or in QGIS: in the browser panel, the project {PROJECT} below the file {found.file.name}.")
+    layers = [(layer.name, f"{layer.rows:,}", layer.what) for layer in found.layers]
+    print_table(f"Layers of {found.file}", ["layer", "rows", "what"], layers, right_from=3)
+    print_table("Decisions", ["decision", "findings"], list(found.decisions.items()))
+    if found.edited:
+        note(f"{len(found.edited)} decided in QGIS since the export: the next export brings them home.")
+    again = f"twin export {folder}" + (" --project" if found.uri else "")
+    note(
+        "Decide in the column decision of the layer changes: accept, dismiss or defer; open takes a decision "
+        f"back. Save the edits and close QGIS; then `{again}` keeps what was decided."
+    )

@@ -1,0 +1,202 @@
+"""``twin sync-nvdb``: the mirror of NVDB."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
+from twin.cli.output import bar, log_notes, note, print_json, print_pairs, warn
+
+if TYPE_CHECKING:
+    from twin.mirror.sync import SyncPlan, SyncResult
+
+app = typer.Typer()
+DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
+
+
+class SourceName(StrEnum):
+    """APIs that a mirror can follow, as in :data:`twin.mirror.sync.SOURCES`."""
+
+    LES_V4 = "les-v4"
+    UBERIKET = "uberiket"
+
+
+@app.command("sync-nvdb", epilog="Example: twin sync-nvdb --kommune 5001 --contact me@example.no")
+def sync_nvdb(
+    kommune: Annotated[
+        str | None, typer.Option(help="Municipality numbers, separated by commas: 5001,5031.")
+    ] = None,
+    fylke: Annotated[str | None, typer.Option(help="County numbers, separated by commas: 50,15.")] = None,
+    kontraktsomrade: Annotated[
+        str | None,
+        typer.Option(help="Contract areas, names as in NVDB or ids: '9503 Midtre Hålogaland 2021-2026'."),
+    ] = None,
+    bbox: Annotated[
+        str | None, typer.Option(help="minE,minN,maxE,maxN in UTM33 (EPSG:25833), metres.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="The whole country.")] = False,
+    source: Annotated[
+        SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box).")
+    ] = SourceName.LES_V4,
+    api_url: Annotated[
+        str, typer.Option(envvar="TWIN_API_URL", help="Address of NVDB's APIs.")
+    ] = DEFAULT_API,
+    contact: Annotated[
+        str | None,
+        typer.Option(
+            envvar="TWIN_CONTACT", help="Your e-mail address, sent along so that NVDB can reach you."
+        ),
+    ] = None,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Replace a mirror of another area in this store.")
+    ] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Fetch everything, not only the changes.")] = False,
+    confirm_deletions: Annotated[
+        bool, typer.Option("--confirm-deletions", help="Allow more than 5 % of the mirror to be deleted.")
+    ] = False,
+    vegnett: Annotated[
+        bool, typer.Option("--vegnett", help="Also fetch the road network, for stedfesting and facing.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what would be asked, and how many objects there are.")
+    ] = False,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Mirror NVDB's signs: Skiltpunkt (95) and Skiltplate (96) of an area, into the store.
+
+    The first run names an area and fetches everything; later ones know it and fetch only what changed. One
+    that was interrupted goes on where it stopped.
+    """
+    from twin.mirror import sync
+    from twin.store.store import Store
+
+    area = sync.area_from_options(
+        store,
+        kommune=kommune,
+        fylke=fylke,
+        kontraktsomrade=kontraktsomrade,
+        bbox=bbox,
+        everything=everything,
+    )
+    if dry_run:
+        there = Store.open(store, create=False) if store.exists() else nullcontext()  # makes none
+        with there as opened, log_notes("nvdb", quiet=json_output):
+            plan = sync.dry_run(
+                area,
+                store=opened,
+                api_url=api_url,
+                source=source,
+                contact=contact,
+                replace=replace,
+                fresh=fresh,
+            )
+        _print_plan(plan, json_output)
+        return
+    # A store is kept also if the sync fails: a backfill goes on where it stopped.
+    with Store.open(store) as opened, log_notes("nvdb", quiet=json_output):
+        with bar(quiet=json_output) as progress:
+            result = sync.sync_nvdb(
+                opened,
+                area,
+                api_url=api_url,
+                source=source,
+                contact=contact,
+                replace=replace,
+                fresh=fresh,
+                confirm_deletions=confirm_deletions,
+                progress=progress,
+            )
+        # Before the network is asked for: what the signs' sync did is not hidden by what comes after it.
+        _print_sync(result, json_output)
+        if vegnett:
+            try:
+                with bar(quiet=json_output) as progress:
+                    sync.sync_roads(
+                        opened,
+                        area,
+                        api_url=api_url,
+                        contact=contact,
+                        confirm_deletions=confirm_deletions,
+                        progress=progress,
+                    )
+            except BaseException:
+                note("The signs are synced and kept; the road network is not yet.")
+                raise
+
+
+def _print_sync(result: SyncResult, json_output: bool) -> None:
+    if json_output:
+        print_json(result)
+        return
+    print_pairs(f"NVDB: {result.area}", _sync_pairs(result))
+    if not result.skiltpunkt and not result.skiltplate:
+        warn(f"NVDB has no sign in {result.area}: check the area, and name the right one with --replace.")
+    for news in result.datakatalog_news[:10]:
+        note(f"datakatalog: {news}")
+    for problem in result.problems[:10]:
+        warn(problem)
+    if result.n_problems > 10:
+        note(f"… and {result.n_problems - 10} more; --json lists the first 100.")
+
+
+def _sync_pairs(result: SyncResult) -> dict[str, object]:
+    def held(number: int, expected: int | None) -> str:
+        return f"{number:,}" if expected is None else f"{number:,} (NVDB counts {expected:,})"
+
+    events = {"events since the last sync": result.n_events} if result.mode == "changes" else {}
+    return {
+        "Skiltpunkt": held(result.skiltpunkt, result.expected.get(95)),
+        "Skiltplate": held(result.skiltplate, result.expected.get(96)),
+        **events,
+        "new / changed / deleted": f"{result.created:,} / {result.changed:,} / {result.deleted:,}",
+        "without own geometry": result.without_own_geometry,
+        "stated accuracy": _tally({_centimetres(key): n for key, n in result.by_accuracy.items()}),
+        "capture method": _tally(result.by_capture_method),
+        "unknown to the datakatalog": _tally(result.unknown),
+        "problems": result.n_problems,
+        "how": _HOW[result.mode],
+        "source": f"{result.source} at {result.url}, datakatalog {result.datakatalog}",
+    }
+
+
+def _centimetres(text: str) -> str:
+    """``100.0`` → ``100 cm``; what is no number stays as it is."""
+    return f"{float(text):g} cm" if text.replace(".", "", 1).isdigit() else text
+
+
+_HOW = {
+    "backfill": "everything fetched",
+    "resumed": "the rest of an interrupted backfill fetched",
+    "changes": "changes fetched",
+}
+_MAX_SHOWN = 6
+"""Values that a tally shows; --json has them all."""
+
+
+def _tally(numbers: Mapping[str, int]) -> str | None:
+    shown = [f"{value}: {n:,}" for value, n in list(numbers.items())[:_MAX_SHOWN]]
+    return "  ".join(shown + ["…"] * (len(numbers) > _MAX_SHOWN)) or None
+
+
+def _print_plan(plan: SyncPlan, json_output: bool) -> None:
+    if json_output:
+        print_json(plan)
+        return
+    counts = {"Skiltpunkt": plan.expected[95], "Skiltplate": plan.expected[96]}
+    would = _WOULD[plan.mode].format(area=plan.area, position=plan.position)
+    print_pairs(would, {**counts, "first question": plan.first_url})
+    if set(counts.values()) == {0}:
+        warn(f"NVDB has no sign in {plan.area}: check the area.")
+
+
+_WOULD = {
+    "backfill": "Would mirror {area}",
+    "resumed": "Would go on with the interrupted backfill of {area}",
+    "changes": "Would follow the changes of {area} since {position}",
+}

@@ -1,0 +1,318 @@
+"""``twin evaluate``, ``twin show`` and ``twin status``: what the store holds, and how good it is."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
+from twin.cli.output import note, print_json, print_pairs, print_table, warn
+
+if TYPE_CHECKING:
+    from twin.reports.estimate import EstimateExplained
+    from twin.reports.evaluate import MethodResult
+
+app = typer.Typer()
+_MAX_REJECTED = 12
+"""Rejected frames that the table names; --json has them all."""
+
+
+class PairBy(StrEnum):
+    """How estimates find their truth, as in :data:`twin.reports.evaluate.BY`."""
+
+    AUTO = "auto"
+    ID = "id"
+    POSITION = "position"
+
+
+@app.command("evaluate", epilog="Example: twin evaluate data/truth.csv --plots plots")
+def evaluate(
+    truth: Annotated[
+        Path,
+        typer.Argument(help="CSV with object,label,easting,northing in EPSG:25833.", metavar="TRUTH.csv"),
+    ],
+    by: Annotated[
+        PairBy,
+        typer.Option(help="How estimates find their truth: auto takes the ids, or positions if no id fits."),
+    ] = PairBy.AUTO,
+    within: Annotated[
+        float, typer.Option(min=0, help="By position: nothing farther apart is paired.", metavar="METRES")
+    ] = 5.0,
+    plots: Annotated[
+        Path | None, typer.Option(help="Folder for the figures error–distance and error–speed.")
+    ] = None,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Compare the estimates of every method with surveyed positions."""
+    from twin.reports.evaluate import evaluate as run
+    from twin.reports.evaluate import plot, read_truth
+    from twin.store.store import Store
+
+    truths = read_truth(truth)
+    with Store.open(store, create=False) as opened:
+        evaluation = run(opened, truths, by=by.value, within_m=within)
+    files = plot(evaluation, plots) if plots is not None else []
+    if json_output:
+        print_json({"methods": evaluation.as_json(), "plots": [str(path) for path in files]})
+        return
+    if evaluation.methods[0].paired_by == "position":
+        note(f"Estimates are paired with the surveyed objects by position, within {within:g} m.")
+    print_errors(evaluation.methods)
+    for path in files:
+        note(f"wrote {path}")
+
+
+def print_errors(methods: tuple[MethodResult, ...]) -> None:
+    """Print the error tables: objects, then single sightings by range."""
+    names = ("mean", "median", "p95", "max", "rmse")
+    rows = [
+        (m.method, int(m.objects["n"]), *(m.objects[name] for name in names), f"{m.coverage95:.0%}")
+        for m in methods
+    ]
+    header = ["method", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
+    print_table("Horizontal error of the estimates", header, rows)
+    header = ["method", "range [m]", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
+    for title, kind in (
+        ("The same by range to the object (nearest sighting)", "objects_by_range"),
+        ("Horizontal error of single sightings, by range to the object", "sightings_by_range"),
+    ):
+        by_range = [
+            (m.method, _bin(b), b["n"], *(b[name] for name in names), f"{b['coverage95']:.0%}")
+            for m in methods
+            for b in getattr(m, kind)
+        ]
+        if by_range:
+            print_table(title, header, by_range)
+    for m in methods:
+        if m.not_estimated:
+            missed = f"surveyed objects without an estimate: {len(m.not_estimated)}"
+            warn(f"{m.method}: {missed} ({', '.join(m.not_estimated)}).")
+        if m.not_in_truth:
+            warn(f"{m.method}: estimates of no surveyed object: {m.not_in_truth}.")
+
+
+def _bin(entry: dict[str, Any]) -> str:
+    return (
+        f"{entry['from_m']:.0f}–{entry['to_m']:.0f}"
+        if entry["to_m"] is not None
+        else f"≥ {entry['from_m']:.0f}"
+    )
+
+
+@app.command("show", epilog="Example: twin show P01 --out P01.png")
+def show(
+    estimate: Annotated[
+        str,
+        typer.Argument(
+            help="An estimate's id, or an object's where only one drive has it.", metavar="ESTIMATE"
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="Also draw it: a PNG.", metavar="FILE.png")] = None,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Explain one estimate: its position, what its error comes from, the frames that it rests on."""
+    from twin.reports.estimate import explain_estimate
+    from twin.reports.estimate_picture import draw_estimate
+    from twin.store.store import Store
+
+    with Store.open(store, create=False) as opened:
+        explained = explain_estimate(opened, estimate)
+    if out is not None:
+        draw_estimate(explained, out)
+    if json_output:
+        print_json({**explained.as_json(), "picture": None if out is None else str(out)})
+        return
+    _print_position(explained)
+    _print_budget(explained)
+    _print_cameras(explained)
+    _print_rejected(explained)
+    _print_corrections(explained.corrections)
+    _print_neighbours(explained)
+    if out is not None:
+        note(f"wrote {out}")
+
+
+def _print_position(e: EstimateExplained) -> None:
+    height = f"{e.height_m:.2f}{_sigma(e.sigma_height_m)} m ellipsoidal"
+    if math.isfinite(e.height_nn2000_m):
+        height += f", {e.height_nn2000_m:.2f} m NN2000"
+    first = dt.datetime.fromtimestamp(e.frames.epoch_ns.min() / 1e9, tz=dt.UTC)
+    print_pairs(
+        f"Object {e.object}",
+        {
+            "estimate": e.estimate_id,
+            "label": e.label or None,
+            "sign code": e.skiltnummer.replace(";", " + ") or None,
+            "drive": f"{e.drive_name} ({e.drive_id}), first seen {first:%Y-%m-%d %H:%M:%S} UTC",
+            "method": e.method,
+            "position, EPSG:25833": f"{e.east_m:.2f} E  {e.north_m:.2f} N",
+            "position, WGS84": f"{e.latitude_deg:.7f}° N  {e.longitude_deg:.7f}° E",
+            "height": height,
+            "95 % ellipse": f"half axes {e.major95_m:.2f} and {e.minor95_m:.2f} m, "
+            f"the long one at {e.azimuth_deg:.0f}° from true north",
+            "rests on": f"{e.n_sightings:,} sightings in {e.n_frames:,} frames",
+            "remarks": "; ".join(e.flags) or None,
+            "other estimates of it": ", ".join(e.also) or None,
+        },
+    )
+
+
+def _print_budget(e: EstimateExplained) -> None:
+    if not e.budget:
+        note(f"No error budget by source: the method {e.method} keeps none (adjusted does).")
+        return
+    rows = [(s.source, f"{s.along_m:.3f}", f"{s.across_m:.3f}", f"{s.share:.0%}") for s in e.budget]
+    total = [math.hypot(*(getattr(s, name) for s in e.budget)) for name in ("along_m", "across_m")]
+    print_table(
+        "Error budget: one sigma by source",
+        ["source", "along the long axis [m]", "across it [m]", "share of the variance"],
+        [*rows, ("all together", *(f"{value:.3f}" for value in total), "100%")],
+    )
+
+
+def _print_cameras(e: EstimateExplained) -> None:
+    known = any(math.isfinite(c.rms_px) for c in e.cameras)
+    rows = [
+        (
+            c.camera,
+            c.n_used,
+            c.n_rejected,
+            f"{c.range_min_m:.1f}–{c.range_max_m:.1f}" if math.isfinite(c.range_min_m) else None,
+            *([f"{c.rms_px:.2f}" if math.isfinite(c.rms_px) else None] if known else []),
+        )
+        for c in e.cameras
+    ]
+    header = ["camera", "used" if known else "located", "rejected", "distance [m]"]
+    print_table("Seen by", [*header, *(["RMS residual [px]"] if known else [])], rows)
+    if not known and e.n_rejected:
+        note(
+            f"The {e.n_rejected:,} outliers are among those located: {e.method} does not keep which they are."
+        )
+
+
+def _print_rejected(e: EstimateExplained) -> None:
+    import numpy as np
+
+    frames = e.frames
+    rejected = np.flatnonzero(~frames.used)
+    if rejected.size == 0:
+        return
+
+    def number(value: float, form: str) -> str | None:
+        return format(value, form) if math.isfinite(value) else None
+
+    rows = [
+        (
+            frames.camera[k],
+            f"{frames.frame[k]}",
+            frames.rejected[k],
+            number(frames.range_m[k], ".1f"),
+            *(number(value, "+.1f") for value in frames.residual_px[k].tolist()),
+        )
+        for k in rejected[:_MAX_REJECTED].tolist()
+    ]
+    header = ["camera", "frame", "reason", "distance [m]", "seen too far right [px]", "too low [px]"]
+    if not np.isfinite(frames.residual_px).any():
+        header, rows = header[:-2], [row[:-2] for row in rows]
+    print_table("Rejected sightings", header, rows, right_from=3)
+    if rejected.size > _MAX_REJECTED:
+        note(f"… and {rejected.size - _MAX_REJECTED:,} more; --json lists them all.")
+
+
+def _print_corrections(found: Mapping[str, Any]) -> None:
+    if "boresight_deg" not in found:
+        return
+
+    def told(correction: Mapping[str, float | None], form: str) -> str:
+        sigma = correction["sigma"]
+        return f"{correction['value']:+{form}}" + ("" if sigma is None else f" ± {sigma:{form}}")
+
+    print_pairs(
+        "What the adjustment found in this drive",
+        {
+            "added to the camera clock [ms]": told(found["camera_offset_ms"], ".1f"),
+            "rolling shutter, first to last row [ms]": told(found["rolling_shutter_ms"], ".1f"),
+            "noise of a pixel against the stated one": f"× {found['pixel_noise_factor']:.2f}",
+        },
+    )
+    rows = [
+        (camera, *(told(angles[name], ".2f") for name in ("pitch", "yaw", "roll")))
+        for camera, angles in found["boresight_deg"].items()
+    ]
+    print_table("Boresight corrections [°]", ["camera", "pitch", "yaw", "roll"], rows)
+
+
+def _print_neighbours(e: EstimateExplained) -> None:
+    from twin.reports.estimate import NEIGHBOURS_M
+
+    rows = [
+        (
+            f"{site.nvdb_type}/{site.nvdb_id}",
+            " + ".join(code for code in site.codes if code) or None,
+            math.hypot(site.east_m - e.east_m, site.north_m - e.north_m),
+            site.sigma_m,
+        )
+        for site in e.neighbours
+    ]
+    if rows:
+        header = ["NVDB object", "sign codes", "distance [m]", "its own sigma [m]"]
+        print_table(f"NVDB's signs within {NEIGHBOURS_M:g} m", header, rows, right_from=2)
+
+
+def _sigma(value: float) -> str:
+    return f" ± {value:.2f}" if math.isfinite(value) else ""
+
+
+@app.command("status", epilog="Example: twin status")
+def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) -> None:
+    """Say what the store holds: the mirror and its age, drives, estimates, findings."""
+    from twin.reports.status import status as run
+    from twin.store.store import Store
+
+    with Store.open(store, create=False) as opened:
+        found = run(opened)
+    if json_output:
+        print_json(found)
+        return
+    print_pairs(
+        f"Store {found['store']}",
+        {
+            **_mirror_pairs(found),
+            "drives": len(found["drives"]),
+            "estimates": ", ".join(f"{n} {m}" for m, n in found["estimates"].items()) or None,
+            "last match": (found["last_match"] or {}).get("at"),
+            "findings": ", ".join(f"{n} {v}" for v, n in found["verdicts"].items()) or None,
+        },
+    )
+
+
+def _mirror_pairs(found: Mapping[str, Any]) -> dict[str, object]:
+    mirror, unfinished, vegnett = found["mirror"] or {}, found["unfinished"], found["vegnett"]
+    pairs: dict[str, object] = {
+        "NVDB area": mirror.get("area"),
+        "Skiltpunkt": found["skiltpunkt"],
+        "Skiltplate": found["skiltplate"],
+        "last synced": f"{mirror['synced_at']}, {_ago(mirror['age_hours'])}" if mirror else None,
+        "follows": mirror.get("source"),
+        "position in its change feed": mirror.get("position"),
+    }
+    if unfinished:
+        kept = " and ".join(f"{n:,} {name}" for name, n in unfinished["kept"].items())
+        pairs["unfinished backfill"] = f"{unfinished['area']}: {kept} so far"
+    if vegnett:
+        pairs["road network"] = f"{vegnett['count']:,} links of {vegnett['area']}, {vegnett['fetched_at']}"
+    return pairs
+
+
+def _ago(hours: float) -> str:
+    if hours < 1:
+        return f"{hours * 60:.0f} min ago"
+    return f"{hours:.1f} h ago" if hours < 48 else f"{hours / 24:.0f} days ago"
