@@ -9,7 +9,7 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from twin.cli.exit_codes import EXIT_BUG, EXIT_INTERRUPTED, EXIT_OK, exit_code
+from twin.cli.exit_codes import EXIT_BUG, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, exit_code
 
 __all__ = ["main", "run"]
 
@@ -47,18 +47,24 @@ def _interrupted() -> int:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run `twin` with the given arguments (default: the process's own) and return the exit code."""
+    from typer.main import get_command
+
     from twin.cli.app import app
     from twin.cli.output import error_line
+    from twin.cli.usage import UsageError, usage_sentence
 
     for stream in (sys.stdout, sys.stderr):
         # A pipe on Windows is not UTF-8 by itself, and sign texts are Norwegian.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(encoding="utf-8", errors="replace")
+    twin = get_command(app)
     try:
-        app(args=arguments, prog_name="twin", standalone_mode=True)
-    except SystemExit as stop:
-        code = stop.code if isinstance(stop.code, int) else EXIT_OK
-        return _interrupted() if code == EXIT_INTERRUPTED else code
+        code = twin.main(arguments, prog_name="twin", standalone_mode=False) or EXIT_OK
+    except UsageError as error:
+        sentence = usage_sentence(error, twin, sys.argv[1:] if arguments is None else arguments)
+        if sentence:
+            error_line(sentence)
+        return EXIT_USAGE
     except KeyboardInterrupt:
         return _interrupted()
     except BrokenPipeError:
@@ -70,7 +76,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
             raise
         error_line(_with_option(error))
         return code
-    return EXIT_OK
+    return _interrupted() if code == EXIT_INTERRUPTED else code
 
 
 def _with_option(error: Exception) -> str:

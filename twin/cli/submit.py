@@ -122,7 +122,7 @@ def _do(
 
 @contextmanager
 def _client(api: _Api, credentials: Credentials, say: Callable[[str], None]) -> Iterator[SkrivClient]:
-    from nvdb import NvdbClient
+    from nvdb.client.client import NvdbClient
     from nvdb.skriv.client import SkrivClient
     from nvdb.skriv.login import OidcLogin
 

@@ -197,13 +197,6 @@ def test_missing_drive_folder_is_said(twin: Twin, store: Path, tmp_path: Path) -
     assert "nowhere" in answer.err
 
 
-def test_unknown_method_is_said(twin: Twin, store: Path, trip: Path) -> None:
-    """A method that does not exist is a usage error that lists those that do."""
-    answer = twin("ingest-drive", trip, "--method", "magic", "--store", store)
-    assert answer.code == 2
-    assert "single-frame" in answer.err
-
-
 def test_some_absurd_fixes_are_dropped_and_counted(twin: Twin, store: Path, trip: Path) -> None:
     """Fixes of quality 0 and broken checksums are left out with their counts; the drive still works."""
     path = trip / "gnss50_vehicle.bin"
