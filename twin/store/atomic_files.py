@@ -20,8 +20,9 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from filelock import lock_descriptor
+
 from twin.errors import ExportRefusedError
-from twin.store.lock import try_lock
 
 STAGING = ".twin-export"
 _LOCK = "lock"
@@ -154,7 +155,7 @@ def _try_lock(path: Path) -> BinaryIO | None:
     """Make and lock a file; None where an export that ended has removed it meanwhile."""
     with ExitStack() as stack, suppress(FileNotFoundError):
         file = stack.enter_context(path.open("ab"))
-        if not try_lock(file):
+        if not lock_descriptor(file.fileno(), blocking=False):
             raise ExportRefusedError(f"another export is writing to {path.parent.parent}: wait until it ends")
         # Whoever holds the lock may remove its file. A lock on a removed file keeps nobody out.
         if os.path.samestat(os.fstat(file.fileno()), path.stat()):

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import os
 import socket
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+
+from filelock import lock_descriptor
 
 from twin.errors import RefusedError
 from twin.store.store import utc_now
 
-_LOCKED_BYTE = 1 << 20
-"""Far behind the text, so that others can read who holds the lock also where locks are mandatory."""
+_HOLDER_BYTE = 1
+"""Where it says who holds the lock: the first byte, which is what Windows locks, nobody else can read."""
 
 
 @contextmanager
@@ -44,47 +44,21 @@ def exclusive(path: Path, what: str) -> Iterator[None]:
             "in that folder, or name another --store."
         ) from error
     with file:
-        if not try_lock(file):
-            file.seek(0)
+        try:
+            is_ours = lock_descriptor(file.fileno(), blocking=False)
+        except OSError as error:
+            raise RefusedError(
+                f"The lock file {path} cannot be locked ({error.strerror}): name a --store on another disk."
+            ) from error
+        file.seek(_HOLDER_BYTE)
+        if not is_ours:
             holder = file.read(500).decode("utf-8", "replace").strip() or "another process"
             raise RefusedError(f"{holder} is at work: wait until it has ended, then run this again.")
-        file.seek(0)
-        file.truncate()
-        file.write(f"A {what} (process {os.getpid()} on {socket.gethostname()}, since {utc_now()})".encode())
+        file.truncate(0)
+        holder = f"A {what} (process {os.getpid()} on {socket.gethostname()}, since {utc_now()})"
+        file.write(b"\n" + holder.encode())
         file.flush()
         try:
             yield
         finally:
             file.truncate(0)
-            _unlock(file)
-
-
-if sys.platform == "win32":  # pragma: no cover
-    import msvcrt
-
-    def try_lock(file: BinaryIO) -> bool:
-        """Lock an open file for this process, or return False if another one has it."""
-        file.seek(_LOCKED_BYTE)
-        try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
-
-    def _unlock(file: BinaryIO) -> None:
-        file.seek(_LOCKED_BYTE)
-        msvcrt.locking(file.fileno(), msvcrt.LK_UNLCK, 1)
-
-else:
-    import fcntl
-
-    def try_lock(file: BinaryIO) -> bool:
-        """Lock an open file for this process, or return False if another one has it."""
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return False
-        return True
-
-    def _unlock(file: BinaryIO) -> None:
-        fcntl.flock(file, fcntl.LOCK_UN)
