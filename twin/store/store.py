@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -221,24 +222,33 @@ def _engine(path: Path) -> sa.Engine:
     return engine
 
 
+_WAIT = "another process is writing to it; try again when that has ended"
+_ALLOW = "give this user the right to write the file and its folder, or name another --store"
+_FREE = "free some space; nothing was changed"
+_ANOTHER = "it is not a twin store; name another --store"
+_CURES = {
+    sqlite3.SQLITE_BUSY: _WAIT,
+    sqlite3.SQLITE_LOCKED: _WAIT,
+    sqlite3.SQLITE_PERM: _ALLOW,
+    sqlite3.SQLITE_READONLY: _ALLOW,
+    sqlite3.SQLITE_CANTOPEN: _ALLOW,
+    sqlite3.SQLITE_FULL: _FREE,
+    sqlite3.SQLITE_IOERR: _FREE,
+    sqlite3.SQLITE_NOTADB: _ANOTHER,
+    sqlite3.SQLITE_CORRUPT: _ANOTHER,
+}
+
+
 @contextmanager
 def store_errors(path: Path) -> Iterator[None]:
     """Turn what SQLite says into one sentence with a cure."""
     try:
         yield
     except sa.exc.DBAPIError as error:
-        text = str(error.orig)
-        if "locked" in text or "busy" in text:
-            cure = "another process is writing to it; try again when that has ended"
-        elif "readonly" in text or "unable to open" in text:
-            cure = "give this user the right to write the file and its folder, or name another --store"
-        elif "full" in text or "disk I/O" in text:
-            cure = "free some space; nothing was changed"
-        elif "not a database" in text or "malformed" in text:
-            cure = "it is not a twin store; name another --store"
-        else:
-            cure = "nothing was changed"
-        raise StoreError(f"The store {path} could not be used ({text}): {cure}.") from error
+        # The extended codes (SQLITE_BUSY_SNAPSHOT) hold the code itself in their lowest byte.
+        code = getattr(error.orig, "sqlite_errorcode", 0) & 0xFF
+        cure = _CURES.get(code, "nothing was changed")
+        raise StoreError(f"The store {path} could not be used ({error.orig}): {cure}.") from error
 
 
 def _check_or_create(engine: sa.Engine, path: Path, *, create: bool) -> None:

@@ -18,7 +18,7 @@ from twin.errors import StoreError
 from twin.ingest.save import save_drive
 from twin.matching.save import save_changes
 from twin.store import schema
-from twin.store.store import Store
+from twin.store.store import Store, store_errors
 
 
 @pytest.fixture
@@ -191,6 +191,24 @@ def test_store_locked_by_another_process_is_said(store: Store, monkeypatch: pyte
         raw.execute("ROLLBACK")
         raw.close()
     assert store.count(schema.change) == 0
+
+
+@pytest.mark.parametrize(
+    ("code", "cure"),
+    [
+        (sqlite3.SQLITE_BUSY_SNAPSHOT, "another process is writing"),
+        (sqlite3.SQLITE_READONLY_DIRECTORY, "give this user the right"),
+        (sqlite3.SQLITE_IOERR_WRITE, "free some space"),
+        (sqlite3.SQLITE_CORRUPT_INDEX, "not a twin store"),
+        (sqlite3.SQLITE_MISMATCH, "nothing was changed"),
+    ],
+)
+def test_cure_follows_from_the_code_of_sqlite_whatever_it_says(tmp_path: Path, code: int, cure: str) -> None:
+    """Another SQLite may word its messages otherwise: no cure hangs on them."""
+    cause = sqlite3.OperationalError("the sky is locked, full and readonly")
+    cause.sqlite_errorcode = code
+    with pytest.raises(StoreError, match=cure), store_errors(tmp_path / "twin.db"):
+        raise sa.exc.OperationalError("SELECT 1", None, cause)
 
 
 _WRITER = """
