@@ -1,4 +1,4 @@
-"""What a drive or an adjustment is warned of: a kind that code decides by, and a sentence that people read."""
+"""What a drive or an adjustment is warned of: a kind that code decides by, a sentence that people read."""
 
 from __future__ import annotations
 

@@ -29,14 +29,11 @@ from geoloc.earth.terrain import Terrain
 from geoloc.locate.combine import ellipse
 from geoloc.locate.error_budget import LIKELY_READOUT_MS, ErrorBudget
 from geoloc.locate.records import Sightings
+from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.trajectory import Trajectory
 
-NO_CROSSING = "its rays meet nowhere within 150 m, or it was seen from one place only"
-NO_POSITION = "no usable sighting, or its rays meet nowhere"
-TOO_VAGUE = "seen under too small an angle: one sigma is more than 5 m"
-OUTLIER = "does not fit the other sightings of its object"
 CLOCK_NOTE = "The camera clock does not fit the track"
 SHUTTER_NOTE = "The rolling shutter that fits best"
 """Beginnings of the notes of a drive whose positions cannot be trusted."""
@@ -81,11 +78,11 @@ class Adjusted:
         Where `covariance_m2` comes from: pixels, boresight, camera position, time, rolling shutter, heading,
         body, ground, gnss, lever arm. They add up to it.
     reason : str (g,)
-        "" where there is a position.
+        A `geoloc.reasons.Reason`; "" where there is a position.
     used : bool (n,)
         Sightings that took part.
     rejected : str (n,)
-        Why a sighting did not; "" where it did.
+        Why a sighting did not, a `geoloc.reasons.Reason`; "" where it did.
     residual_px : float64 (n, 2)
         Seen minus expected; NaN for sightings that could not be tried.
     range_m : float64 (n,)
@@ -182,9 +179,9 @@ def adjust(
     n = sightings.camera.size
     rays = rays_of(rig, sightings)
     bodies, poses = bodies_at(trajectory, epoch_ns)
-    rejected = np.where(rays.rejected != "", rays.rejected, poses.reason.astype("U160"))
-    rejected[(rejected == "") & ~poses.valid] = "no pose"
-    rejected[(rejected == "") & (object_index < 0)] = "belongs to no object"
+    rejected = np.where(rays.rejected != "", rays.rejected, poses.reason)
+    rejected[(rejected == "") & ~poses.valid] = Reason.NO_POSE
+    rejected[(rejected == "") & (object_index < 0)] = Reason.NO_OBJECT
     objects = np.unique(object_index[object_index >= 0])
     rows = np.flatnonzero(rejected == "")
     is_foot = np.asarray(kind == "foot")
@@ -201,7 +198,7 @@ def adjust(
         sigma_px_of(budget, np.full(n, np.nan) if size_px is None else size_px),
     )
     scene = scene_of(rig, sightings.camera, placed)
-    rejected[np.setdiff1d(rows, scene.row)] = NO_CROSSING
+    rejected[np.setdiff1d(rows, scene.row)] = Reason.NO_CROSSING
     if scene.point.size == 0:
         return _nothing(objects, rejected, poses)
     stated = budget if readout_ms is None else replace(budget, readout_ms=_STATED_READOUT_MS)
@@ -225,7 +222,7 @@ def adjust(
             f"{CLOCK_NOTE}: {later:+.0f} ms were added to it. Do not trust the"
             " positions before camera_offset_ms is right, and frames and fixes are both UTC."
         )
-    rejected[scene.row[~solution.inlier]] = OUTLIER
+    rejected[scene.row[~solution.inlier]] = Reason.OUTLIER
     corrected = corrected_poses(model, solution.x, poses)
     return _adjusted(
         objects, rejected, corrected, model, solution, found, budget, track_sigma_m, tuple(notes)
@@ -287,10 +284,10 @@ def _adjusted(
     # What is written last counts: a foot before a face, a firm place before a vague one.
     for point in np.lexsort((scene.is_foot, firm)):
         chosen[index[point]] = point
-    reason = np.where(chosen < 0, NO_POSITION, np.where(firm[chosen], "", TOO_VAGUE)).astype("U160")
+    reason = np.where(chosen < 0, Reason.NO_POSITION, np.where(firm[chosen], "", Reason.TOO_VAGUE))
     good = reason == ""
     lost = scene.row[~good[index[scene.point]]]
-    rejected = np.where(np.isin(np.arange(n), lost) & (rejected == ""), TOO_VAGUE, rejected)
+    rejected = np.where(np.isin(np.arange(n), lost) & (rejected == ""), Reason.TOO_VAGUE, rejected)
 
     def of_objects(values: FloatArray) -> FloatArray:
         result = np.full((g, *values.shape[1:]), np.nan)
@@ -375,7 +372,7 @@ def _nothing(objects: IntArray, rejected: TextArray, poses: Poses) -> Adjusted:
         np.full((g, 2, 2), np.nan),
         nan,
         {},
-        np.full(g, NO_POSITION, dtype="U160"),
+        np.full(g, Reason.NO_POSITION, dtype=REASON_TYPE),
         np.zeros(n, dtype=bool),
         rejected,
         np.full((n, 2), np.nan),

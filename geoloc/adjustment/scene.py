@@ -12,14 +12,13 @@ from geoloc.earth.geodesy import enu_offset, metres_per_degree, rotation_enu_fro
 from geoloc.locate.records import Sightings
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.locate.visibility import on_the_car_itself
+from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.rig_poses import lean_m
 from geoloc.trajectory.trajectory import Trajectory
 
-OUTSIDE = "outside the camera's image or model"
-ON_THE_CAR = "on the car itself"
 # Rates are differences over twice this: longer than most errors of the trajectory last, shorter than a bend.
 # Over a tenth of a second they are the slopes of those errors, which look like a clock that is wrong.
 _RATE_STEP_NS = 500_000_000
@@ -127,7 +126,7 @@ def rays_of(rig: Rig, sightings: Sightings) -> Rays:
     """
     n = sightings.camera.size
     ray, slope = np.full((n, 3), np.nan), np.full((n, 3, 2), np.nan)
-    readout, rejected = np.full(n, np.nan), np.full(n, "", dtype="U160")
+    readout, rejected = np.full(n, np.nan), np.full(n, "", dtype=REASON_TYPE)
     for name in np.unique(sightings.camera):
         rows = np.flatnonzero(sightings.camera == name)
         camera = rig.camera(str(name))
@@ -138,10 +137,10 @@ def rays_of(rig: Rig, sightings: Sightings) -> Rays:
             slope[rows] = np.stack([np.stack(seen.by_u, axis=1), np.stack(seen.by_v, axis=1)], axis=2)
         height = camera.model.height_px
         readout[rows] = (pixel[:, 1] - 0.5 * (height - 1)) / height
-        rejected[rows] = np.where(seen.inside, "", OUTSIDE)
-        rejected[rows[seen.inside & on_the_car_itself(camera, pixel)]] = ON_THE_CAR
+        rejected[rows] = np.where(seen.inside, "", Reason.OUTSIDE_CAMERA)
+        rejected[rows[seen.inside & on_the_car_itself(camera, pixel)]] = Reason.ON_CAR
     known = np.isfinite(slope).all(axis=(1, 2))
-    rejected[(rejected == "") & ~known] = OUTSIDE
+    rejected[(rejected == "") & ~known] = Reason.OUTSIDE_CAMERA
     gram = np.swapaxes(slope, 1, 2) @ slope
     gram[~known] = np.eye(2)
     return Rays(ray, np.linalg.solve(gram, np.swapaxes(slope, 1, 2)), readout, rejected)

@@ -17,6 +17,7 @@ from geoloc.association.id_contradictions import IdFinding, contradictions
 from geoloc.association.merging import refine
 from geoloc.association.tracking import numbered, track
 from geoloc.locate.records import Sightings
+from geoloc.reasons import Reason
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.trajectory import Trajectory
@@ -70,7 +71,7 @@ class Association:
     objects : tuple of AssociatedObject
         By number.
     reason : str (n,)
-        Why a sighting belongs to none; "" where it belongs to one.
+        Why a sighting belongs to none, a `geoloc.reasons.Reason`; "" where it belongs to one.
     """
 
     object: IntArray
@@ -135,12 +136,10 @@ def associate(
         return Association(found, (), reason)
     group, merged, split = refine(seen, track(seen, rules), rules)
     slips = strays(seen, group, rules)
-    group[list(slips)] = -1
+    group[slips] = -1
     group = numbered(faces_on_feet(seen, numbered(group), _on_pole(names), rules))
     found[seen.row] = group
-    reason = reason.copy()
-    for row, (other, off_deg) in slips.items():
-        reason[seen.row[row]] = f"{off_deg:.1f}° off object {group[other]}, which its picture lacks"
+    reason[seen.row[slips]] = Reason.SLIP
     return Association(found, _objects(group, label[seen.row], merged, split), reason)
 
 

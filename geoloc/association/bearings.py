@@ -11,6 +11,7 @@ from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import GRS80_E2, GRS80_SEMI_MAJOR_AXIS_M, rotation_enu_from_rig
 from geoloc.locate.records import Sightings
 from geoloc.locate.visibility import on_the_car_itself
+from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig, RigCamera
 from geoloc.trajectory.poses import Poses
 
@@ -158,7 +159,8 @@ def _in_rig(
     """Rays, camera positions and noise of directions in the rig frame, and why a sighting has none."""
     n = sightings.camera.size
     ray, offset, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full(n, np.nan)
-    reason = np.where(poses.valid, "", np.where(poses.reason == "", "no pose", poses.reason)).astype("U160")
+    reason = np.where(poses.valid, "", np.where(poses.reason == "", Reason.NO_POSE, poses.reason))
+    reason = reason.astype(REASON_TYPE)
     for name in np.unique(sightings.camera):
         rows = np.flatnonzero(sightings.camera == name)
         camera = rig.camera(str(name))
@@ -166,8 +168,8 @@ def _in_rig(
         rays, known = camera.model.camera_ray_from_pixel(pixel)
         ray[rows], offset[rows] = rays @ camera.rig_R_camera.T, camera.rig_t_camera_m
         sigma[rows] = np.hypot(np.radians(rules.angle_deg), rules.pixel_px * _rad_per_px(camera, pixel, rays))
-        why = np.where(known, "", "outside the camera's image or model")
-        why = np.where(known & on_the_car_itself(camera, pixel), "on the car itself", why)
+        why = np.where(known, "", Reason.OUTSIDE_CAMERA)
+        why = np.where(known & on_the_car_itself(camera, pixel), Reason.ON_CAR, why)
         reason[rows] = np.where(reason[rows] == "", why, reason[rows])
     return ray, offset, sigma, reason
 

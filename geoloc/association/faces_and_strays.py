@@ -56,7 +56,7 @@ def faces_on_feet(seen: Bearings, group: IntArray, on_pole: BoolArray, rules: As
     return np.where(group >= 0, over[group], -1)
 
 
-def strays(seen: Bearings, group: IntArray, rules: AssociationRules) -> dict[int, tuple[int, float]]:
+def strays(seen: Bearings, group: IntArray, rules: AssociationRules) -> list[int]:
     """Find sightings that miss an object which was due in their picture and is not there.
 
     Only those that stand alone or in a few count, and only if that holds for all of the few: slips of the
@@ -64,16 +64,17 @@ def strays(seen: Bearings, group: IntArray, rules: AssociationRules) -> dict[int
 
     Returns
     -------
-    dict of row → (a row of the missed object, how far off in degrees)
+    list of int
+        Their rows.
     """
     size = int(group.max(initial=-1)) + 1
     count = np.bincount(group[group >= 0], minlength=size)
     points = fit_points(seen, group, size)
     face, label = faces_of(seen, group, size), labels_of(seen, group, size)
     trusted = (count > _FEW) & ~points.vague
-    found: dict[int, tuple[int, float]] = {}
+    slips: list[int] = []
     for number in np.flatnonzero(count <= _FEW):
-        missed: dict[int, tuple[int, float]] = {}
+        missed: list[int] = []
         for row in np.flatnonzero(group == number).tolist():
             due = _due(seen, group, row)
             due = due[trusted[due]]
@@ -82,11 +83,10 @@ def strays(seen: Bearings, group: IntArray, rules: AssociationRules) -> dict[int
             joined = may_join(seen.face[mine], seen.label[mine], face[due], label[due])
             off_deg = np.where(seeing.ahead & joined, np.degrees(np.hypot(*seeing.z.T)), np.inf)
             if off_deg.min(initial=np.inf) <= rules.stray_deg:
-                other = np.flatnonzero(group == due[np.argmin(off_deg)])
-                missed[row] = (int(other[0]), float(off_deg.min()))
+                missed.append(row)
         if len(missed) == count[number]:
-            found |= missed
-    return found
+            slips += missed
+    return slips
 
 
 def _due(seen: Bearings, group: IntArray, row: int) -> IntArray:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.arrays import BoolArray, FloatArray
+from geoloc.arrays import BoolArray, FloatArray, TextArray
+from geoloc.reasons import Reason
 
-_RISING = "above the horizon"
-_TOO_FAR = "more than"
 MAX_RANGE_M = 60.0
 """A flat road says nothing about what is further away: 0.1° of pitch is 4 m there."""
 
@@ -50,8 +48,8 @@ def intersect_plane(
 
 def miss_reason(
     origin_m: FloatArray, direction: FloatArray, plane_z: float = 0.0, max_range_m: float = MAX_RANGE_M
-) -> NDArray[np.str_]:
-    """Say in one clause why each ray misses the plane; "" where it hits."""
+) -> TextArray:
+    """Say why each ray misses the plane: a `Reason`, "" where it hits."""
     origin, ray = np.broadcast_arrays(origin_m, direction)
     _, valid = intersect_plane(origin, ray, plane_z, max_range_m)
     known = np.isfinite(origin).all(axis=-1) & np.isfinite(ray).all(axis=-1)
@@ -60,15 +58,9 @@ def miss_reason(
         below = origin[..., 2] <= plane_z
     return np.select(
         [valid, ~known, rising, below],
-        ["", "no ray", _RISING, "the camera is not above the ground"],
-        default=f"{_TOO_FAR} {max_range_m:g} m away on flat ground",
+        ["", Reason.NO_RAY, Reason.ABOVE_HORIZON, Reason.CAMERA_UNDERGROUND],
+        default=Reason.TOO_FAR,
     )
-
-
-def stands_far_away(reason: NDArray[np.str_]) -> BoolArray:
-    """Whether each reason of :func:`miss_reason` says that the object stands beyond flat ground's reach."""
-    text = np.asarray(reason, dtype=np.str_)
-    return np.asarray((text == _RISING) | np.char.startswith(text, _TOO_FAR))
 
 
 def _distance(origin: FloatArray, ray: FloatArray, plane_z: float) -> FloatArray:

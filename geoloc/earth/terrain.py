@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geoloc.arrays import BoolArray, FloatArray
+from geoloc.arrays import BoolArray, FloatArray, TextArray
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.errors import GeolocError
+from geoloc.reasons import Reason
 
 _BLOCK = 512
 """Rays marched at a time: their samples stay within ten megabytes or so."""
@@ -25,8 +26,8 @@ class TerrainHits(NamedTuple):
     """float64 (..., 3): east, north, ellipsoidal height; NaN where there is no hit."""
     valid: BoolArray
     """bool (...)."""
-    reason: NDArray[np.str_]
-    """str (...): why there is no hit, in one clause; "" where there is one."""
+    reason: TextArray
+    """str (...): why there is no hit, a `Reason`; "" where there is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +134,7 @@ class Terrain:
 
     def _first_hits(
         self, origin: FloatArray, ray: FloatArray, max_range_m: float
-    ) -> tuple[FloatArray, NDArray[np.str_]]:
+    ) -> tuple[FloatArray, TextArray]:
         """Points and reasons of one block of rays, ``(n, 3)`` and ``(n,)``."""
         end = self._reach(origin, ray, max_range_m)
         known = np.isfinite(origin).all(axis=1) & np.isfinite(ray).all(axis=1)
@@ -158,12 +159,12 @@ class Terrain:
             [hit, ~known, unknown, reached, rising],
             [
                 "",
-                "no ray",
-                "the terrain's height is not known there",
-                "the camera is not above the ground",
-                "above the horizon",
+                Reason.NO_RAY,
+                Reason.TERRAIN_UNKNOWN,
+                Reason.CAMERA_UNDERGROUND,
+                Reason.ABOVE_HORIZON,
             ],
-            default=f"more than {max_range_m:g} m away on the terrain",
+            default=Reason.TOO_FAR_ON_TERRAIN,
         )
         return point, reason
 

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.cameras.base import Columns, sin_cos
 from geoloc.earth.ground import miss_reason
 from geoloc.locate.visibility import on_the_car_itself
+from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig, RigCamera
 from geoloc.trajectory.poses import Poses
 
@@ -46,7 +46,7 @@ class Feet(NamedTuple):
     hit: BoolArray
 
 
-def cameras_of(camera: NDArray[np.str_]) -> list[str]:
+def cameras_of(camera: TextArray) -> list[str]:
     """Names that occur, in alphabetical order: `numpy.unique` sorts every row's text for that."""
     names = []
     while camera.size:
@@ -55,7 +55,7 @@ def cameras_of(camera: NDArray[np.str_]) -> list[str]:
     return sorted(names)
 
 
-def rows_by_camera(rig: Rig, camera: NDArray[np.str_]) -> Iterator[tuple[RigCamera, Rows]]:
+def rows_by_camera(rig: Rig, camera: TextArray) -> Iterator[tuple[RigCamera, Rows]]:
     """Give each camera with its rows: all of them as one slice where there is one camera only.
 
     Raises
@@ -163,7 +163,7 @@ class Rejections:
     """Collects why rows were rejected, and makes the column of reasons, which is "" where they were not."""
 
     def __init__(self) -> None:
-        self._parts: list[tuple[IntArray, NDArray[np.str_]]] = []
+        self._parts: list[tuple[IntArray, TextArray]] = []
 
     def add(
         self,
@@ -174,7 +174,7 @@ class Rejections:
         start: int,
         max_range_m: float,
         *,
-        otherwise: str = "",
+        otherwise: Reason | None = None,
         pose_of: Rows | None = None,
     ) -> BoolArray | None:
         """Note the rejected ones among the feet of these rows, and mark them; None where there are none.
@@ -184,32 +184,31 @@ class Rejections:
         """
         pose_of = rows if pose_of is None else pose_of
         posed = poses.valid[pose_of]
-        bad = np.full(posed.shape, fill_value=True) if otherwise else np.asarray(~(feet.hit & posed))
+        bad = np.asarray(~(feet.hit & posed)) if otherwise is None else np.full(posed.shape, fill_value=True)
         if not bad.any():
             return None
         index = np.flatnonzero(bad)
         row = index if isinstance(rows, slice) else rows[index]
         reason = _why_not(camera, feet, index, max_range_m)
-        reason = np.where(reason == "", otherwise, reason)
+        reason = np.where(reason == "", otherwise or "", reason)
         of_pose = poses.reason[pose_of][index]
-        said = np.where(posed[index] | (of_pose != ""), of_pose, "no pose")
+        said = np.where(posed[index] | (of_pose != ""), of_pose, Reason.NO_POSE)
         self._parts.append((start + row, np.where(said == "", reason, said)))
         return bad
 
-    def column(self, n: int) -> NDArray[np.str_]:
-        """Reasons (n,), as wide as the longest needs."""
-        width = max((int(np.strings.str_len(text).max()) for _, text in self._parts), default=1)
-        column = np.zeros(n, dtype=f"U{width}")
+    def column(self, n: int) -> TextArray:
+        """Reasons (n,)."""
+        column = np.zeros(n, dtype=REASON_TYPE if self._parts else "U1")
         for row, text in self._parts:
             column[row] = text
         return column
 
 
-def _why_not(camera: RigCamera, feet: Feet, index: IntArray, max_range_m: float) -> NDArray[np.str_]:
+def _why_not(camera: RigCamera, feet: Feet, index: IntArray, max_range_m: float) -> TextArray:
     """Reasons of those rows of a camera, poses left aside."""
     ray = np.stack([component[index] for component in feet.ray], axis=-1)
     reason = miss_reason(camera.rig_t_camera_m, ray, max_range_m=max_range_m)
-    reason = np.where(feet.in_image[index], reason, "outside the camera's image or model")
+    reason = np.where(feet.in_image[index], reason, Reason.OUTSIDE_CAMERA)
     if feet.on_car is None:
         return reason
-    return np.where(feet.on_car[index], "on the car itself", reason)
+    return np.where(feet.on_car[index], Reason.ON_CAR, reason)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.arrays import FloatArray
+from geoloc.arrays import FloatArray, TextArray
 from geoloc.cameras.base import Columns
 from geoloc.earth.geodesy import (
     geographic_from_utm33,
@@ -21,6 +20,7 @@ from geoloc.earth.terrain import Terrain
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.locate.visibility import on_the_car_itself
+from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
 
@@ -29,7 +29,6 @@ WHEELBASE_M, TRACK_M = 2.7, 1.55
 
 MAX_STEP_M = 2.0
 """A terrain model that lies further from the car's height is not the ground that it drives on."""
-_REASON_TYPE = "U160"
 _DEFAULT_BUDGET = ErrorBudget()
 # Where the terrain is sampled under the car, rig frame: rear axle to front axle, right wheel to left wheel.
 _FOOTPRINT = np.stack(
@@ -120,7 +119,7 @@ def locate_on_terrain(
     rays, rejected = _rays(rig, sightings, poses, stand, scale)
     rejected = np.where(rejected == "", _off_the_ground(poses, stand), rejected)
     hits = terrain.intersect(rays.camera_m, rays.ray, max_range_m)
-    rejected = np.where(rejected == "", hits.reason.astype(_REASON_TYPE), rejected)
+    rejected = np.where(rejected == "", hits.reason, rejected)
     # At the edge of the known ground, where the slope is not known, level ground stands in for it.
     gradient = np.nan_to_num(terrain.slope(hits.point_m[:, 0], hits.point_m[:, 1]))
     normal = np.concatenate([-gradient, np.ones((len(gradient), 1))], axis=1)
@@ -144,7 +143,7 @@ def _located(
     systematic_m: FloatArray,
     source: tuple[str, ...],
     range_m: FloatArray,
-    rejected: NDArray[np.str_],
+    rejected: TextArray,
 ) -> Located:
     """Put positions and moves together; rejected rows become NaN throughout."""
     lost = rejected != ""
@@ -193,17 +192,14 @@ def _stand(poses: Poses, terrain: Terrain, budget: ErrorBudget) -> _Stand:
     )
 
 
-def _off_the_ground(poses: Poses, stand: _Stand) -> NDArray[np.str_]:
+def _off_the_ground(poses: Poses, stand: _Stand) -> TextArray:
     """Why the terrain under the car is not what it stands on; "" where it is."""
     with np.errstate(invalid="ignore"):
         apart = np.abs(stand.origin_m[:, 2] - poses.height_m)
         elsewhere = apart > np.maximum(MAX_STEP_M, 4.0 * poses.sigma_vertical_m)
     return np.select(
         [np.isnan(stand.R_rig[:, 0, 0] + stand.origin_m[:, 2]), elsewhere],
-        [
-            "the terrain's height is not known under the car",
-            "the terrain is not at the car's height: a bridge, a tunnel, or another height system",
-        ],
+        [Reason.TERRAIN_UNKNOWN_AT_CAR, Reason.OTHER_GROUND],
         default="",
     )
 
@@ -219,13 +215,13 @@ def _tilt_noise_rad(terrain: Terrain) -> FloatArray:
 
 def _rays(
     rig: Rig, sightings: Sightings, poses: Poses, stand: _Stand, scale: FloatArray
-) -> tuple[_Rays, NDArray[np.str_]]:
+) -> tuple[_Rays, TextArray]:
     """Rays of all sightings, a camera at a time, and why some have none."""
     n = sightings.camera.size
     camera_m, ray = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     by_pixel, R_camera = np.full((n, 3, 2), np.nan), np.full((n, 3, 3), np.nan)
-    rejected = poses.reason.astype(_REASON_TYPE)
-    rejected[~poses.valid & (rejected == "")] = "no pose"
+    rejected = poses.reason.astype(REASON_TYPE)
+    rejected[~poses.valid & (rejected == "")] = Reason.NO_POSE
     # Metres of the world to metres of the grid, which stretches sideways alone.
     stretch = np.concatenate([scale, scale, np.ones_like(scale)], axis=1)
     for name in np.unique(sightings.camera):
@@ -239,8 +235,8 @@ def _rays(
         ray[rows] = np.where(seen.inside[:, None], _turned(R_camera[rows], seen.ray), np.nan)
         for axis, slope in enumerate((seen.by_u, seen.by_v)):
             by_pixel[rows, :, axis] = _turned(R_camera[rows], slope)
-        reason = np.where(seen.inside, "", "outside the camera's image or model")
-        reason = np.where(on_the_car_itself(camera, pixel), "on the car itself", reason)
+        reason = np.where(seen.inside, "", Reason.OUTSIDE_CAMERA)
+        reason = np.where(on_the_car_itself(camera, pixel), Reason.ON_CAR, reason)
         rejected[rows] = np.where(rejected[rows] == "", reason, rejected[rows])
     return _Rays(stand.origin_m + camera_m, ray, by_pixel, R_camera), rejected
 

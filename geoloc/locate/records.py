@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.arrays import BoolArray, FloatArray
+from geoloc.arrays import BoolArray, FloatArray, TextArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +21,7 @@ class Sightings:
         Foot of the pole; (0, 0) is the centre of the first pixel.
     """
 
-    camera: NDArray[np.str_]
+    camera: TextArray
     pixel_px: FloatArray
 
 
@@ -48,7 +47,7 @@ class Located:
     range_m : float64 (n,)
         Horizontal distance from the camera to the foot.
     rejected : str (n,)
-        "" where located.
+        A `geoloc.reasons.Reason`; "" where located.
     """
 
     latitude_deg: FloatArray
@@ -59,7 +58,7 @@ class Located:
     systematic_m: FloatArray
     source: tuple[str, ...]
     range_m: FloatArray
-    rejected: NDArray[np.str_]
+    rejected: TextArray
 
     @property
     def valid(self) -> BoolArray:

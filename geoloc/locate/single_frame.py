@@ -26,6 +26,7 @@ from geoloc.locate.feet import (
     rows_by_camera,
 )
 from geoloc.locate.records import Located, Sightings
+from geoloc.reasons import Reason
 from geoloc.rig.rig import Rig, RigCamera
 from geoloc.trajectory.poses import Poses, part
 
@@ -138,9 +139,7 @@ def locate_paper(
             p.height_m,
             [(along[0] * half_way, along[1] * half_way)],
             {"link delay": (along[0] * delay_ms * 1e-3, along[1] * delay_ms * 1e-3)},
-            "the camera's field of view leaves its model's domain"
-            if np.isnan(camera.model.horizontal_fov_rad)
-            else "",
+            Reason.WIDER_THAN_MODEL if np.isnan(camera.model.horizontal_fov_rad) else None,
         )
 
     return _located(rig, sightings, nearest, budget, max_range_m, put)
@@ -164,7 +163,7 @@ class _Put(NamedTuple):
     height_m: FloatArray
     random: list[Pair]
     systematic: dict[str, Pair]
-    rejected: str = ""
+    rejected: Reason | None = None
     """Why it puts none of them."""
 
 

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 
 _OPTIONAL: Mapping[str, tuple[int, ...]] = {
     "sigma_horizontal_m": (),
@@ -114,8 +113,7 @@ class PoseTrack:
 class Poses:
     """Poses of the rig's origin at asked epochs: what a trajectory answers.
 
-    Same frames and signs as `PoseTrack`. Rows with ``valid`` false are NaN, and `reason` says why in one
-    clause ("0.8 s after the last fix"); `reason` is "" where valid.
+    Same frames and signs as `PoseTrack`. Rows with ``valid`` false are NaN, and `reason` says why.
 
     Attributes
     ----------
@@ -128,6 +126,7 @@ class Poses:
         One sigma.
     valid : bool (n,)
     reason : str (n,)
+        A `geoloc.reasons.Reason`; "" where valid.
     """
 
     epoch_ns: IntArray
@@ -144,7 +143,7 @@ class Poses:
     sigma_pitch_deg: FloatArray
     sigma_heading_deg: FloatArray
     valid: BoolArray
-    reason: NDArray[np.str_]
+    reason: TextArray
 
 
 def part(poses: Poses, rows: slice | IntArray) -> Poses:

@@ -10,6 +10,7 @@ import numpy as np
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset, rotation_enu_from_rig, wrap_deg
 from geoloc.errors import TrajectoryError
+from geoloc.reasons import Reason
 from geoloc.trajectory.fix_checks import VERTICAL_FACTOR, sigma_of_quality
 from geoloc.trajectory.heading import (
     LIMIT_DEG,
@@ -33,10 +34,6 @@ from geoloc.trajectory.smoother.plane import (
 )
 from geoloc.trajectory.smoother.state import OWN
 from geoloc.trajectory.smoother.tilt import TiltTrack, smoothed_tilt
-
-STANDING = "standing still with one antenna: no heading"
-STANDING_PAIR = "standing still without a usable pair of antennas: no heading"
-DROWNED = "no heading: the course is lost in the noise of the fixes"
 
 LEVER_SIGMA_M = 0.02
 """A tape measure on a car body: an antenna against the others, an axis."""
@@ -124,7 +121,9 @@ def rig_poses(
             iterations=iterations,
         )
         tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps)
-    return _poses(knot_ns, knots, arms, track, tilt, STANDING if pair is None else STANDING_PAIR)
+    return _poses(
+        knot_ns, knots, arms, track, tilt, Reason.STANDING if pair is None else Reason.STANDING_PAIR
+    )
 
 
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:
@@ -162,7 +161,7 @@ def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_
         sigma_pitch_deg=np.full_like(sigma, _PITCH_SIGMA_DEG),
         sigma_heading_deg=heading.sigma,
         valid=known,
-        reason=np.where(known, "", STANDING),
+        reason=np.where(known, "", Reason.STANDING),
     )
 
 
@@ -267,7 +266,7 @@ def _start(
 
 
 def _poses(
-    knot_ns: IntArray, knots: KnotFixes, arms_m: FloatArray, track: PlaneTrack, tilt: TiltTrack, still: str
+    knot_ns: IntArray, knots: KnotFixes, arms_m: FloatArray, track: PlaneTrack, tilt: TiltTrack, still: Reason
 ) -> Poses:
     lat, lon = knots.geographic(track.position_m)
     speed = np.hypot(track.velocity_mps[:, 0], track.velocity_mps[:, 1])
@@ -297,7 +296,7 @@ def _poses(
         epoch_ns=knot_ns,
         **{name: np.where(known, value, np.nan) for name, value in columns.items()},
         valid=known,
-        reason=np.where(known, "", np.where(speed > MOVING_MPS, DROWNED, still)),
+        reason=np.where(known, "", np.where(speed > MOVING_MPS, Reason.COURSE_IN_NOISE, still)),
     )
 
 

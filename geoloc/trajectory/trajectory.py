@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.earth.geodesy import metres_per_degree
 from geoloc.errors import TrajectoryError
+from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.trajectory.curves import PoseCurves, pose_curves
 from geoloc.trajectory.fix_checks import check_positions, common_epochs, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
@@ -120,12 +120,10 @@ class Trajectory:
     def _poses(self, curves: PoseCurves, epoch_ns: IntArray, *, sigmas: bool) -> Poses:
         columns, valid = curves.at(epoch_ns, sigmas=sigmas)
         bad = np.flatnonzero(~valid)
-        reason = np.zeros(epoch_ns.size, dtype="U1")
+        reason = np.zeros(epoch_ns.size, dtype="U1" if valid.all() else REASON_TYPE)
         if bad.size:
             columns = {name: np.where(valid, column, np.nan) for name, column in columns.items()}
-            why = self._reasons(bracket(self.epoch_ns, epoch_ns[bad]))
-            reason = reason.astype(why.dtype)
-            reason[bad] = why
+            reason[bad] = self._reasons(bracket(self.epoch_ns, epoch_ns[bad]))
         return Poses(epoch_ns=epoch_ns, **columns, valid=valid, reason=reason)
 
     def nearest_fix(self, host_ns: IntArray) -> Poses:
@@ -151,9 +149,7 @@ class Trajectory:
         away_s = apart_s(self.host_ns[index], asked)
         near = away_s <= self.max_gap_s
         valid = near & self.fixes.valid[index]
-        far = np.array([f"the nearest fix is {s:.1f} s away" for s in away_s[~near]], dtype=np.str_)
-        reason = self.fixes.reason[index].astype("U120")
-        reason[~near] = far
+        reason = np.where(near, self.fixes.reason[index], Reason.FIX_FAR_OFF)
         columns = {
             field.name: np.where(valid, getattr(self.fixes, field.name)[index], np.nan)
             for field in fields(Poses)
@@ -174,22 +170,20 @@ class Trajectory:
         keep[-1] = True
         return lat[keep], lon[keep]
 
-    def _reasons(self, at: Bracket) -> NDArray[np.str_]:
+    def missing_s(self, epoch_ns: IntArray) -> FloatArray:
+        """Seconds (n,) before the first epoch or after the last, else those of the gap about each epoch."""
+        at = bracket(self.epoch_ns, np.asarray(epoch_ns, dtype=np.int64))
+        outside_s = np.maximum(at.before_s, at.after_s)
+        return np.where(outside_s > 0, outside_s, at.span_s)
+
+    def _reasons(self, at: Bracket) -> TextArray:
         """Why each of these epochs has no pose."""
-        first, last = (np.datetime64(ns, "ns").astype("datetime64[ms]") for ns in self.span_ns)
-        bounds = f"(the trajectory covers {first} to {last} UTC)"
-        in_gap = at.in_gap(self.max_gap_s)
-        reason = []
-        for i in range(at.left.size):
-            if at.before_s[i] > 0:
-                reason.append(f"{at.before_s[i]:.3f} s before the first fix {bounds}")
-            elif at.after_s[i] > 0:
-                reason.append(f"{at.after_s[i]:.3f} s after the last fix {bounds}")
-            elif in_gap[i]:
-                reason.append(f"inside a gap of {at.span_s[i]:.1f} s between two fixes")
-            else:
-                reason.append(str(self.knots.reason[at.left[i]] or self.knots.reason[at.right[i]]))
-        return np.array(reason, dtype=np.str_)
+        left, right = self.knots.reason[at.left], self.knots.reason[at.right]
+        return np.select(
+            [at.before_s > 0, at.after_s > 0, at.in_gap(self.max_gap_s)],
+            [Reason.BEFORE_FIRST_FIX, Reason.AFTER_LAST_FIX, Reason.IN_GAP],
+            default=np.where(left == "", right, left),
+        )
 
 
 def trajectory_from_gnss(

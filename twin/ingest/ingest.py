@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import zlib
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -11,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from geoloc.adjustment.adjust import OUTLIER
 from geoloc.earth.geodesy import utm33_from_geographic
-from geoloc.earth.ground import stands_far_away
+from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.single_frame import ErrorBudget
+from geoloc.reasons import Reason, sentence_of, stands_far_away
 from geoloc.trajectory.fix_checks import quality_counts
 from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin import __version__
@@ -40,10 +39,6 @@ if TYPE_CHECKING:
 _NS_PER_S = 1_000_000_000
 _VIEW_STEP_M = 0.3
 """Poses closer together than this add nothing to the question whether a place was in view."""
-
-
-_NUMBER = re.compile(r" of \d+(\.\d+)? s\b|\b\d+(\.\d+)? s ")
-"""A duration inside a reason: without it, the same reason counts together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +159,9 @@ def ingest_drive(
         found["misfits"] = [misfit.what for misfit in misfits]
     if gap:
         found["absence_gap"] = gap
-    save_drive(store, row, method, sighting_rows(drive, sighted, method), estimates, n_unplaced, found)
+    save_drive(
+        store, row, method, sighting_rows(drive, sighted, trajectory, method), estimates, n_unplaced, found
+    )
     return IngestReport(
         drive_id=drive.drive_id,
         name=drive.name,
@@ -328,7 +325,8 @@ def _skipped(
         add("boxes: they show the face, not the foot (use --method adjusted)", boxes)
     reasons, numbers = np.unique(sighted.reasons, return_counts=True)
     for reason, number in zip(reasons, numbers, strict=True):
-        if reason and reason != OUTLIER:
-            add(f"sightings: {_NUMBER.sub('', reason)}", int(number))
+        if reason not in ("", Reason.OUTLIER):
+            why = sentence_of(Reason(reason), max_range_m=MAX_RANGE_M, span_ns=trajectory.span_ns)
+            add(f"sightings: {why}", int(number))
     add("sightings: outliers among those of the same object", n_outliers)
     return counts

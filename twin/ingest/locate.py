@@ -15,6 +15,7 @@ from geoloc.earth.terrain import Terrain
 from geoloc.locate.on_terrain import locate_on_terrain
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_paper, locate_single_frame
+from geoloc.reasons import Reason
 from geoloc.trajectory.trajectory import (
     GnssFixes,
     Poses,
@@ -28,7 +29,6 @@ from twin.drives.drive import Drive
 _Track = TypeVar("_Track", GnssFixes, PoseTrack)
 
 _NS_PER_S = 1_000_000_000
-ONE_FACE = "a box: one frame cannot say how far away a face is"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class SightedObjects:
 
     @property
     def reasons(self) -> NDArray[np.str_]:
-        """Why each sighting took no part; "" where it did."""
+        """Why each sighting took no part, a `geoloc.reasons.Reason`; "" where it did."""
         return self.located.rejected if self.adjusted is None else self.adjusted.rejected
 
 
@@ -186,7 +186,7 @@ def _without_boxes(located: Located, is_foot: NDArray[np.bool_]) -> Located:
         height_m=feet(located.height_m),
         covariance_m2=feet(located.covariance_m2),
         range_m=feet(located.range_m),
-        rejected=np.where(is_foot, located.rejected, ONE_FACE),
+        rejected=np.where(is_foot, located.rejected, Reason.FACE_ALONE),
     )
 
 

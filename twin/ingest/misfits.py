@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoloc.adjustment.adjust import CLOCK_NOTE, OUTLIER, SHUTTER_NOTE, Adjusted
+from geoloc.adjustment.adjust import CLOCK_NOTE, SHUTTER_NOTE, Adjusted
 from geoloc.adjustment.scene import sigma_px_of
 from geoloc.arrays import BoolArray
-from geoloc.earth.ground import stands_far_away
 from geoloc.locate.single_frame import ErrorBudget
+from geoloc.reasons import Reason, stands_far_away
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.annotations.gather import REPEATED, only
 from twin.drives.annotations.read import NO_FILES
@@ -121,7 +121,7 @@ def turned_cameras(adjusted: Adjusted) -> Iterator[Misfit]:
 def _outliers(drive: Drive, sighted: SightedObjects, adjusted: Adjusted) -> Iterator[Misfit]:
     """Tell of a drive in which too many sightings contradict the others."""
     rows = _telling(drive, sighted)
-    outlier = adjusted.rejected[rows] == OUTLIER
+    outlier = adjusted.rejected[rows] == Reason.OUTLIER
     tried = int((outlier | adjusted.used[rows]).sum())
     if outlier.sum() > _MOST_OUTLIERS * tried:
         what = f"{int(outlier.sum()):,} of its {tried:,} sightings contradict the others"

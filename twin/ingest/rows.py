@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from geoloc.adjustment.adjust import Adjusted, Correction
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.locate.combine import combine
+from geoloc.reasons import Reason, sentences_of
+from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.drive import Drive
 from twin.ingest.locate import SightedObjects
 
@@ -79,8 +82,6 @@ def positions_of(drive: Drive, sighted: SightedObjects) -> Positions:
 
 
 def _adjusted(names: NDArray[np.str_], group: IntArray, adjusted: Adjusted) -> Positions:
-    from geoloc.adjustment.adjust import OUTLIER
-
     nearest = np.full(names.size, np.inf)
     np.minimum.at(nearest, group[adjusted.used], adjusted.range_m[adjusted.used])
     return Positions(
@@ -92,7 +93,7 @@ def _adjusted(names: NDArray[np.str_], group: IntArray, adjusted: Adjusted) -> P
         sigma_height_m=adjusted.sigma_height_m,
         covariance_m2=adjusted.covariance_m2,
         used=adjusted.used,
-        n_rejected=np.bincount(group[adjusted.rejected == OUTLIER], minlength=names.size),
+        n_rejected=np.bincount(group[adjusted.rejected == Reason.OUTLIER], minlength=names.size),
         range_min_m=nearest,
         by_source=adjusted.by_source,
     )
@@ -136,7 +137,9 @@ def estimate_rows(
     return rows
 
 
-def sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[dict[str, Any]]:
+def sighting_rows(
+    drive: Drive, sighted: SightedObjects, trajectory: Trajectory, method: str
+) -> list[dict[str, Any]]:
     """One row a sighting, with the position that it alone gives, and what the adjustment says of it."""
     located, notes, index = sighted.located, drive.annotations, sighted.index
     east, north = utm33_from_geographic(located.latitude_deg, located.longitude_deg)
@@ -152,9 +155,7 @@ def sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[di
         "range_m": located.range_m,
         "speed_mps": sighted.poses.speed_mps,
     }
-    rejected = located.rejected
     if sighted.adjusted is not None:
-        rejected = sighted.adjusted.rejected
         numbers |= _of_adjustment(sighted.adjusted, positions_group(drive, sighted))
     columns: dict[str, list[Any]] = {
         "object": notes.object[index].tolist(),
@@ -162,7 +163,7 @@ def sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[di
         "frame": notes.frame[index].tolist(),
         "epoch_ns": sighted.epoch_ns.tolist(),
         "kind": notes.kind[index].tolist(),
-        "rejected": rejected.tolist(),
+        "rejected": _why_rejected(sighted, trajectory),
         **{name: _none_for_nan(values) for name, values in numbers.items()},
     }
     names = tuple(columns)
@@ -171,6 +172,16 @@ def sighting_rows(drive: Drive, sighted: SightedObjects, method: str) -> list[di
         {**shared, "number": k, **dict(zip(names, values, strict=True))}
         for k, values in enumerate(zip(*columns.values(), strict=True))
     ]
+
+
+def _why_rejected(sighted: SightedObjects, trajectory: Trajectory) -> list[str]:
+    """Why each sighting took no part, as people read it; "" where it did."""
+    return sentences_of(
+        sighted.reasons,
+        max_range_m=MAX_RANGE_M,
+        span_ns=trajectory.span_ns,
+        seconds=trajectory.missing_s(sighted.epoch_ns),
+    )
 
 
 def positions_group(drive: Drive, sighted: SightedObjects) -> IntArray:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from recordings import Recording, length, recorded
 
-from geoloc.adjustment.adjust import NO_POSITION, OUTLIER, Adjusted, adjust
+from geoloc.adjustment.adjust import Adjusted, adjust
 from geoloc.earth.geodesy import enu_offset
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.records import Sightings
+from geoloc.reasons import Reason
 from geoloc.simulation.raster import rasterised
 from geoloc.simulation.road import Road
 
@@ -57,8 +58,8 @@ def test_a_fifth_of_wrong_pixels_is_left_out() -> None:
     pixel[wrong] += np.stack([jump.real, jump.imag], axis=1)
     spoilt = recording._replace(pixel_px=pixel)
     adjusted = spoilt.adjusted()
-    usable = np.isin(adjusted.rejected, ["", OUTLIER])
-    assert (adjusted.rejected[wrong & usable] == OUTLIER).mean() > 0.97
+    usable = np.isin(adjusted.rejected, ["", Reason.OUTLIER])
+    assert (adjusted.rejected[wrong & usable] == Reason.OUTLIER).mean() > 0.97
     assert (adjusted.rejected[~wrong & usable] == "").mean() > 0.97
     assert np.median(length(spoilt.errors_m(adjusted))) < 0.12
 
@@ -74,7 +75,7 @@ def test_a_track_that_jumps_to_another_sign_keeps_the_larger_part() -> None:
     )
     adjusted = mixed.adjusted()
     assert length(mixed.errors_m(adjusted))[4] < 0.3
-    assert (adjusted.rejected[few] == OUTLIER).mean() > 0.9
+    assert (adjusted.rejected[few] == Reason.OUTLIER).mean() > 0.9
 
 
 def test_road_that_leans_moves_no_foot() -> None:
@@ -97,7 +98,7 @@ def test_a_face_in_one_frame_has_no_position() -> None:
     recording = recorded("approach")
     one = recording.rows(np.array([0]))
     adjusted = _adjust_faces(one)
-    assert adjusted.reason[0] == NO_POSITION
+    assert adjusted.reason[0] == Reason.NO_POSITION
     assert np.isnan(adjusted.latitude_deg[0])
     assert not adjusted.used.any()
 
@@ -134,8 +135,8 @@ def test_sightings_without_pose_or_object_are_named() -> None:
     epoch[0] += 10**12
     number[1] = -1
     adjusted = recording._replace(epoch_ns=epoch, object=number).adjusted()
-    assert "after the last fix" in adjusted.rejected[0]
-    assert adjusted.rejected[1] == "belongs to no object"
+    assert adjusted.rejected[0] == Reason.AFTER_LAST_FIX
+    assert adjusted.rejected[1] == Reason.NO_OBJECT
     assert adjusted.reason[0] == ""
 
 
@@ -143,7 +144,7 @@ def test_nothing_to_see_is_no_error() -> None:
     """A drive without a usable sighting gives objects without positions."""
     recording = recorded("approach")
     adjusted = recording._replace(epoch_ns=recording.epoch_ns + 10**12).adjusted()
-    assert adjusted.reason.tolist() == [NO_POSITION]
+    assert adjusted.reason.tolist() == [Reason.NO_POSITION]
     assert np.isinf(adjusted.time_offset_ms.sigma)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geoloc.earth.ground import intersect_plane, miss_reason, stands_far_away
+from geoloc.earth.ground import intersect_plane, miss_reason
+from geoloc.reasons import Reason, stands_far_away
 
 
 @given(
@@ -46,12 +47,12 @@ def test_rays_that_miss_are_nan_with_a_reason() -> None:
     np.testing.assert_array_equal(valid, [False, False, False, False, True, False])
     assert np.isnan(point[~valid]).all()
     assert miss_reason(origin, ray).tolist() == [
-        "above the horizon",
-        "above the horizon",
-        "no ray",
-        "more than 60 m away on flat ground",
+        Reason.ABOVE_HORIZON,
+        Reason.ABOVE_HORIZON,
+        Reason.NO_RAY,
+        Reason.TOO_FAR,
         "",
-        "the camera is not above the ground",
+        Reason.CAMERA_UNDERGROUND,
     ]
 
 

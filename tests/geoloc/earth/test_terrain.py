@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from geoloc.arrays import FloatArray
 from geoloc.earth.terrain import Terrain
 from geoloc.errors import GeolocError
+from geoloc.reasons import Reason
 
 EAST, NORTH, STEP = 270_000.0, 7_040_000.0, 0.5
 
@@ -119,12 +120,12 @@ def test_rays_that_meet_nothing_say_why() -> None:
     hits = level.intersect(origin, ray, max_range_m=30.0)
     assert hits.reason.tolist() == [
         "",
-        "above the horizon",
-        "more than 30 m away on the terrain",
-        "no ray",
-        "the camera is not above the ground",
-        "the terrain's height is not known there",
-        "above the horizon",
+        Reason.ABOVE_HORIZON,
+        Reason.TOO_FAR_ON_TERRAIN,
+        Reason.NO_RAY,
+        Reason.CAMERA_UNDERGROUND,
+        Reason.TERRAIN_UNKNOWN,
+        Reason.ABOVE_HORIZON,
     ]
     assert hits.valid.tolist() == [True] + [False] * 6
     assert np.isnan(hits.point_m[1:]).all()

@@ -10,12 +10,12 @@ import pytest
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset
-from geoloc.earth.ground import stands_far_away
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.accuracy import nees
 from geoloc.locate.on_terrain import locate_on_terrain
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_single_frame
+from geoloc.reasons import Reason, stands_far_away
 from geoloc.simulation.raster import rasterised
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
@@ -150,7 +150,7 @@ def test_ground_that_the_car_does_not_drive_on_is_refused() -> None:
     drive, terrain = clean_drive()
     sightings, poses = sighted(drive, "true")
     found = locate_on_terrain(drive.rig, sightings, poses, replace(terrain, grid_m=terrain.grid_m - 39.4))
-    assert np.char.startswith(found.rejected, "the terrain is not at the car's height").all()
+    assert set(found.rejected) == {Reason.OTHER_GROUND}
     assert np.isnan(found.latitude_deg).all()
 
 
@@ -160,14 +160,14 @@ def test_what_cannot_be_located_is_nan_with_its_reason() -> None:
     sightings, poses = sighted(drive, "true")
     n = 3
     three = Sightings(sightings.camera[:n], np.array([[950.0, 800.0], [950.0, 800.0], [950.0, 100.0]]))
-    reason = np.array(["2.0 s after the last fix", "", ""], dtype="U60")
+    reason = np.array([Reason.AFTER_LAST_FIX, "", ""])
     valid = np.array([False, True, True])
     first = Poses(**{name: getattr(poses, name)[:n].copy() for name in poses.__dataclass_fields__})
     off = first.latitude_deg + np.array([0.0, 0.1, 0.0])
     first = replace(first, latitude_deg=off, valid=valid, reason=reason)
     found = locate_on_terrain(drive.rig, three, first, terrain)
-    assert found.rejected[0] == "2.0 s after the last fix"
-    assert found.rejected[1] == "the terrain's height is not known under the car"
+    assert found.rejected[0] == Reason.AFTER_LAST_FIX
+    assert found.rejected[1] == Reason.TERRAIN_UNKNOWN_AT_CAR
     assert stands_far_away(found.rejected).tolist() == [False, False, True]
     for values in (found.latitude_deg, found.longitude_deg, found.height_m, found.range_m):
         assert np.isnan(values).all()

@@ -15,6 +15,7 @@ from geoloc.locate.feet import BLOCK
 from geoloc.locate.positions_only import Places, place, place_at
 from geoloc.locate.records import Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_paper, locate_single_frame
+from geoloc.reasons import Reason
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
 from geoloc.trajectory.poses import Poses, PoseTrack, part
 from geoloc.trajectory.trajectory import Trajectory, trajectory_from_poses
@@ -136,8 +137,8 @@ def test_paper_without_a_field_of_view_says_so() -> None:
     pixel = np.array([[951.0, 800.0], [951.0, 300.0]])
     found = locate_paper(Rig({"n": one}, {}, "test rig"), Sightings(np.array(["n", "n"]), pixel), poses)
     assert found.rejected.tolist() == [
-        "the camera's field of view leaves its model's domain",
-        "above the horizon",
+        Reason.WIDER_THAN_MODEL,
+        Reason.ABOVE_HORIZON,
     ]
     assert np.isnan(found.systematic_m).all()
 

@@ -24,6 +24,7 @@ from geoloc.errors import CalibrationError
 from geoloc.locate.accuracy import nees
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_paper, locate_single_frame
+from geoloc.reasons import Reason
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
 from geoloc.trajectory.trajectory import Poses
 
@@ -142,17 +143,17 @@ def test_sightings_that_cannot_be_located_are_nan_with_a_reason() -> None:
     )
     poses = poses_of(7, sigma_heading_deg=0.1)
     poses.valid[4] = False
-    poses.reason[4] = "0.8 s after the last fix"
+    poses.reason[4] = Reason.AFTER_LAST_FIX
     for column in ("latitude_deg", "longitude_deg", "height_m", "heading_deg"):
         getattr(poses, column)[4] = np.nan
     found = locate_single_frame(rig, Sightings(np.full(7, "wide"), pixel), poses)
     assert found.rejected.tolist() == [
-        "above the horizon",
-        "outside the camera's image or model",
-        "outside the camera's image or model",
-        "on the car itself",
-        "0.8 s after the last fix",
-        "above the horizon",
+        Reason.ABOVE_HORIZON,
+        Reason.OUTSIDE_CAMERA,
+        Reason.OUTSIDE_CAMERA,
+        Reason.ON_CAR,
+        Reason.AFTER_LAST_FIX,
+        Reason.ABOVE_HORIZON,
         "",
     ]
     bad = ~found.valid
@@ -174,7 +175,7 @@ def test_feet_beyond_the_range_cap_are_rejected() -> None:
     sighting = Sightings(np.array(["narrow"]), pixel)
     assert locate_single_frame(RIG, sighting, poses_of(1)).valid.all()
     capped = locate_single_frame(RIG, sighting, poses_of(1), max_range_m=25.0)
-    assert capped.rejected.tolist() == ["more than 25 m away on flat ground"]
+    assert capped.rejected.tolist() == [Reason.TOO_FAR]
 
 
 def test_camera_that_the_rig_lacks_is_an_error() -> None:

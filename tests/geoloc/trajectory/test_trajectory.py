@@ -28,6 +28,7 @@ from hypothesis import strategies as st
 
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig
 from geoloc.errors import TrajectoryError
+from geoloc.reasons import Reason, sentences_of
 from geoloc.trajectory.trajectory import GnssFixes, trajectory_from_gnss
 
 
@@ -200,19 +201,23 @@ def test_gap_gives_no_pose_and_says_so() -> None:
     poses = trajectory.poses_at(epochs(np.array([10.0, 10.01, 12.0, 13.19, 13.2])))
     np.testing.assert_array_equal(poses.valid, [True, False, False, False, True])
     assert np.isnan(poses.latitude_deg[1:4]).all()
-    assert poses.reason[2] == "inside a gap of 3.2 s between two fixes"
-    assert poses.reason[0] == ""
+    assert poses.reason.tolist() == ["", *[Reason.IN_GAP] * 3, ""]
+    np.testing.assert_allclose(trajectory.missing_s(epochs(np.array([12.0]))), 3.2)
 
 
 def test_epochs_outside_the_recording_are_refused_with_its_bounds() -> None:
-    """Nothing is extrapolated, not even by a millisecond; the reason carries both ends of the recording."""
+    """Nothing is extrapolated, not even by a millisecond; the sentence carries both ends of the recording."""
     trajectory = trajectory_from_gnss([record(Circle(), np.zeros(3), length_s=10.1)], {"left": np.zeros(3)})
     poses = trajectory.poses_at(epochs(np.array([-0.001, 0.0, 10.0, 10.8])))
     np.testing.assert_array_equal(poses.valid, [False, True, True, False])
-    assert poses.reason[0].startswith("0.001 s before the first fix")
-    assert poses.reason[3].startswith("0.800 s after the last fix")
-    for reason in poses.reason[[0, 3]]:
-        assert "2026-06-10T08:00:00.000 to 2026-06-10T08:00:10.000 UTC" in reason
+    bounds = "(the trajectory covers 2026-06-10T08:00:00.000 to 2026-06-10T08:00:10.000 UTC)"
+    seconds = trajectory.missing_s(poses.epoch_ns)
+    assert sentences_of(poses.reason, max_range_m=60.0, span_ns=trajectory.span_ns, seconds=seconds) == [
+        f"0.001 s before the first fix {bounds}",
+        "",
+        "",
+        f"0.800 s after the last fix {bounds}",
+    ]
     assert trajectory.span_ns == (EPOCH0, EPOCH0 + 10_000_000_000)
 
 
@@ -277,7 +282,7 @@ def test_car_that_never_moved_has_no_pose_with_one_antenna() -> None:
     poses = trajectory.poses_at(one.epoch_ns)
     assert not poses.valid.any()
     assert np.isnan(poses.heading_deg).all()
-    assert set(poses.reason) == {"standing still with one antenna: no heading"}
+    assert set(poses.reason) == {Reason.STANDING}
     assert trajectory.line()[0].size >= 0
 
 
@@ -287,7 +292,7 @@ def test_course_that_drowns_in_the_noise_is_no_heading() -> None:
     one = replace(one, quality=np.full_like(one.quality, 9))
     poses = trajectory_from_gnss([one], {"left": np.zeros(3)}).poses_at(one.epoch_ns[15:25])
     assert not poses.valid.any()
-    assert set(poses.reason) == {"no heading: the course is lost in the noise of the fixes"}
+    assert set(poses.reason) == {Reason.COURSE_IN_NOISE}
 
 
 @pytest.mark.parametrize(

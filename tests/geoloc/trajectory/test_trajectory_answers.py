@@ -7,6 +7,7 @@ import pytest
 from circle_drive import PAIR, Circle, epochs, record, turned
 
 from geoloc.earth.geodesy import enu_offset
+from geoloc.reasons import Reason
 from geoloc.trajectory.trajectory import course_over_ground, trajectory_from_gnss
 
 
@@ -45,7 +46,7 @@ def test_nearest_fix_is_the_antenna_itself_with_the_heading_of_the_pair() -> Non
     )  # meridians converge by 0.001° in 60 m
     far = trajectory.nearest_fix(np.array([fixes[0].host_ns[-1] + 5_000_000_000]))
     assert not far.valid[0]
-    assert far.reason[0] == "the nearest fix is 5.0 s away"
+    assert far.reason[0] == Reason.FIX_FAR_OFF
 
 
 def test_nearest_fix_of_one_antenna_has_the_course_between_its_neighbours() -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from geoloc.arrays import IntArray
 from geoloc.association.associate import IdFinding, associate_drive, check_ids, poses_by_objects
 from geoloc.locate.records import Sightings
+from geoloc.reasons import Reason
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.trajectory import Trajectory
@@ -21,7 +22,6 @@ from twin.drives.folder.sensor_names import named_in
 
 FOUND = "auto"
 SLIP = "no object stands there, and one near it lacks this picture: a slip of the hand"
-_SLIP_REASON = "which its picture lacks"
 _MAX_WARNINGS = 10
 _TWO_SIGNS = 0.15
 CAMERAS_DISAGREE = "The cameras do not agree with one another"
@@ -58,7 +58,7 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
     epoch = _epochs(drive)
     association = associate_drive(drive.rig, _sightings(notes), trajectory, notes.kind, _labels(notes), epoch)
     names = _names(notes, association.object)
-    slip = ~notes.has_id & (np.char.find(association.reason, _SLIP_REASON) >= 0)
+    slip = ~notes.has_id & (association.reason == Reason.SLIP)
     placed = np.where(notes.has_id | (association.object < 0), notes.object, names[association.object])
     loose = np.count_nonzero(~notes.has_id)
     found = np.unique(placed[~notes.has_id & (association.object >= 0)]).size
