@@ -35,16 +35,17 @@ from twin.cli.output import print_table
 from twin.matching.save import save_changes
 from twin.mirror.raw import packed
 from twin.store import schema
+from twin.store.kinds import Method, Verdict
 from twin.store.store import Store
 
 Times = tuple[float, float]
 Run = tuple[float, float, float]
 
 N_DRIVES = 100
-METHOD = "adjusted"
+METHOD = Method.ADJUSTED
 SPACING_M = 60.0
 START_NS = 1_780_000_000_000_000_000
-VERDICTS = ("unchanged", "moved", "wrong_type", "new", "missing", "review")
+VERDICTS = [verdict for verdict in Verdict if verdict is not Verdict.NOT_OBSERVABLE]
 SHARES = (0.80, 0.05, 0.05, 0.05, 0.03, 0.02)
 _OBJECT = {
     "version": 1,

@@ -14,14 +14,11 @@ from twin.changesets.operations import Group, LeftOut, Scene, known_pole, new_po
 from twin.changesets.places import Places
 from twin.decisions.findings import findings
 from twin.decisions.log import standing
-from twin.decisions.reopen import QUIET
 from twin.matching.sites import SKILTPUNKT, Site
+from twin.store.kinds import QUIET, Decision, Verdict
 from twin.store.store import Snapshot, Store
 
 Row = Mapping[str, Any]
-
-_NEVER = "review"
-ACCEPT = "accept"
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +75,10 @@ class ChangeSets:
     @property
     def is_preview(self) -> bool:
         """Whether these are findings that nobody has accepted: nothing to send."""
-        return self.decision != ACCEPT
+        return self.decision != Decision.ACCEPT
 
 
-def groups_from_store(store: Store, decision: str = ACCEPT) -> ChangeSets:
+def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSets:
     """Turn the findings with one decision into change sets.
 
     ========== ================================================================================
@@ -141,10 +138,10 @@ def _parts(chosen: Sequence[Row], scene: Scene) -> Iterator[Group | LeftOut]:
     poles: dict[tuple[int, int], tuple[Site, list[Row]]] = {}
     for finding in chosen:
         key, verdict = finding["change_id"], finding["verdict"]
-        if verdict == _NEVER:
+        if verdict == Verdict.REVIEW:
             yield LeftOut(key, f"{key} is left out: a finding for review is not sure enough to be sent.")
             continue
-        if verdict == "new" and finding["nvdb_type"] == SKILTPUNKT:
+        if verdict == Verdict.NEW and finding["nvdb_type"] == SKILTPUNKT:
             yield new_pole(finding, scene)
             continue
         site = scene.mirrored.site_of(finding)

@@ -13,11 +13,12 @@ from nvdb.endringssett import to_json, to_xml
 from twin.changesets.build import ChangeSets, Sett
 from twin.changesets.datafangst import datafangst
 from twin.changesets.drive_side import height_of
+from twin.store.kinds import Verdict
 
 PROVENANCE: Final = "proveniens.json"
 PREVIEW: Final = "preview-"
 """Before the name of every file about findings that nobody has accepted."""
-_MEASURED: Final = frozenset({"new", "moved"})
+_MEASURED: Final = frozenset({Verdict.NEW, Verdict.MOVED})
 """Verdicts that bring a measured position into NVDB."""
 _OURS: Final = re.compile(
     r"(preview-)?(endringssett-\d+(-before)?\.(xml|json)|datafangst-\d+\.geojson|proveniens\.json)"

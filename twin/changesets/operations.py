@@ -30,6 +30,7 @@ from twin.changesets.nvdb_side import Mirrored
 from twin.changesets.places import Places
 from twin.matching.poles.poles import split_codes
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site
+from twin.store.kinds import Verdict
 
 Row = Mapping[str, Any]
 
@@ -106,7 +107,7 @@ def known_pole(site: Site, findings: Sequence[Row], scene: Scene) -> Iterator[Gr
     pole = _Pole(site, scene)
     done: list[str] = []
     endringer: list[Endring] = []
-    order = {"missing": 0, "moved": 1, "wrong_type": 2, "new": 3}
+    order = {Verdict.MISSING: 0, Verdict.MOVED: 1, Verdict.WRONG_TYPE: 2, Verdict.NEW: 3}
     for finding in sorted(findings, key=lambda row: (order[row["verdict"]], row["change_id"])):
         try:
             endringer += pole.work[finding["verdict"]](finding)
@@ -125,10 +126,10 @@ class _Pole:
         self.closed: set[int] = set()
         self.place: Punkt | None = None
         self.work: dict[str, Callable[[Row], Iterable[Endring]]] = {
-            "missing": self.missing,
-            "moved": self.moved,
-            "wrong_type": self.wrong_type,
-            "new": self.new_plate,
+            Verdict.MISSING: self.missing,
+            Verdict.MOVED: self.moved,
+            Verdict.WRONG_TYPE: self.wrong_type,
+            Verdict.NEW: self.new_plate,
         }
 
     def missing(self, finding: Row) -> Iterable[Endring]:

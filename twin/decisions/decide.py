@@ -12,8 +12,6 @@ from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
 from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
     DECIDED,
-    DECISIONS,
-    OPEN,
     REOPENED,
     UNDONE,
     Ask,
@@ -25,6 +23,7 @@ from twin.decisions.log import (
 from twin.decisions.reopen import reopen_changed
 from twin.errors import ConfigError, RefusedError
 from twin.store import schema
+from twin.store.kinds import Decision
 from twin.store.store import Store, utc_now
 
 Row = Mapping[str, Any]
@@ -136,7 +135,7 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
     RefusedError
         Fewer than `n` commands are left to take back.
     """
-    _check(OPEN, by)
+    _check(Decision.OPEN, by)
     if n < 1:
         raise ConfigError(f"{n} commands cannot be taken back: give a number of at least 1.")
     with store.transaction() as connection:
@@ -182,7 +181,7 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
     ConfigError
         Nobody is named.
     """
-    _check(OPEN, by)
+    _check(Decision.OPEN, by)
     if not edits:
         return ()
     with store.transaction() as connection:
@@ -203,8 +202,8 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
 
 
 def _check(decision: str, by: str) -> None:
-    if decision not in DECISIONS:
-        raise ConfigError(f"{decision!r} is no decision: choose one of {', '.join(DECISIONS)}.")
+    if decision not in set(Decision):
+        raise ConfigError(f"{decision!r} is no decision: choose one of {', '.join(Decision)}.")
     if not by.strip():
         raise ConfigError("Nobody is named as the one who decides: give --by, or set TWIN_USER.")
 
@@ -219,7 +218,7 @@ def _present(ask: Ask, change_ids: Collection[str]) -> dict[str, Evidence]:
 def _stands(said: Row | None, decision: str, reason: str) -> bool:
     """Whether the decision holds already, with this reason or without a new one."""
     if said is None:
-        return decision == OPEN
+        return decision == Decision.OPEN
     return bool(said["decision"] == decision and reason in ("", said["reason"]))
 
 
@@ -240,7 +239,7 @@ def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
 
 def _back(row: Row, before: Row | None, by: str, at: str) -> Entry:
     """Make the entry that puts the decision of before back in the place of `row`."""
-    kept = before or {"decision": OPEN, "reason": "", "evidence": row["evidence"]}
+    kept = before or {"decision": Decision.OPEN, "reason": "", "evidence": row["evidence"]}
     evidence = Evidence.from_json(kept["evidence"])
     return Entry(
         row["change_id"], kept["decision"], kept["reason"], by, at, evidence, UNDONE, undo_of=row["id"]

@@ -12,6 +12,7 @@ from twin.decisions.findings import SHORTEST_ID, findings, whole_ids
 from twin.decisions.log import history, standing
 from twin.errors import ConfigError
 from twin.store import schema
+from twin.store.kinds import Decision
 from twin.store.store import Store
 
 Row = Mapping[str, Any]
@@ -91,7 +92,7 @@ def _sentence(row: Row, entries: tuple[Row, ...]) -> str:
         last = entries[-1]
         why = f" ({last['reason']})" if last["reason"] else ""
         said = f"Decision: {last['decision']}, {last['at'][:10]} by {last['by']}{why}."
-    if row["decision"] == "open" and entries:
+    if row["decision"] == Decision.OPEN and entries:
         said = "It is open."
     return (
         f"{row['change_id']} is {row['verdict']}, {percent(row['confidence'])} sure: {row['reason']} {said}"

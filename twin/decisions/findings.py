@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sqlalchemy as sa
 
-from twin.decisions.log import OPEN, REOPENED, Ask
-from twin.decisions.reopen import QUIET
+from twin.decisions.log import REOPENED, Ask
 from twin.errors import ConfigError
 from twin.store import schema
+from twin.store.kinds import QUIET, Decision
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -51,7 +51,7 @@ class Selection:
     classes: tuple[str, ...] = ()
     since: dt.date | None = None
     until: dt.date | None = None
-    decision: str = OPEN
+    decision: str = Decision.OPEN
 
     @property
     def is_empty(self) -> bool:
@@ -67,7 +67,7 @@ def findings(ask: Ask, decision: str | None = None) -> list[Row]:
     """
     statement = findings_statement(*schema.change.columns)
     if decision is not None:
-        statement = statement.where(sa.func.coalesce(schema.decision.c.decision, OPEN) == decision)
+        statement = statement.where(sa.func.coalesce(schema.decision.c.decision, Decision.OPEN) == decision)
     rows = ask(statement)
     return [_told(dict(row)) for row in rows]
 
@@ -110,7 +110,7 @@ def findings_statement(*columns: sa.Column[Any]) -> sa.Select[Any]:
     return (
         sa.select(
             *columns,
-            sa.func.coalesce(said.c.decision, OPEN).label("decision"),
+            sa.func.coalesce(said.c.decision, Decision.OPEN).label("decision"),
             said.c.kind.label("kind"),
             said.c.reason.label("note"),
         )
@@ -126,7 +126,7 @@ def told_reason(reason: str, kind: str | None, note: str | None) -> str:
 
 def is_open(finding: Row) -> bool:
     """Whether somebody still has to decide: a finding that differs from NVDB and is ``open``."""
-    return finding["decision"] == OPEN and finding["verdict"] not in QUIET
+    return finding["decision"] == Decision.OPEN and finding["verdict"] not in QUIET
 
 
 def select(ask: Ask, wanted: Selection) -> list[Row]:

@@ -15,9 +15,6 @@ Row = Mapping[str, Any]
 Ask = Callable[[sa.Select[Any]], list[Row]]
 """Runs a query: :meth:`twin.store.store.Store.rows`, or that of a snapshot or of :func:`asking`."""
 
-OPEN = "open"
-"""Nobody has decided, or not since the evidence changed."""
-DECISIONS = (OPEN, "accept", "dismiss", "defer")
 DECIDED, UNDONE, REOPENED, CARRIED = "decided", "undone", "reopened", "carried"
 """Kinds of entries: by a person; taking one back; the evidence changed; it is that of then again, or the same
 finding has another id."""
@@ -32,7 +29,7 @@ class Entry:
     Attributes
     ----------
     decision : str
-        One of `DECISIONS`.
+        A :class:`twin.store.kinds.Decision`.
     at : str
         ISO 8601, UTC.
     evidence : Evidence

@@ -10,7 +10,6 @@ import sqlalchemy as sa
 from twin.decisions.evidence import Evidence, changes_with_nvdb, differences, same_place
 from twin.decisions.log import (
     CARRIED,
-    OPEN,
     REOPENED,
     TWIN,
     Entry,
@@ -19,12 +18,11 @@ from twin.decisions.log import (
     by_people,
     standing,
 )
+from twin.store.kinds import QUIET, Decision
 
 Row = Mapping[str, Any]
 
-QUIET = ("unchanged", "not_observable")
-"""Verdicts that ask nobody to decide."""
-_DONE = {"accept": "Accepted", "dismiss": "Dismissed", "defer": "Deferred"}
+_DONE = {Decision.ACCEPT: "Accepted", Decision.DISMISS: "Dismissed", Decision.DEFER: "Deferred"}
 
 
 def reopen_changed(connection: sa.Connection, at: str) -> int:
@@ -52,13 +50,13 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
             continue
         now = Evidence.from_row(row)
         last = said.get(key) or _forerunner(absent.get(_object(now), []), now)
-        if last is None or last["decision"] == OPEN:
+        if last is None or last["decision"] == Decision.OPEN:
             continue
         then, holds = Evidence.from_json(last["evidence"]), held.get(key)
         if changes := differences(then, now):
             told = _told(last, changes)
             if holds is None or (holds["kind"], holds["reason"]) != (REOPENED, told):
-                reopened.append(Entry(key, OPEN, told, TWIN, at, now, REOPENED))
+                reopened.append(Entry(key, Decision.OPEN, told, TWIN, at, now, REOPENED))
         elif holds is None or holds["kind"] == REOPENED:
             who = (last["decision"], last["reason"], last["by"], last["at"])
             carried.append(Entry(key, *who, then, CARRIED))
@@ -77,7 +75,7 @@ def _by_object(rows: Sequence[Row]) -> dict[tuple[int, int | None], list[tuple[R
     """
     groups: dict[tuple[int, int | None], list[tuple[Row, Evidence]]] = {}
     for row in sorted(rows, key=lambda row: -int(row["id"])):
-        if row["decision"] != OPEN:
+        if row["decision"] != Decision.OPEN:
             evidence = Evidence.from_json(row["evidence"])
             groups.setdefault(_object(evidence), []).append((row, evidence))
     return groups

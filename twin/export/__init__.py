@@ -3,7 +3,6 @@
 >>> from twin.export import ExportLayers, empty_layers, export_all, render_png
 """
 
-from twin.export.appearance import DECISIONS, VERDICTS
 from twin.export.export import decide_as_in, export_findings
 from twin.export.folder import FILES, export_all
 from twin.export.geopackage import edited_decisions
@@ -12,9 +11,7 @@ from twin.export.picture.picture import render_png
 
 __all__ = [
     "COLUMNS",
-    "DECISIONS",
     "FILES",
-    "VERDICTS",
     "ExportLayers",
     "decide_as_in",
     "edited_decisions",

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from twin.decisions.log import OPEN
-
-if TYPE_CHECKING:
-    pass
+from twin.store.kinds import Decision, Verdict
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """One verdict of a change.
+class Mark:
+    """How the changes of one verdict look on a map.
 
     Attributes
     ----------
-    name : str
-        As written in the column ``verdict``.
+    verdict : Verdict
     label : str
         For legends and forms.
     colour : str
@@ -30,37 +25,32 @@ class Verdict:
     mpl_marker : str
         Matplotlib's name of the same shape.
     size_mm : float
-    meaning : str
-        One clause for the legend's reader.
     """
 
-    name: str
+    verdict: Verdict
     label: str
     colour: str
     marker: str
     angle_deg: float
     mpl_marker: str
     size_mm: float
-    meaning: str
 
 
 # After Okabe & Ito (Color Universal Design, 2008), apart for every kind of colour vision; pale where there is
 # nothing to decide. Drawn in this order, so that what matters most lies on top.
-VERDICTS: tuple[Verdict, ...] = (
-    Verdict("unchanged", "Unchanged", "#a9adb2", "circle", 0.0, "o", 2.0, "NVDB and the road agree"),
-    Verdict(
-        "not_observable", "Not observable", "#56b4e9", "circle", 0.0, "o", 2.4, "no drive could have seen it"
-    ),
-    Verdict("review", "Review", "#0072b2", "square", 0.0, "s", 3.2, "more than one reading is possible"),
-    Verdict("moved", "Moved", "#e69f00", "triangle", 0.0, "^", 4.0, "the sign stands elsewhere than in NVDB"),
-    Verdict("wrong_type", "Wrong type", "#aa3377", "diamond", 0.0, "D", 4.2, "not the sign code in NVDB"),
-    Verdict("new", "New", "#009e73", "cross_fill", 0.0, "P", 4.8, "on the road, not in NVDB"),
-    Verdict("missing", "Missing", "#d55e00", "cross_fill", 45.0, "X", 4.8, "in NVDB, not on the road"),
+MARKS: tuple[Mark, ...] = (
+    Mark(Verdict.UNCHANGED, "Unchanged", "#a9adb2", "circle", 0.0, "o", 2.0),
+    Mark(Verdict.NOT_OBSERVABLE, "Not observable", "#56b4e9", "circle", 0.0, "o", 2.4),
+    Mark(Verdict.REVIEW, "Review", "#0072b2", "square", 0.0, "s", 3.2),
+    Mark(Verdict.MOVED, "Moved", "#e69f00", "triangle", 0.0, "^", 4.0),
+    Mark(Verdict.WRONG_TYPE, "Wrong type", "#aa3377", "diamond", 0.0, "D", 4.2),
+    Mark(Verdict.NEW, "New", "#009e73", "cross_fill", 0.0, "P", 4.8),
+    Mark(Verdict.MISSING, "Missing", "#d55e00", "cross_fill", 45.0, "X", 4.8),
 )
 
-VERDICT: dict[str, Verdict] = {verdict.name: verdict for verdict in VERDICTS}
+MARK: dict[str, Mark] = {mark.verdict: mark for mark in MARKS}
 
-DECISIONS: dict[str, str] = {OPEN: "Open", "accept": "Accept", "dismiss": "Dismiss", "defer": "Defer"}
+DECISION_LABELS: dict[str, str] = {decision: decision.capitalize() for decision in Decision}
 """Value of the column ``decision`` → its label. Every change starts as ``open``."""
 
 OTHER_COLOUR = "#000000"

@@ -10,11 +10,11 @@ from twin.decisions.decide import Edit, keep_edits
 from twin.decisions.evidence import Evidence
 from twin.decisions.log import position
 from twin.errors import ExportRefusedError, RefusedError
-from twin.export.appearance import DECISIONS
 from twin.export.folder import GEOPACKAGES, export_all
 from twin.export.from_store import layers_from_store
 from twin.export.geopackage import changes_in, edited_decisions, log_position
 from twin.store.atomic_files import refuse_if_open
+from twin.store.kinds import Decision
 from twin.store.store import Store
 
 
@@ -23,7 +23,7 @@ def export_findings(
     folder: Path | str,
     *,
     by: str = "QGIS",
-    decision: str = "accept",
+    decision: str = Decision.ACCEPT,
     project: bool = False,
     change_sets: Callable[[ChangeSets], None] | None = None,
     progress: Callable[[str], None] | None = None,
@@ -150,7 +150,7 @@ def decisions_made_in(folder: Path) -> dict[str, str]:
     Returns
     -------
     dict
-        change_id → one of :data:`twin.export.DECISIONS`.
+        change_id → one of :class:`twin.store.kinds.Decision`.
 
     Raises
     ------
@@ -181,8 +181,8 @@ def decisions_made_in(folder: Path) -> dict[str, str]:
 def _refuse_unknown(path: Path, found: dict[str, str]) -> None:
     """Raise where a decision was typed that the store must not take: no export could write it again."""
     for change, said in sorted(found.items()):
-        if said not in DECISIONS:
+        if said not in set(Decision):
             raise ExportRefusedError(
                 f'{path} holds the decision "{said}" for change {change}: '
-                f"choose one of {', '.join(DECISIONS)} in QGIS, then export again"
+                f"choose one of {', '.join(Decision)} in QGIS, then export again"
             )

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ExportRefusedError
-from twin.export.appearance import DECISIONS
 from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY
 from twin.export.qgis.project import PROJECTS_TABLE, project_row
 from twin.export.qgis.styles import style
+from twin.store.kinds import Decision
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -125,7 +125,7 @@ def edited_decisions(path: Path | str) -> dict[str, str]:
     with _reading(path) as database:
         written = json.loads(_noted(database)[_DECISIONS])
         pairs = database.execute("SELECT change_id, coalesce(decision, 'open') FROM changes").fetchall()
-    return {change: said for change, said in pairs if said != written.get(change, "open")}
+    return {change: said for change, said in pairs if said != written.get(change, Decision.OPEN)}
 
 
 def log_position(path: Path) -> int:
@@ -206,7 +206,7 @@ def _with_lasting_fid(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
 
 def _decision_metadata(changes: gpd.GeoDataFrame, log_position: int) -> Mapping[str, str]:
     """Note which decisions the file was written with: what differs later was edited by a person."""
-    decided = changes[changes["decision"] != "open"]
+    decided = changes[changes["decision"] != Decision.OPEN]
     noted = dict(zip(decided["change_id"], decided["decision"], strict=True))
     return {_DECISIONS: json.dumps(noted, ensure_ascii=False), _LOG: str(log_position)}
 
@@ -267,7 +267,7 @@ class Contents:
     rows : mapping of layer → number of rows
         In the order of :data:`twin.export.layers.COLUMNS`.
     decisions : mapping of decision → number of changes
-        As they stand in the file, in the order of :data:`twin.export.appearance.DECISIONS`, then others.
+        As they stand in the file, in the order of :class:`twin.store.kinds.Decision`, then others.
     projects : tuple of str
         Names of its QGIS projects.
     """
@@ -286,7 +286,7 @@ def contents_of(path: Path) -> Contents:
         }
         said = "SELECT coalesce(decision, 'open') AS said, count(*) FROM changes GROUP BY said ORDER BY said"
         counts = dict(database.execute(said).fetchall())
-        known = {name: counts.pop(name) for name in DECISIONS if name in counts}
+        known: dict[str, int] = {name: counts.pop(name) for name in Decision if name in counts}
         has = database.execute("SELECT 1 FROM sqlite_master WHERE name = 'qgis_projects'").fetchone()
         names = database.execute("SELECT name FROM qgis_projects ORDER BY name").fetchall() if has else []
     return Contents(rows=rows, decisions=known | counts, projects=tuple(name for (name,) in names))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ExportRefusedError
-from twin.export.appearance import DECISIONS, VERDICT
+from twin.store.kinds import Decision, Verdict
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -161,8 +161,8 @@ DESCRIPTION: dict[str, str] = {
 }
 
 _ALLOWED: dict[tuple[str, str], frozenset[object]] = {
-    ("changes", "verdict"): frozenset(VERDICT),
-    ("changes", "decision"): frozenset(DECISIONS),
+    ("changes", "verdict"): frozenset(Verdict),
+    ("changes", "decision"): frozenset(Decision),
     ("changes", "nvdb_type"): frozenset((95, 96)),
     ("nvdb_signs", "nvdb_type"): frozenset((95, 96)),
 }

@@ -28,11 +28,11 @@ from twin.matching.poles.seen_in import pictures_of, seen_from
 from twin.matching.save import save_changes
 from twin.matching.sites import Site, along_the_road, mirror_near, sites_from_mirror
 from twin.matching.verdicts.change import doubt_of, doubtful_as_review
-from twin.matching.verdicts.judge import VERDICTS, Change, judge
+from twin.matching.verdicts.judge import Change, judge
 from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store import schema
+from twin.store.kinds import Method, Verdict
 from twin.store.poses import poses_from_blob
-from twin.store.schema import METHODS
 from twin.store.store import Snapshot, Store, utc_now
 
 Row = Mapping[str, Any]
@@ -59,7 +59,7 @@ class MatchReport:
     """
 
     method: str
-    verdicts: dict[str, int]
+    verdicts: dict[Verdict, int]
     n_poles: int
     n_sites: int
     n_in_view: int
@@ -80,7 +80,7 @@ def match(
     ----------
     store : Store
     method : str, optional
-        Default: the best that drives were ingested by, in the order of `METHODS`.
+        Default: the best that drives were ingested by, in the order of :class:`twin.store.kinds.Method`.
     config : MatchConfig, optional
 
     Raises
@@ -151,7 +151,7 @@ def choose_method(store: Store, method: str | None) -> str:
     if not present:
         raise StoreError(f"The store {store.path} has no drive yet: run `twin ingest-drive` first.")
     if method is None:
-        return next((name for name in METHODS if name in present), present[0])
+        return next((name for name in Method if name in present), present[0])
     if method not in present:
         raise StoreError(
             f"No drive in the store {store.path} was ingested by --method {method}, only by "
@@ -346,8 +346,8 @@ def _covariance(
     return dict(zip(("cov_ee_m2", "cov_en_m2", "cov_nn_m2"), values, strict=True))
 
 
-def _counts(changes: Sequence[Change]) -> dict[str, int]:
-    counts = dict.fromkeys(VERDICTS, 0)
+def _counts(changes: Sequence[Change]) -> dict[Verdict, int]:
+    counts = dict.fromkeys(Verdict, 0)
     for change in changes:
         counts[change.verdict] += 1
     return counts

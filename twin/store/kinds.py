@@ -25,8 +25,12 @@ class Verdict(StrEnum):
     REVIEW = "review"
 
 
+QUIET = frozenset({Verdict.UNCHANGED, Verdict.NOT_OBSERVABLE})
+"""Verdicts that ask nobody to decide."""
+
+
 class Decision(StrEnum):
-    """What people say of a finding."""
+    """What people say of a finding; ``open``: nobody has decided, or not since the evidence changed."""
 
     OPEN = "open"
     ACCEPT = "accept"

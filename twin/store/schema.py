@@ -8,6 +8,8 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from twin.store.kinds import Method
+
 VERSION = 6
 """Raised with every change of the tables: a store of another version is upgraded or refused."""
 
@@ -299,5 +301,5 @@ pole_key = sa.Table(
 """Which pole an estimate belongs to: the key that a pole first got stays with all its members."""
 
 
-METHODS = ("adjusted", "single-frame", "paper")
+METHODS = tuple(Method)
 """Geolocation methods, best first."""

@@ -10,19 +10,21 @@ import pandas as pd
 import pytest
 from shapely import LineString, Point
 
+from twin.store.kinds import Verdict
+
 if TYPE_CHECKING:
     from twin.export import ExportLayers
 
 EAST, NORTH = 270_000.0, 7_041_000.0
 """In Trondheim, EPSG:25833."""
-VERDICTS = ("unchanged", "moved", "wrong_type", "new", "missing", "not_observable", "review")
+VERDICTS = tuple(Verdict)
 
 
 def _changes() -> gpd.GeoDataFrame:
     n = len(VERDICTS)
     at = [Point(EAST + 40.0 * i, NORTH + 12.0 * np.sin(i)) for i in range(n)]
-    seen = [verdict not in {"missing", "not_observable"} for verdict in VERDICTS]
-    known = [verdict != "new" for verdict in VERDICTS]
+    seen = [verdict not in {Verdict.MISSING, Verdict.NOT_OBSERVABLE} for verdict in VERDICTS]
+    known = [verdict != Verdict.NEW for verdict in VERDICTS]
     return gpd.GeoDataFrame(
         {
             "change_id": [f"c-{i:02d}" for i in range(n)],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
-from twin.export.appearance import ESTIMATE_COLOUR, SIGMAS_95, VERDICT
+from twin.export.appearance import ESTIMATE_COLOUR, MARK, SIGMAS_95
 from twin.export.picture.map_frame import Window, east_north, frame_map
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def enlarge_ellipse(
     inset.set_facecolor("white")
     draw_ellipses(inset, own)
     east, north = change.geometry.x, change.geometry.y
-    colour = VERDICT[str(change["verdict"])].colour
+    colour = MARK[str(change["verdict"])].colour
     inset.plot([east], [north], marker="+", ms=7, mew=1.6, color=colour, zorder=4)
     words: dict[str, Any] = {"ha": "center", "fontsize": 7, "color": "#222222", "transform": inset.transAxes}
     inset.text(0.5, 0.95, "95 % ellipse", va="top", **words)

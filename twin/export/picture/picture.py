@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR, VERDICT, VERDICTS
+from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARK, MARKS, NVDB_COLOUR
 from twin.export.layers import ExportLayers, normalised
 from twin.export.picture.ellipses import ELLIPSE_FILL, draw_ellipses, enlarge_ellipse
 from twin.export.picture.labels import place_labels
 from twin.export.picture.map_frame import Window, draw_north, draw_scale_bar, east_north, frame_map
 from twin.store.atomic_files import replace_file
+from twin.store.kinds import QUIET, Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,7 +42,6 @@ _BELOW = (
 )
 _SOMEWHERE = (270_000.0, 7_041_000.0, 270_100.0, 7_041_060.0)
 """What an empty map shows, EPSG:25833: Trondheim."""
-_QUIET = ("unchanged", "not_observable")
 
 
 def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: int = 150) -> Path:
@@ -100,7 +100,7 @@ def _draw_overview(axes: Axes, layers: ExportLayers, letters: Mapping[str, str],
     if title:
         axes.set_title(title, loc="left", fontsize=11)
     changes = layers.changes
-    loud = changes[~changes["verdict"].isin(_QUIET) & changes.geometry.notna()]
+    loud = changes[~changes["verdict"].isin(QUIET) & changes.geometry.notna()]
     texts = [
         f"{letters.get(change['change_id'], '')} {_code(change)}".strip() for _, change in loud.iterrows()
     ]
@@ -109,7 +109,7 @@ def _draw_overview(axes: Axes, layers: ExportLayers, letters: Mapping[str, str],
 
 def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], letter: str) -> None:
     """Draw what lies around one change, with the way from NVDB's position to the sign."""
-    verdict = VERDICT[str(change["verdict"])]
+    mark = MARK[str(change["verdict"])]
     here = np.array([change.geometry.x, change.geometry.y])
     there = _nvdb_position(layers.nvdb_signs, change)
     apart = np.linalg.norm(there - here) if there is not None else 0.0
@@ -121,14 +121,14 @@ def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], let
     # NVDB's rings wide enough to show around a mark at the same place.
     _draw_layers(axes, layers, mark_scale=1.3, sign_scale=2.4)
     if there is not None and apart > 0.5:
-        arrow = {"arrowstyle": "-|>", "color": verdict.colour, "lw": 1.5, "shrinkA": 8, "shrinkB": 9}
+        arrow = {"arrowstyle": "-|>", "color": mark.colour, "lw": 1.5, "shrinkA": 8, "shrinkB": 9}
         axes.annotate("", xy=tuple(here), xytext=tuple(there), arrowprops=arrow, zorder=6)
     draw_scale_bar(axes, window)
     enlarge_ellipse(
         axes, window, layers.estimates, change, np.array([here, here if there is None else there])
     )
-    heading = verdict.label
-    if np.isfinite(change["distance_m"]) and change["verdict"] == "moved":
+    heading = mark.label
+    if np.isfinite(change["distance_m"]) and change["verdict"] == Verdict.MOVED:
         heading += f" {change['distance_m']:.1f} m"
     axes.set_title(f"{letter}  {heading}\n{_code(change)}", loc="left", fontsize=8.5, color="#222222")
 
@@ -151,14 +151,14 @@ def _draw_layers(axes: Axes, layers: ExportLayers, *, mark_scale: float, sign_sc
             linewidths=1.1,
             zorder=3,
         )
-    for order, verdict in enumerate(VERDICTS):
-        east, north = east_north(layers.changes[layers.changes["verdict"] == verdict.name]).T
+    for order, mark in enumerate(MARKS):
+        east, north = east_north(layers.changes[layers.changes["verdict"] == mark.verdict]).T
         axes.scatter(
             east,
             north,
-            s=(2.2 * verdict.size_mm * mark_scale) ** 2,
-            marker=verdict.mpl_marker,
-            color=verdict.colour,
+            s=(2.2 * mark.size_mm * mark_scale) ** 2,
+            marker=mark.mpl_marker,
+            color=mark.colour,
             edgecolors="white",
             linewidths=0.5,
             zorder=4 + 0.1 * order,
@@ -175,15 +175,15 @@ def _draw_legend(axes: Axes, layers: ExportLayers) -> None:
             [],
             [],
             ls="",
-            marker=verdict.mpl_marker,
-            color=verdict.colour,
-            ms=1.9 * verdict.size_mm,
+            marker=mark.mpl_marker,
+            color=mark.colour,
+            ms=1.9 * mark.size_mm,
             mec="white",
             mew=0.5,
-            label=f"{verdict.label} ({count[verdict.name]})",
+            label=f"{mark.label} ({count[mark.verdict]})",
         )
-        for verdict in reversed(VERDICTS)
-        if verdict.name in count
+        for mark in reversed(MARKS)
+        if mark.verdict in count
     ]
     marks += [
         Line2D([], [], ls="", marker="o", ms=6, mfc="none", color=NVDB_COLOUR, label="Skiltplate in NVDB"),
@@ -225,8 +225,8 @@ def _around(extent: tuple[float, float, float, float], axes: Axes) -> Window:
 
 def _worth_a_look(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     """Give what needs a decision: the surest change of each kind, then the next surest of each kind."""
-    loud = changes[~changes["verdict"].isin(_QUIET) & changes.geometry.notna()]
-    rank = loud["verdict"].map({verdict.name: -number for number, verdict in enumerate(VERDICTS)})
+    loud = changes[~changes["verdict"].isin(QUIET) & changes.geometry.notna()]
+    rank = loud["verdict"].map({mark.verdict: -number for number, mark in enumerate(MARKS)})
     loud = loud.assign(rank=rank).sort_values(["confidence", "change_id"], ascending=[False, True])
     turn = loud.groupby("verdict").cumcount()
     return loud.assign(turn=turn).sort_values(["turn", "rank"], kind="stable")
@@ -239,5 +239,5 @@ def _nvdb_position(signs: gpd.GeoDataFrame, change: pd.Series[Any]) -> NDArray[n
 
 def _code(change: pd.Series[Any]) -> str:
     known, seen = str(change["skiltnummer_nvdb"]), str(change["skiltnummer_seen"])
-    code = f"{known} → {seen}" if change["verdict"] == "wrong_type" else seen or known
+    code = f"{known} → {seen}" if change["verdict"] == Verdict.WRONG_TYPE else seen or known
     return code.replace(";", " + ")

@@ -6,13 +6,13 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from twin.export.appearance import (
-    DECISIONS,
+    DECISION_LABELS,
     DRIVE_COLOUR,
     ESTIMATE_COLOUR,
+    MARKS,
     NVDB_COLOUR,
     OTHER_COLOUR,
-    VERDICTS,
-    Verdict,
+    Mark,
 )
 from twin.export.layers import COLUMNS
 from twin.export.qgis import qml
@@ -26,7 +26,7 @@ REQUIRED_M = 1.0
 """NVDB's own requirement for sign positions since 2015."""
 
 _TYPES = {"95": "Skiltpunkt", "96": "Skiltplate"}
-_RANKS = " ".join(f"WHEN '{verdict.name}' THEN {number}" for number, verdict in enumerate(VERDICTS))
+_RANKS = " ".join(f"WHEN '{mark.verdict}' THEN {number}" for number, mark in enumerate(MARKS))
 # What a person decides, then why; at the end the change's id, and where it comes from.
 _FORM = (
     "decision",
@@ -49,7 +49,7 @@ _FORM = (
     "config_sha256",
 )
 # What matters most is drawn last.
-_ORDER = f'CASE "verdict" {_RANKS} ELSE {len(VERDICTS)} END'
+_ORDER = f'CASE "verdict" {_RANKS} ELSE {len(MARKS)} END'
 # A mark is from 0.8 to 1.2 times the verdict's size, by its confidence.
 _SURER = '0.8 + 0.4 * coalesce("confidence", 0.5)'
 
@@ -65,7 +65,7 @@ def style(layer: str, *, verdicts: Collection[str]) -> str:
         The verdicts that occur in the layer: the legends of ``changes`` and ``moves`` show these, or all
         where there is none.
     """
-    occurring = [verdict for verdict in VERDICTS if verdict.name in verdicts] or VERDICTS
+    occurring = [mark for mark in MARKS if mark.verdict in verdicts] or MARKS
     if layer == "changes":
         return _changes(occurring)
     if layer == "moves":
@@ -75,8 +75,8 @@ def style(layer: str, *, verdicts: Collection[str]) -> str:
     ]()
 
 
-def _changes(occurring: Sequence[Verdict]) -> str:
-    shown = [(verdict.name, verdict.label, _verdict_symbol(verdict)) for verdict in reversed(occurring)]
+def _changes(occurring: Sequence[Mark]) -> str:
+    shown = [(mark.verdict, mark.label, _verdict_symbol(mark)) for mark in reversed(occurring)]
     other = qml.simple_marker(
         "circle", qml.rgba("#ffffff"), 3.0, outline_color=qml.rgba(OTHER_COLOUR), outline_width="0.4"
     )
@@ -90,9 +90,9 @@ def _changes(occurring: Sequence[Verdict]) -> str:
         aliases=_aliases("changes"),
         editable=frozenset({"decision"}),
         widgets={
-            "verdict": qml.value_map({verdict.name: verdict.label for verdict in VERDICTS}),
+            "verdict": qml.value_map({mark.verdict: mark.label for mark in MARKS}),
             "nvdb_type": qml.value_map(_TYPES),
-            "decision": qml.value_map(DECISIONS),
+            "decision": qml.value_map(DECISION_LABELS),
             "reason": qml.text_box(),
             "confidence": qml.rounded(2),
             "distance_m": qml.rounded(2),
@@ -105,20 +105,20 @@ def _changes(occurring: Sequence[Verdict]) -> str:
     )
 
 
-def _moves(occurring: Sequence[Verdict]) -> str:
+def _moves(occurring: Sequence[Mark]) -> str:
     shown = [
         (
-            verdict.name,
-            verdict.label,
-            qml.symbol("line", [qml.simple_line(qml.rgba(verdict.colour), 0.2 * verdict.size_mm)]),
+            mark.verdict,
+            mark.label,
+            qml.symbol("line", [qml.simple_line(qml.rgba(mark.colour), 0.2 * mark.size_mm)]),
         )
-        for verdict in reversed(occurring)
+        for mark in reversed(occurring)
     ]
     return qml.document(
         qml.categorised_renderer("verdict", shown, _ORDER),
         aliases=_aliases("moves"),
         editable=frozenset(),
-        widgets={"verdict": qml.value_map({verdict.name: verdict.label for verdict in VERDICTS})},
+        widgets={"verdict": qml.value_map({mark.verdict: mark.label for mark in MARKS})},
         display='"verdict" || \' \' || "change_id"',
         map_tip=map_tip("moves"),
     )
@@ -215,8 +215,8 @@ def _aliases(layer: str) -> dict[str, str]:
     return {column.name: column.label for column in COLUMNS[layer]}
 
 
-def _verdict_symbol(verdict: Verdict) -> Element:
+def _verdict_symbol(mark: Mark) -> Element:
     marker = qml.simple_marker(
-        verdict.marker, qml.rgba(verdict.colour), verdict.size_mm, _SURER, angle=f"{verdict.angle_deg:g}"
+        mark.marker, qml.rgba(mark.colour), mark.size_mm, _SURER, angle=f"{mark.angle_deg:g}"
     )
     return qml.symbol("marker", [marker])

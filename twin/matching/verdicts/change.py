@@ -14,8 +14,7 @@ from twin.matching.config import MatchConfig
 from twin.matching.likelihood import moved_density
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPUNKT, Site
-
-VERDICTS = ("unchanged", "moved", "wrong_type", "new", "missing", "not_observable", "review")
+from twin.store.kinds import Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,7 @@ class Change:
     """
 
     change_id: str
-    verdict: str
+    verdict: Verdict
     reason: str
     confidence: float
     nvdb_type: int
@@ -141,7 +140,7 @@ def other_poles(alternatives: Alternatives, poles: Sequence[ObservedPole]) -> li
     return [{"pole": poles[i].key if i >= 0 else None, "probability": round(p, 4)} for i, p in alternatives]
 
 
-_CLAIMS = ("new", "moved", "wrong_type", "missing")
+_CLAIMS = (Verdict.NEW, Verdict.MOVED, Verdict.WRONG_TYPE, Verdict.MISSING)
 
 
 def doubt_of(name: str, misfits: Sequence[str]) -> str:
@@ -167,8 +166,8 @@ def doubtful_as_review(changes: Sequence[Change], doubts: Mapping[str, str]) -> 
         return replace(
             change,
             # An id of its own: the same site may have another review.
-            change_id=change_id("review", change.change_id),
-            verdict="review",
+            change_id=change_id(Verdict.REVIEW, change.change_id),
+            verdict=Verdict.REVIEW,
             reason=f"{doubt} Else this would be {change.verdict.replace('_', ' ')}: {change.reason}",
         )
 

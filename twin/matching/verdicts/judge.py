@@ -19,7 +19,6 @@ from twin.matching.plates.texts import texts_compared
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPUNKT, Site
 from twin.matching.verdicts.change import (
-    VERDICTS,
     Change,
     Offset,
     change_id,
@@ -30,8 +29,9 @@ from twin.matching.verdicts.change import (
     when_seen,
 )
 from twin.matching.verdicts.judge_plates import MatchedPole, plate_findings
+from twin.store.kinds import Verdict
 
-__all__ = ["VERDICTS", "Change", "judge"]
+__all__ = ["Change", "judge"]
 
 
 def judge(
@@ -142,7 +142,7 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
             f"{name_of(site)} is the likeliest match ({confidence:.0%}), but {_rival(scene, index)} "
             f"({_why(match)}): look before deciding."
         )
-        return [_pole_change("review", reason, match, confidence)]
+        return [_pole_change(Verdict.REVIEW, reason, match, confidence)]
     plates = plate_findings(match, config)
     findings = plates.findings
     match = replace(match, pole=replace(pole, codes=plates.codes))
@@ -151,13 +151,13 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
             f"{name_of(site)} has no position of its own in NVDB, only the road's centre line: here is one, "
             f"± {pole.sigma_m:.2f} m ({_why(match)})."
         )
-        return [_pole_change("review", reason, match, confidence), *findings]
+        return [_pole_change(Verdict.REVIEW, reason, match, confidence), *findings]
     if offset.distance_m - config.tolerance_m > config.moved_quantile * offset.sigma_m:
         reason = (
             f"{name_of(site)} stands {offset.distance_m:.2f} m (± {offset.sigma_m:.2f} m) from NVDB's "
             f"position, beyond the tolerance of {config.tolerance_m:.1f} m ({_why(match)})."
         )
-        return [_pole_change("moved", reason, match, confidence * offset.p_beyond), *findings]
+        return [_pole_change(Verdict.MOVED, reason, match, confidence * offset.p_beyond), *findings]
     if findings:
         return findings
     reason = (
@@ -165,7 +165,7 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
         f"({_why(match)})."
     )
     confidence *= (1 - offset.p_beyond) * plates.p_as_known
-    return [_pole_change("unchanged", reason, match, confidence)]
+    return [_pole_change(Verdict.UNCHANGED, reason, match, confidence)]
 
 
 def _rival(scene: _Scene, index: int) -> str:
@@ -226,7 +226,7 @@ def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[s
     }
 
 
-def _pole_change(verdict: str, reason: str, match: MatchedPole, confidence: float) -> Change:
+def _pole_change(verdict: Verdict, reason: str, match: MatchedPole, confidence: float) -> Change:
     pole, site = match.pole, match.site
     return Change(
         change_id=change_id(verdict, site.nvdb_type, site.nvdb_id),
@@ -252,7 +252,7 @@ def _new_pole(scene: _Scene, index: int) -> list[Change]:
     pole, config = scene.poles[index], scene.config
     rival = int(scene.assignment.rival_of_pole[index])
     codes = " ".join(pole.codes) or "a sign without an annotated code"
-    verdict = "review"
+    verdict = Verdict.REVIEW
     if not scene.mirrored[index]:
         reason = (
             f"{codes} stands here, and the mirror has no sign at all within {config.mirrored_m:.0f} m: is "
@@ -264,7 +264,7 @@ def _new_pole(scene: _Scene, index: int) -> list[Change]:
     elif scene.unsure(index):
         reason = f"{codes} stood here, but a later, completely annotated drive passed and did not see it."
     else:
-        verdict = "new"
+        verdict = Verdict.NEW
         reason = f"{codes} stands here, and no sign of NVDB within {config.gate_m:.0f} m is left for it."
     confidence = scene.confidence(index)
     alternatives = scene.assignment.alternatives_of_pole.get(index, ())
@@ -303,20 +303,20 @@ def _unseen_site(scene: _Scene, j: int) -> list[Change]:
     confidence = alone * gone
     drives = len(scene.drives[j])
     if frames < config.min_views or gone < config.review_below:
-        verdict, confidence = "not_observable", 1 - gone
+        verdict, confidence = Verdict.NOT_OBSERVABLE, 1 - gone
         reason = (
             f"{name_of(site)} was not seen, but its front was in view in only {frames} frames of completely "
             f"annotated drives, and never in {config.min_views} of one drive: that is too few to tell."
         )
     elif confidence >= config.review_below:
-        verdict = "missing"
+        verdict = Verdict.MISSING
         reason = f"{name_of(site)} was not seen, though its place was in view in {frames} frames of " + (
             "a completely annotated drive." if drives == 1 else f"{drives} completely annotated drives."
         )
     elif any(i >= 0 and scene.unsure(i) for i, _ in alternatives):
         return []  # The pole that it may be asks the question already.
     else:
-        verdict = "review"
+        verdict = Verdict.REVIEW
         reason = (
             f"{name_of(site)} was not seen for certain in {frames} frames: a sign near it may be this one."
         )

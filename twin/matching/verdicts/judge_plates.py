@@ -14,6 +14,7 @@ from twin.matching.plates.texts import text_pairs
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPLATE, Plate, Site
 from twin.matching.verdicts.change import Change, Offset, change_id, name_of, utc_time
+from twin.store.kinds import Verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +138,7 @@ def _pairs(
 def _plate_change(
     match: MatchedPole,
     identity: tuple[object, ...],
-    verdict: str,
+    verdict: Verdict,
     reason: str,
     plate: Plate | None,
     seen: str,
@@ -173,7 +174,9 @@ def _wrong_type(match: MatchedPole, plate: Plate, read: PlateRead, seen: str, ch
     reason += f" ({_in_words(read)})." if is_disputed(read) else "."
     terms = {"readings": _told(read), "code": round(chance, 4)}
     confidence = match.confidence * chance
-    return _plate_change(match, (plate.nvdb_id, seen), "wrong_type", reason, plate, seen, confidence, terms)
+    return _plate_change(
+        match, (plate.nvdb_id, seen), Verdict.WRONG_TYPE, reason, plate, seen, confidence, terms
+    )
 
 
 def _unclear_type(match: MatchedPole, plate: Plate, read: PlateRead, chance: Mapping[str, float]) -> Change:
@@ -186,7 +189,9 @@ def _unclear_type(match: MatchedPole, plate: Plate, read: PlateRead, chance: Map
     terms = {"readings": _told(read), "code": round(chance[seen], 4)}
     confidence = match.confidence * max(chance.values())
     # Its own kind of question: the plate may be a site of its own, with a review of that.
-    return _plate_change(match, (plate.nvdb_id, "code"), "review", reason, plate, seen, confidence, terms)
+    return _plate_change(
+        match, (plate.nvdb_id, "code"), Verdict.REVIEW, reason, plate, seen, confidence, terms
+    )
 
 
 def _in_words(read: PlateRead) -> str:
@@ -206,7 +211,7 @@ def _new_plate(match: MatchedPole, seen: str, number: int) -> Change:
     site = match.site
     reason = f"{seen} was seen on {name_of(site)}, where NVDB has no such plate."
     identity = (site.nvdb_type, site.nvdb_id, seen, *([number] if number else []))
-    return _plate_change(match, identity, "new", reason, None, seen, match.confidence)
+    return _plate_change(match, identity, Verdict.NEW, reason, None, seen, match.confidence)
 
 
 def _missing_plate(match: MatchedPole, plate: Plate) -> Change:
@@ -215,4 +220,4 @@ def _missing_plate(match: MatchedPole, plate: Plate) -> Change:
         "plates were, in a completely annotated drive."
     )
     confidence = match.confidence * match.p_gone
-    return _plate_change(match, (plate.nvdb_id,), "missing", reason, plate, "", confidence)
+    return _plate_change(match, (plate.nvdb_id,), Verdict.MISSING, reason, plate, "", confidence)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from twin.errors import ExportRefusedError
-from twin.export import VERDICTS, ExportLayers, empty_layers, render_png
+from twin.export import ExportLayers, empty_layers, render_png
+from twin.export.appearance import MARKS
 from twin.export.picture.labels import place_labels
 
 
@@ -25,8 +26,8 @@ def _colours(path: Path) -> dict[str, int]:
 def test_picture_shows_every_verdict_in_its_colour(layers: ExportLayers, tmp_path: Path) -> None:
     """Each verdict fills at least a dozen pixels with the colour that QGIS uses."""
     colours = _colours(render_png(layers, tmp_path / "map.png", dpi=80))
-    assert {verdict.name: colours.get(verdict.colour, 0) > 12 for verdict in VERDICTS} == {
-        verdict.name: True for verdict in VERDICTS
+    assert {mark.verdict: colours.get(mark.colour, 0) > 12 for mark in MARKS} == {
+        mark.verdict: True for mark in MARKS
     }
 
 
@@ -53,7 +54,7 @@ def test_picture_lies_tall_roads_beside_their_close_ups(layers: ExportLayers, tm
         frame = getattr(layers, name)
         turned[name] = frame.set_geometry(frame.rotate(90, origin=(270_000, 7_041_000)))
     colours = _colours(render_png(ExportLayers(**turned), tmp_path / "map.png", title="Northwards", dpi=80))
-    assert all(colours.get(verdict.colour, 0) > 12 for verdict in VERDICTS)
+    assert all(colours.get(mark.colour, 0) > 12 for mark in MARKS)
 
 
 def test_picture_enlarges_an_ellipse_that_its_mark_hides(layers: ExportLayers, tmp_path: Path) -> None:

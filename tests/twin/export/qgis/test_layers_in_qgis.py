@@ -17,8 +17,8 @@ import shapely
 from checkout import ROOT
 from pyproj import Proj
 
-from twin.export import COLUMNS, VERDICTS, ExportLayers, export_all
-from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR, SIGMAS_95, VERDICT
+from twin.export import COLUMNS, ExportLayers, export_all
+from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARK, MARKS, NVDB_COLOUR, SIGMAS_95
 from twin.export.folder import UTM33, WGS84
 from twin.export.layers import EPSG_UTM33
 
@@ -90,8 +90,8 @@ def test_qgis_draws_the_layer_in_its_colours(
 ) -> None:
     """The picture that QGIS renders has pixels of every colour of the style."""
     colours = {
-        "changes": [verdict.colour for verdict in VERDICTS],
-        "moves": [VERDICT[name].colour for name in ("unchanged", "moved", "wrong_type")],
+        "changes": [mark.colour for mark in MARKS],
+        "moves": [MARK[name].colour for name in ("unchanged", "moved", "wrong_type")],
         "estimates": [ESTIMATE_COLOUR],
         "ellipses": [ESTIMATE_COLOUR],
         "nvdb_signs": [NVDB_COLOUR],
@@ -108,7 +108,7 @@ def test_qgis_categorises_changes_by_verdict(
     """Each verdict is drawn in its own colour, and any other value has a symbol, too."""
     symbols = opened[file, "changes"]["symbols"]
     assert {name: colours[0] for name, colours in symbols.items() if name} == {
-        verdict.name: verdict.colour for verdict in VERDICTS
+        mark.verdict: mark.colour for mark in MARKS
     }
     assert "" in symbols
     assert opened[file, "changes"]["labels"]
@@ -184,7 +184,7 @@ def test_qgis_draws_surer_findings_larger(layers: ExportLayers, tmp_path: Path) 
     """
     import cv2
 
-    review = VERDICT["review"]
+    review = MARK["review"]
     changes = layers.changes.iloc[:2].assign(verdict="review", confidence=[0.0, 1.0])
     changes = changes.set_geometry(
         shapely.points([270_000.0, 270_500.0], [7_041_000.0, 7_041_000.0]), crs=EPSG_UTM33

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from defusedxml.ElementTree import fromstring
 
-from twin.export.appearance import DECISIONS, SIGMAS_95, VERDICTS
+from twin.export.appearance import MARKS, SIGMAS_95
 from twin.export.layers import COLUMNS
 from twin.export.qgis.map_tips import MAP_TIPS, map_tip
 from twin.export.qgis.styles import style
+from twin.store.kinds import Decision, Verdict
 
-ALL = [verdict.name for verdict in VERDICTS]
+ALL = list(Verdict)
 
 # Machado, Oliveira & Fernandes (2009), doi 10.1109/TVCG.2009.113, severity 1.0, for linear RGB.
 SIGHT = {
@@ -55,14 +56,14 @@ def _cielab(colour: str, sight: str) -> np.ndarray:
 @pytest.mark.parametrize("sight", SIGHT)
 def test_verdict_colours_stay_apart_for_every_eye(sight: str) -> None:
     """No two verdicts come closer than 15 in CIELAB (2.3 is just noticeable), whatever the colour vision."""
-    lab = {verdict.name: _cielab(verdict.colour, sight) for verdict in VERDICTS}
+    lab = {mark.verdict: _cielab(mark.colour, sight) for mark in MARKS}
     closest = min(float(np.linalg.norm(lab[a] - lab[b])) for a, b in itertools.combinations(lab, 2))
     assert closest > 15
 
 
 def test_unchanged_is_the_smallest_mark() -> None:
     """What needs no decision steps back on the map."""
-    assert min(VERDICTS, key=lambda verdict: verdict.size_mm).name == "unchanged"
+    assert min(MARKS, key=lambda mark: mark.size_mm).verdict == Verdict.UNCHANGED
 
 
 @pytest.mark.parametrize("layer", COLUMNS)
@@ -99,7 +100,7 @@ def test_style_of_changes_lets_only_the_decision_be_edited() -> None:
     assert [f.get("name") for f in root.find("editable") if f.get("editable") == "1"] == ["decision"]
     widget = root.find("fieldConfiguration/field[@name='decision']/editWidget")
     assert widget.get("type") == "ValueMap"
-    assert [o.get("value") for o in widget.iter("Option") if o.get("value")] == list(DECISIONS)
+    assert [o.get("value") for o in widget.iter("Option") if o.get("value")] == list(Decision)
 
 
 @pytest.mark.parametrize("layer", MAP_TIPS)
