@@ -154,13 +154,16 @@ def ingest_drive(
     )
     warnings = tuple(dict.fromkeys(warnings))
     row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(warnings)}
-    found = corrections(sighted.adjusted)
-    if misfits:
-        found["misfits"] = [misfit.what for misfit in misfits]
-    if gap:
-        found["absence_gap"] = gap
     save_drive(
-        store, row, method, sighting_rows(drive, sighted, trajectory, method), estimates, n_unplaced, found
+        store,
+        row,
+        method,
+        sighting_rows(drive, sighted, trajectory, method),
+        estimates,
+        n_unplaced,
+        corrections(sighted.adjusted),
+        misfits=[misfit.what for misfit in misfits],
+        absence_gap=gap,
     )
     return IngestReport(
         drive_id=drive.drive_id,

@@ -18,13 +18,22 @@ def save_drive(
     estimates: Sequence[Row],
     n_unplaced: int = 0,
     corrections: Row | None = None,
+    misfits: Sequence[str] = (),
+    absence_gap: str = "",
 ) -> None:
     """Replace one drive's record and its sightings and estimates by `method`, in one transaction.
 
     Results of another method from files that were since changed are of another recording: they go too.
     """
     drive_id = drive["drive_id"]
-    result = {"drive_id": drive_id, "method": method, "n_unplaced": n_unplaced}
+    result = {
+        "drive_id": drive_id,
+        "method": method,
+        "n_unplaced": n_unplaced,
+        "corrections": dict(corrections or {}),
+        "misfits": list(misfits),
+        "absence_gap": absence_gap,
+    }
     with store.transaction() as connection:
         known = connection.execute(
             sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive_id)
@@ -32,7 +41,7 @@ def save_drive(
         connection.execute(sa.delete(schema.drive).where(schema.drive.c.drive_id == drive_id))
         connection.execute(sa.insert(schema.drive), [dict(drive)])
         results = {
-            schema.drive_method: [{**result, "corrections": dict(corrections or {})}],
+            schema.drive_method: [result],
             schema.sighting: sightings,
             schema.estimate: estimates,
         }

@@ -278,7 +278,7 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
     """Drives ingested by the method, in time order; only these can have seen or missed a sign."""
     d, m = schema.drive, schema.drive_method
     statement = (
-        sa.select(d, m.c.n_unplaced, m.c.corrections)
+        sa.select(d, m.c.n_unplaced, m.c.misfits, m.c.absence_gap)
         .join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
         .order_by(d.c.started_ns, d.c.drive_id)
     )
@@ -293,9 +293,9 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
                 started_ns=row["started_ns"],
                 content_sha256=row["content_sha256"],
                 name=row["name"],
-                doubt=doubt_of(row["name"], row["corrections"].get("misfits", ())),
+                doubt=doubt_of(row["name"], row["misfits"]),
                 is_complete=bool(row["annotations_complete"]),
-                absence_gap=row["corrections"].get("absence_gap") or unplaced,
+                absence_gap=row["absence_gap"] or unplaced,
                 rig=rig,
                 poses=poses_from_blob(row["poses"]),
                 cameras=tuple(row["cameras"]),

@@ -159,11 +159,17 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
         **_place(row),
         frames=frames,
         cameras=cameras_of(frames),
-        corrections=found[0]["corrections"] if found else {},
+        corrections=_corrections(found[0]) if found else {},
         neighbours=near,
         also=tuple(sorted((r["estimate_id"] for r in also), key=_rank)),
         line_m=_line(drive["line"]),
     )
+
+
+def _corrections(of_method: Row) -> dict[str, Any]:
+    """What the adjustment found, and what speaks against the drive, if anything does."""
+    against = {name: of_method[name] for name in ("misfits", "absence_gap") if of_method[name]}
+    return {**of_method["corrections"], **against}
 
 
 def _of(table: sa.Table, row: Row) -> sa.Select[Any]:

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 6
+VERSION = 7
 """Raised with every change of the tables: a store of another version is upgraded or refused."""
 
 UPGRADES: Mapping[int, tuple[str, ...]] = {
@@ -18,6 +18,16 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
     5: (
         "ALTER TABLE estimate ADD COLUMN text VARCHAR",
         "ALTER TABLE change ADD COLUMN cameras VARCHAR",
+    ),
+    6: (
+        "ALTER TABLE drive_method ADD COLUMN misfits JSON NOT NULL DEFAULT '[]'",
+        "ALTER TABLE drive_method ADD COLUMN absence_gap VARCHAR NOT NULL DEFAULT ''",
+        # They lay in a corner of the corrections.
+        (
+            "UPDATE drive_method SET misfits = coalesce(json_extract(corrections, '$.misfits'), '[]'), "
+            "absence_gap = coalesce(json_extract(corrections, '$.absence_gap'), ''), "
+            "corrections = json_remove(corrections, '$.misfits', '$.absence_gap')"
+        ),
     ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""
@@ -175,7 +185,11 @@ drive_method = sa.Table(
     sa.Column("method", sa.String, primary_key=True),
     # Annotated objects without a position that may stand near: no sign can be called missing beside them.
     sa.Column("n_unplaced", sa.Integer, nullable=False),
-    sa.Column("corrections", sa.JSON, nullable=False),  # found out; misfits, absence_gap
+    sa.Column("corrections", sa.JSON, nullable=False),  # what the adjustment found out about the car
+    # In which ways the drive does not fit itself, a clause each: its claims are for review.
+    sa.Column("misfits", sa.JSON, nullable=False, default=list),
+    # Why a sign that it passed and did not see may stand all the same; "" if nothing speaks for that.
+    sa.Column("absence_gap", sa.String, nullable=False, default=""),
 )
 
 sighting = sa.Table(

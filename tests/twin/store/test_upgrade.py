@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from pathlib import Path
 
@@ -14,11 +15,14 @@ from twin.store.store import Store
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 or 5 wrote it, with one decision."""
+    """Make a store as version 4, 5 or 6 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
-        raw.execute("ALTER TABLE estimate DROP COLUMN text")
-        raw.execute("ALTER TABLE change DROP COLUMN cameras")
+        raw.execute("ALTER TABLE drive_method DROP COLUMN misfits")
+        raw.execute("ALTER TABLE drive_method DROP COLUMN absence_gap")
+        if version < 6:
+            raw.execute("ALTER TABLE estimate DROP COLUMN text")
+            raw.execute("ALTER TABLE change DROP COLUMN cameras")
         if version < 5:
             raw.execute("ALTER TABLE estimate DROP COLUMN nvdb_type")
         raw.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (str(version),))
@@ -29,7 +33,7 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
-@pytest.mark.parametrize("version", [4, 5])
+@pytest.mark.parametrize("version", [4, 5, 6])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
@@ -42,7 +46,7 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
     assert versions == [{"value": str(schema.VERSION)}]
 
 
-@pytest.mark.parametrize("table", ["estimate", "change"])
+@pytest.mark.parametrize("table", ["estimate", "change", "drive_method"])
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
     tables = []
@@ -53,6 +57,32 @@ def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) 
             tables.append(columns.fetchall())
         raw.close()
     assert tables[0] == tables[1]
+
+
+@pytest.mark.parametrize(
+    ("corrections", "misfits", "gap"),
+    [
+        (
+            {"misfits": ["C2 is turned", "C3 is turned"], "absence_gap": "half was lost"},
+            ["C2 is turned", "C3 is turned"],
+            "half was lost",
+        ),
+        ({}, [], ""),
+    ],
+)
+def test_what_speaks_against_a_drive_moves_out_of_its_corrections(
+    tmp_path: Path, corrections: dict[str, object], misfits: list[str], gap: str
+) -> None:
+    """A drive that did not fit itself before the upgrade does not fit itself after it."""
+    path = older(tmp_path / "twin.db", 6)
+    noise = {"pixel_noise_factor": 1.5}
+    with sqlite3.connect(path) as raw:
+        values = ("d1", "adjusted", 2, json.dumps({**noise, **corrections}))
+        raw.execute("INSERT INTO drive_method VALUES (?, ?, ?, ?)", values)
+    raw.close()
+    with Store.open(path) as store:
+        (row,) = store.rows(sa.select(schema.drive_method))
+    assert (row["corrections"], row["misfits"], row["absence_gap"]) == (noise, misfits, gap)
 
 
 def test_store_that_cannot_be_upgraded_is_refused_untouched(tmp_path: Path) -> None:
