@@ -35,4 +35,4 @@ def assert_refused(maker: Any, folder: Path, slip: Slip) -> None:
 def assert_told(maker: Any, folder: Path, slip: Slip) -> None:
     """The drive is read, and a warning has the slip's words."""
     warnings = read(maker, folder, slip.files).warnings
-    assert any(re.search(slip.said, warning) for warning in warnings), warnings
+    assert any(re.search(slip.said, warning.sentence) for warning in warnings), warnings

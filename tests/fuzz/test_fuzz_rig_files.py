@@ -40,7 +40,7 @@ FILES = {"chain.yaml": kalibr_text([MODEL]).encode(), "mask.png": picture("PNG")
 
 def read(said: DriveSettings, **files: bytes) -> Rig | None:
     """Read the rig of a folder with these files; None where it is refused."""
-    notes = ReadingNotes(None, [], [])
+    notes = ReadingNotes()
     with tempfile.TemporaryDirectory() as folder:
         for name, content in {**FILES, **files}.items():
             (Path(folder) / name).write_bytes(content)

@@ -141,7 +141,7 @@ def test_real_rig_with_the_real_line_makes_a_trip(tmp_path: Path) -> None:
     assert len(drive.rig.cameras) == 8
     assert drive.annotations.skiltnummer.tolist() == ["362.50"]
     assert np.array_equal(drive.gnss[0].epoch_ns, [stamp_us * 1000])
-    masks, lever_arms = drive.warnings
+    masks, lever_arms = (doubt.sentence for doubt in drive.warnings)
     assert "C8_R2 share one car mask bit for bit" in masks
     assert all(camera.ego_mask is None for camera in drive.rig.cameras.values())
     assert "gnss50:vehicle, gnss52:vehicle are all zero" in lever_arms

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
+from geoloc.doubts import Doubt
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.folder.notes import Skipped
@@ -98,8 +99,8 @@ class Drive:
         From the exposure of the first row to that of the last; None where the drive does not say.
     pole_radius_m : float
         From the visible foot, which annotators mark, to the middle of the pole.
-    warnings : tuple of str
-        What a user should know, one sentence each (e.g. all lever arms are zero).
+    warnings : tuple of Doubt
+        What a user should know, of the kinds of :class:`twin.drives.folder.notes.DriveDoubt`.
     skipped : tuple of Skipped
     pictures : mapping of camera to Pictures
         Videos and image folders that were found; nothing of them is decoded.
@@ -122,7 +123,7 @@ class Drive:
     camera_offset_ns: int
     rolling_shutter_ms: float | None
     pole_radius_m: float
-    warnings: tuple[str, ...]
+    warnings: tuple[Doubt, ...]
     skipped: tuple[Skipped, ...]
     pictures: Mapping[str, Pictures] = field(default_factory=dict)
     other_objects: Mapping[str, int] = field(default_factory=dict)

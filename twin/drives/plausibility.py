@@ -8,12 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoloc.arrays import IntArray
+from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import inverse
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.annotations.gather import epochs_of
 from twin.drives.drive import Annotations, Drive
 from twin.drives.epochs import clock_hint, stamps_hint, utc_text
 from twin.drives.folder.drive_toml import SETTINGS_FILE
+from twin.drives.folder.notes import DriveDoubt, doubts
 from twin.drives.track.read import Track
 from twin.errors import DriveError
 
@@ -26,13 +28,12 @@ _ANOTHER_DRIVE_S = 3600.0
 """A receiver that died is not back an hour later on the same drive."""
 
 
-def check_track(drive: Drive) -> tuple[str, ...]:
+def check_track(drive: Drive) -> tuple[Doubt, ...]:
     """Refuse a track that cannot be right, and warn of one that hardly is.
 
     Returns
     -------
-    tuple of str
-        Warnings, one sentence each.
+    tuple of Doubt
 
     Raises
     ------
@@ -46,7 +47,7 @@ def check_track(drive: Drive) -> tuple[str, ...]:
     for name, track in tracks:
         _check_place(drive.name, name, track)
     _check_days(drive)
-    return _check_headings(drive) if drive.poses is not None else ()
+    return doubts(DriveDoubt.TRACK, *_check_headings(drive)) if drive.poses is not None else ()
 
 
 def _check_place(drive: str, name: str, track: GnssFixes | PoseTrack) -> None:
@@ -108,7 +109,7 @@ def _check_headings(drive: Drive) -> tuple[str, ...]:
     return (f"{text}.",) if median > _HEADING_WARN_DEG else ()
 
 
-def annotation_warnings(drive: Drive, n_located: int) -> tuple[str, ...]:
+def annotation_warnings(drive: Drive, n_located: int) -> tuple[Doubt, ...]:
     """Warn of annotations that give less than their annotator thinks.
 
     Parameters
@@ -138,13 +139,13 @@ def annotation_warnings(drive: Drive, n_located: int) -> tuple[str, ...]:
             f"{once} of {len(objects)} annotated objects were seen once only: if these are the "
             "same poles in several pictures, give them the attribute object, or annotate tracks."
         )
-    dropped = sum(s.count for s in drive.skipped if s.what == "annotations")
+    dropped = sum(s.count for s in drive.skipped if s.is_annotation)
     n_all = len(notes.frame) + dropped
     if n_all and n_located < 0.5 * n_all:
         warnings.append(
             f"Only {n_located:,} of {n_all:,} annotations could be located: see what was left out, and why."
         )
-    return tuple(warnings)
+    return doubts(DriveDoubt.ANNOTATIONS, *warnings)
 
 
 Span = tuple[int, int]

@@ -49,7 +49,7 @@ from twin.drives.detection.read import read_detections
 from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings, read_settings
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import Progress, ReadingNotes
+from twin.drives.folder.notes import DriveDoubt, Progress, ReadingNotes
 from twin.drives.frames.find import find_pictures
 from twin.drives.frames.sizes import check_picture_sizes
 from twin.drives.frames.stamps import read_stamps
@@ -95,7 +95,7 @@ def read_drive(
     """
     path = Path(path)
     folder = DriveFolder(path)
-    notes = ReadingNotes(progress, [], [])
+    notes = ReadingNotes(progress)
     named = folder.has(SETTINGS_FILE)
     settings = read_settings(folder.content(SETTINGS_FILE)) if named else DriveSettings()
     rig, rig_text = rig_of_folder(folder, settings, notes)
@@ -108,15 +108,18 @@ def read_drive(
         stamps, stamp_files = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
         check_picture_sizes(pictures, found.unsized, track.rig)
         if settings.first_frame is None:
-            notes.warnings += first_frame_warnings(found.annotations, found.numbered, stamps, stamp_files)
+            notes.warn(
+                DriveDoubt.ANNOTATIONS,
+                *first_frame_warnings(found.annotations, found.numbered, stamps, stamp_files),
+            )
     else:
         stamps, stamp_files = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
         found = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
     annotations, unstamped = stamped(found.annotations, stamps, stamp_files)
     notes.skipped += unstamped
     offset_ns = settings.camera_offset_ns
-    notes.warnings += check_span(annotations, stamps, stamp_files, offset_ns, track)
-    notes.warnings += _unplaced(track.rig, np.unique(annotations.camera).tolist())
+    notes.warn(DriveDoubt.CLOCK, *check_span(annotations, stamps, stamp_files, offset_ns, track))
+    notes.warn(DriveDoubt.RIG, *_unplaced(track.rig, np.unique(annotations.camera).tolist()))
     return Drive(
         drive_id=folder.drive_id(),
         content_sha256=folder.content_sha256(),

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.earth.terrain import Terrain
@@ -121,7 +122,7 @@ def ingest_drive(
     say = progress or (lambda _text: None)
     meanings = None if labels is None else Path(labels)
     drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
-    warnings = check_track(drive)
+    track_doubts = check_track(drive)
     say("building the trajectory")
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
@@ -135,7 +136,7 @@ def ingest_drive(
     estimates = estimate_rows(drive, sighted, positions, method)
     n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
     # Rays of a turned camera miss one another, which looks as if ids marked two signs.
     if detector is None and not (sighted.adjusted and any(turned_cameras(sighted.adjusted))):
         say("checking the annotators' ids")
@@ -145,15 +146,15 @@ def ingest_drive(
     line, length_m = _line(trajectory)
     warnings = (
         *drive.warnings,
-        *warnings,
+        *track_doubts,
         *(sighted.adjusted.notes if sighted.adjusted else ()),
         *doubts,
         *(misfit.sentence for misfit in misfits),
         *annotation_warnings(drive, n_located),
         *_absence_warning(drive, n_unplaced, gap),
     )
-    warnings = tuple(dict.fromkeys(warnings))
-    row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(warnings)}
+    sentences = tuple(dict.fromkeys(map(str, warnings)))
+    row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(sentences)}
     save_drive(
         store,
         row,
@@ -177,7 +178,7 @@ def ingest_drive(
         length_m=length_m,
         delay_ms=row["delay_ms"],
         fix_quality=row["fix_quality"],
-        warnings=warnings,
+        warnings=sentences,
         skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
     )
 
@@ -233,7 +234,7 @@ def _drive_row(drive: Drive, trajectory: Trajectory) -> dict[str, Any]:
         "rig": zlib.compress(drive.rig_document.encode()),
         "poses": blob_from_poses(_view_poses(drive, trajectory)),
         "cameras": sorted({str(c) for c in drive.annotations.camera} or drive.frame_epoch_ns),
-        "skipped": [asdict(s) for s in drive.skipped],
+        "skipped": [s.as_row() for s in drive.skipped],
         "software": f"nvdb-twin {__version__}",
         "content_sha256": drive.content_sha256,
         "fix_quality": _fix_quality(drive),

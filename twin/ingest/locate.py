@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from geoloc.adjustment.adjust import Adjusted, adjust
 from geoloc.arrays import FloatArray, IntArray
+from geoloc.doubts import Doubt
 from geoloc.earth.datum import euref89_from_itrf
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.on_terrain import locate_on_terrain
@@ -25,6 +26,7 @@ from geoloc.trajectory.trajectory import (
     trajectory_from_poses,
 )
 from twin.drives.drive import Drive
+from twin.drives.folder.notes import DriveDoubt
 
 _Track = TypeVar("_Track", GnssFixes, PoseTrack)
 
@@ -92,7 +94,7 @@ def in_euref89(drive: Drive) -> tuple[Drive, tuple[float, float]]:
         drive,
         gnss=tuple(_placed(track, *place) for track, place in zip(drive.gnss, places, strict=False)),
         poses=_placed(drive.poses, *places[-1]) if drive.poses else None,
-        warnings=(*drive.warnings, result.how),
+        warnings=(*drive.warnings, Doubt(DriveDoubt.TRACK, result.how)),
     )
     return moved, (result.extra_sigma_m, result.extra_sigma_up_m)
 

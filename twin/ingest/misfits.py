@@ -11,13 +11,13 @@ import numpy as np
 from geoloc.adjustment.adjust import CLOCK_NOTE, SHUTTER_NOTE, Adjusted
 from geoloc.adjustment.scene import sigma_px_of
 from geoloc.arrays import BoolArray
+from geoloc.doubts import Doubt
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.reasons import Reason, stands_far_away
 from geoloc.trajectory.trajectory import Trajectory
-from twin.drives.annotations.gather import REPEATED, only
-from twin.drives.annotations.read import NO_FILES
+from twin.drives.annotations.gather import only
 from twin.drives.drive import Drive
-from twin.drives.objects.identify import CAMERAS_DISAGREE, SLIP
+from twin.drives.folder.notes import DriveDoubt, SkipKind
 from twin.ingest.locate import SightedObjects, locate_annotations
 
 _MOST_TURN_DEG = 1.0
@@ -28,8 +28,6 @@ _FAR_SIGMAS = 6.0
 _MOST_FAR = 0.05
 _FEW_OBJECTS = 3
 _MOST_LOST = 0.3
-_NO_LOSS = (REPEATED, SLIP, "another annotator's version", "kind ", "without a time stamp")
-"""What is left out for these reasons is no sign that was not read; or, the last, not that of a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +47,7 @@ class Misfit:
 
 
 def misfits_of(
-    drive: Drive, sighted: SightedObjects, budget: ErrorBudget, id_doubts: tuple[str, ...] = ()
+    drive: Drive, sighted: SightedObjects, budget: ErrorBudget, id_doubts: tuple[Doubt, ...] = ()
 ) -> tuple[Misfit, ...]:
     """Find out why the positions of a drive cannot be trusted.
 
@@ -57,7 +55,7 @@ def misfits_of(
 
     Parameters
     ----------
-    id_doubts : tuple of str
+    id_doubts : tuple of Doubt
         What :func:`twin.drives.objects.identify.id_warnings` said.
 
     Returns
@@ -70,20 +68,20 @@ def misfits_of(
         return ()
     found = [*_clock_and_shutter(adjusted), *turned_cameras(adjusted)]
     found += [
-        Misfit("its cameras do not agree with one another", doubt)
+        Misfit("its cameras do not agree with one another", doubt.sentence)
         for doubt in id_doubts
-        if doubt.startswith(CAMERAS_DISAGREE)
+        if doubt.kind is DriveDoubt.CAMERAS_DISAGREE
     ]
     # One cause is enough: what is turned or late also makes outliers.
     return tuple(found or [*_outliers(drive, sighted, adjusted), *_poor_cameras(drive, sighted, budget)])
 
 
-def clocks_apart(doubts: tuple[str, ...], drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
+def clocks_apart(doubts: tuple[Doubt, ...], drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
     """Add to the doubt that cameras disagree which clock is late, where each camera alone shows it.
 
     Other doubts come back as they are.
     """
-    if not any(doubt.startswith(CAMERAS_DISAGREE) for doubt in doubts):
+    if not any(doubt.kind is DriveDoubt.CAMERAS_DISAGREE for doubt in doubts):
         return doubts
     notes, late = drive.annotations, []
     for camera in np.unique(notes.camera).tolist():
@@ -93,7 +91,10 @@ def clocks_apart(doubts: tuple[str, ...], drive: Drive, trajectory: Trajectory) 
             clock = adjusted.time_offset_ms
             late.append(f"{camera} alone fits the track with {clock.value:+.0f} ± {clock.sigma:.0f} ms.")
     return tuple(
-        " ".join((doubt, *late)) if doubt.startswith(CAMERAS_DISAGREE) else doubt for doubt in doubts
+        replace(doubt, sentence=" ".join((doubt.sentence, *late)))
+        if doubt.kind is DriveDoubt.CAMERAS_DISAGREE
+        else doubt
+        for doubt in doubts
     )
 
 
@@ -170,9 +171,9 @@ def absence_gap(drive: Drive, sighted: SightedObjects) -> str:
     A drive whose annotations were not found, not read or not located, by 30 % of a file or of a camera, says
     nothing of signs that it did not see. A sound file without any annotation does: none was in view.
     """
-    if any(NO_FILES in warning for warning in drive.warnings):
+    if any(doubt.kind is DriveDoubt.NO_ANNOTATION_FILES for doubt in drive.warnings):
         return "it has no annotation file"
-    damaged = sum(s.count for s in drive.skipped if s.what == "annotation files" and s.reason == "damaged")
+    damaged = sum(s.count for s in drive.skipped if s.kind is SkipKind.DAMAGED_FILE)
     if damaged:
         return f"{damaged:,} of its annotation files are damaged"
     return _left_out(drive) or _not_located(drive, sighted)
@@ -182,7 +183,8 @@ def _left_out(drive: Drive) -> str:
     """Files of which too much was not read."""
     lost: Counter[str] = Counter()
     for skipped in drive.skipped:
-        if skipped.what == "annotations" and not any(reason in skipped.reason for reason in _NO_LOSS):
+        # Repeats, slips and shapes of other kinds are no sign that was not read.
+        if skipped.kind is SkipKind.UNUSABLE:
             lost[skipped.where] += skipped.count
     kept = Counter(drive.annotations.file.tolist())
     for file, count in sorted(lost.items()):

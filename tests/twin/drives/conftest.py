@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from board_drive import BoardDrive, Networks
 
 WIDE, NARROW = "C3_wide", "C1_narrow"
 WIDTH, HEIGHT = 1280, 800
@@ -163,3 +164,16 @@ class Maker:
 def maker() -> Maker:
     """Return the maker of drive files."""
     return Maker()
+
+
+@pytest.fixture(scope="session")
+def networks() -> Networks:
+    """The maker of networks."""
+    return Networks()
+
+
+@pytest.fixture(scope="session")
+def board_drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[BoardDrive, Path]:
+    """The drive past two boards and its folder; do not write into it."""
+    drive = BoardDrive()
+    return drive, drive.write(tmp_path_factory.mktemp("boards") / "drive")

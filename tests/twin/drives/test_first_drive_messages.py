@@ -168,7 +168,9 @@ def test_antenna_that_stops_early_is_told(maker: Any, tmp_path: Path) -> None:
     """Half of one recording is missing: 25 of 50 fixes."""
     half = "".join(maker.nmea().splitlines(keepends=True)[:40])
     warnings = read(maker, tmp_path, {"gnss52_vehicle.bin": half}).warnings
-    assert any(re.search(r"^gnss52_vehicle\.bin stops 6\.0 s before .*\(20 fixes\)", w) for w in warnings)
+    assert any(
+        re.search(r"^gnss52_vehicle\.bin stops 6\.0 s before .*\(20 fixes\)", w.sentence) for w in warnings
+    )
 
 
 def test_camera_in_local_time_is_named_with_the_hours(maker: Any, tmp_path: Path) -> None:
@@ -176,8 +178,8 @@ def test_camera_in_local_time_is_named_with_the_hours(maker: Any, tmp_path: Path
     late = maker.stamps(start_ns=maker.start_ns + 7_200_000_000_000)
     files = {f"{NARROW}.h264.timestamps": late, f"{NARROW}.xml": maker.annotations()}
     (warning,) = read(maker, tmp_path, files).warnings
-    assert warning.startswith("All 3 annotations of C1_narrow lie outside the GNSS fixes")
-    assert "then add -7200 s to the times in C1_narrow.h264.timestamps" in warning
+    assert warning.sentence.startswith("All 3 annotations of C1_narrow lie outside the GNSS fixes")
+    assert "then add -7200 s to the times in C1_narrow.h264.timestamps" in warning.sentence
 
 
 def test_files_of_one_image_are_counted_and_stamps_told_once(maker: Any, tmp_path: Path) -> None:

@@ -180,7 +180,7 @@ def test_drive_with_one_antenna_absent_is_read_with_a_warning(tmp_path: Path, ma
     """One recording is enough; the loss is told."""
     drive = read_drive(maker.write(tmp_path, maker.files(**{"gnss52_vehicle.bin": None})))
     assert [f.antenna for f in drive.gnss] == ["gnss50:vehicle"]
-    assert "gnss52_vehicle.bin" in drive.warnings[0]
+    assert "gnss52_vehicle.bin" in drive.warnings[0].sentence
 
 
 def test_drive_with_one_antenna_unusable_is_read_with_a_warning(tmp_path: Path, maker: Any) -> None:
@@ -188,7 +188,7 @@ def test_drive_with_one_antenna_unusable_is_read_with_a_warning(tmp_path: Path, 
     dead = maker.nmea().replace(",E,4,14", ",E,0,00")
     drive = read_drive(maker.write(tmp_path, maker.files(**{"gnss52_vehicle.bin": "noise\n"})))
     assert [f.antenna for f in drive.gnss] == ["gnss50:vehicle"]
-    assert "gnss52_vehicle.bin holds no usable GNSS fix" in drive.warnings[0]
+    assert "gnss52_vehicle.bin holds no usable GNSS fix" in drive.warnings[0].sentence
     maker.write(tmp_path, {"gnss50_vehicle.bin": dead})
     with pytest.raises(DriveError, match=r"gnss50_vehicle\.bin holds no usable GNSS fix"):
         read_drive(tmp_path)
@@ -220,7 +220,7 @@ def test_rig_without_antennas_takes_the_recording_at_its_origin(tmp_path: Path, 
     drive = read_drive(maker.write(tmp_path, files))
     assert drive.gnss[0].antenna == "gnss50_vehicle"
     assert drive.rig.antennas["gnss50_vehicle"].rig_t_antenna_m.tolist() == [0.0, 0.0, 0.0]
-    assert "lever arms of gnss50_vehicle are all zero" in drive.warnings[0]
+    assert "lever arms of gnss50_vehicle are all zero" in drive.warnings[0].sentence
 
 
 def test_zero_lever_arms_are_warned_of_with_the_cure(tmp_path: Path, maker: Any) -> None:
@@ -229,8 +229,8 @@ def test_zero_lever_arms_are_warned_of_with_the_cure(tmp_path: Path, maker: Any)
     files = maker.files(**{"car.json": json.dumps(maker.rig(*sensors))})
     drive = read_drive(maker.write(tmp_path, files))
     assert len(drive.warnings) == 1
-    assert "gnss50:vehicle, gnss52:vehicle are all zero" in drive.warnings[0]
-    assert "[gnss] lever_arms in drive.toml" in drive.warnings[0]
+    assert "gnss50:vehicle, gnss52:vehicle are all zero" in drive.warnings[0].sentence
+    assert "[gnss] lever_arms in drive.toml" in drive.warnings[0].sentence
 
 
 def test_antenna_that_is_misspelt_in_the_settings_is_refused(tmp_path: Path, maker: Any) -> None:
@@ -326,7 +326,7 @@ def test_frames_partly_outside_the_gnss_time_are_warned_of(tmp_path: Path, maker
     late = maker.stamps(start_ns=maker.start_ns + 6_900_000_000)
     drive = read_drive(maker.write(tmp_path, maker.files(**{STAMPS: late})))
     assert len(drive.annotations.frame) == 3
-    assert "1 of 3 annotations lie outside the GNSS fixes" in drive.warnings[0]
+    assert "1 of 3 annotations lie outside the GNSS fixes" in drive.warnings[0].sentence
 
 
 def test_drive_without_annotations_is_a_track_with_a_warning(tmp_path: Path, maker: Any) -> None:
@@ -334,7 +334,7 @@ def test_drive_without_annotations_is_a_track_with_a_warning(tmp_path: Path, mak
     drive = read_drive(maker.write(tmp_path, maker.files(**{f"{WIDE}.xml": None})))
     assert len(drive.annotations.frame) == 0
     assert dict(drive.frame_epoch_ns) == {}
-    assert "no annotations" in drive.warnings[0]
+    assert "no annotations" in drive.warnings[0].sentence
 
 
 def test_drive_whose_annotations_are_empty_keeps_the_cameras_frames(tmp_path: Path, maker: Any) -> None:
@@ -342,7 +342,7 @@ def test_drive_whose_annotations_are_empty_keeps_the_cameras_frames(tmp_path: Pa
     files = maker.files(**{f"{WIDE}.xml": maker.cvat(), "drive.toml": "annotations_complete = true"})
     drive = read_drive(maker.write(tmp_path, files))
     assert set(drive.frame_epoch_ns) == {WIDE}
-    assert f"{WIDE}.xml: not one point or box" in drive.warnings[0]
+    assert f"{WIDE}.xml: not one point or box" in drive.warnings[0].sentence
 
 
 def test_other_xml_in_the_folder_is_not_read(tmp_path: Path, maker: Any) -> None:

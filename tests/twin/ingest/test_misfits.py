@@ -11,8 +11,8 @@ import pytest
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.drive import Drive
-from twin.drives.folder.notes import Skipped
-from twin.drives.objects.identify import CAMERAS_DISAGREE, id_warnings
+from twin.drives.folder.notes import DriveDoubt, SkipKind, Skipped
+from twin.drives.objects.identify import id_warnings
 from twin.drives.read import read_drive
 from twin.ingest.locate import locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of
@@ -79,10 +79,10 @@ def test_late_clock_of_one_camera_is_named_and_no_id_doubted() -> None:
     late = replace(drive, frame_epoch_ns=stamps)
     doubts = id_warnings(late, trajectory)
     assert len(doubts) == 1
-    assert doubts[0].startswith(CAMERAS_DISAGREE)
+    assert doubts[0].kind is DriveDoubt.CAMERAS_DISAGREE
     (named,) = clocks_apart(doubts, late, trajectory)
-    assert f"{TELE} alone fits the track with -2" in named
-    assert WIDE not in named
+    assert f"{TELE} alone fits the track with -2" in named.sentence
+    assert WIDE not in named.sentence
     sighted = locate_annotations(late, trajectory, method="adjusted")
     assert "its cameras do not agree with one another" in [
         misfit.what for misfit in misfits_of(late, sighted, ErrorBudget(), doubts)
@@ -100,18 +100,18 @@ def test_annotations_at_half_size_show_nothing_missing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "reason", "count", "gap"),
+    ("kind", "count", "gap"),
     [
-        ("annotations", "foot not marked", 300, "300 of 844 annotations in C3_tricam120.xml were left out"),
-        ("annotations", "foot not marked", 100, ""),
-        ("annotations", "the same annotation again", 500, ""),
-        ("labels", "no road object: 'car'", 500, ""),
-        ("annotation files", "damaged", 2, "2 of its annotation files are damaged"),
+        (SkipKind.UNUSABLE, 300, "300 of 844 annotations in C3_tricam120.xml were left out"),
+        (SkipKind.UNUSABLE, 100, ""),
+        (SkipKind.REPEATED, 500, ""),
+        (SkipKind.OTHER, 500, ""),
+        (SkipKind.DAMAGED_FILE, 2, "2 of its annotation files are damaged"),
     ],
 )
-def test_what_was_left_out_may_be_the_missing_sign(what: str, reason: str, count: int, gap: str) -> None:
-    """Annotations that were not read may be of any sign; repeats and other things are none."""
+def test_what_was_left_out_may_be_the_missing_sign(kind: SkipKind, count: int, gap: str) -> None:
+    """Annotations that were not read may be of any sign, repeats are none: the kind decides, no wording."""
     drive, trajectory = sample_drive()
     sighted = locate_annotations(drive, trajectory, method="single-frame")
-    less = replace(drive, skipped=(Skipped(what, "C3_tricam120.xml", count, reason),))
+    less = replace(drive, skipped=(Skipped("reworded", "C3_tricam120.xml", count, "reworded", kind),))
     assert absence_gap(less, sighted) == gap

@@ -199,7 +199,12 @@ def verify_drive(
         doubt=doubt,
         misplaced=misplaced,
         not_seen=not_seen,
-        warnings=(*drive.warnings, *_told(misplaced), *_shared(mounting, drive_sigma_deg), *_few(turns)),
+        warnings=(
+            *map(str, drive.warnings),
+            *_told(misplaced),
+            *_shared(mounting, drive_sigma_deg),
+            *_few(turns),
+        ),
         rig=rig,
         rig_file=drive.rig.source,
         drive_tables=tables_text,

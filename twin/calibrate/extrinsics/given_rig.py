@@ -103,12 +103,12 @@ def _given(
 
 
 def _of_folder(root: Path) -> GivenRig:
-    folder, notes = DriveFolder(root), ReadingNotes(None, [], [])
+    folder, notes = DriveFolder(root), ReadingNotes()
     named = folder.has(SETTINGS_FILE)
     settings = read_settings(folder.content(SETTINGS_FILE)) if named else DriveSettings()
     rig, text = rig_of_folder(folder, _placed(folder, settings), notes)
     document = json.loads(text.removeprefix("\ufeff"))
-    return _given(document, rig.source, settings.cameras, root, tuple(notes.warnings))
+    return _given(document, rig.source, settings.cameras, root, tuple(map(str, notes.warnings)))
 
 
 def _placed(folder: DriveFolder, settings: DriveSettings) -> DriveSettings:

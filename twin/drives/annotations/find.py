@@ -33,7 +33,7 @@ from twin.drives.annotations.formats.yolo import (
 )
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import ReadingNotes, Skipped
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes, SkipKind, skipped_annotations
 from twin.errors import DriveError
 
 FORMATS = "CVAT XML 1.1, COCO, Label Studio, labelme, YOLO, Datumaro, Mapillary Vistas or CSV"
@@ -101,13 +101,17 @@ def find_annotations(
     for name in annotation_folders(folder):
         found += _read_files(folder, f"{name}/", notes, feet)
         archives += folder.names_in(name, *_ARCHIVES)
-    notes.warnings += [f"{name} is an archive, which is not read: {_UNPACK}." for name in archives]
+    notes.warn(
+        DriveDoubt.ANNOTATIONS,
+        *(f"{name} is an archive, which is not read: {_UNPACK}." for name in archives),
+    )
     tools = {file.tool for file in found}
     if len(tools) > 1:
         listed = ", ".join(f"{file.where} ({file.tool})" for file in found)
-        notes.warnings.append(
+        notes.warn(
+            DriveDoubt.ANNOTATIONS,
             f"The annotations come from more than one tool, and all are read: {listed}. If they show the same"
-            f" signs, name those that count under [annotations] in {SETTINGS_FILE}."
+            f" signs, name those that count under [annotations] in {SETTINGS_FILE}.",
         )
     return found
 
@@ -175,13 +179,14 @@ def _read_files(
         elif not inside and name.lower().endswith(".xml"):
             root = root_tag(folder.head(name))
             what = f"no export of annotations (it begins with <{root:.40}>)" if root else "empty or no XML"
-            notes.warnings.append(f"{name} is {what}, so it is not read: export it again.")
+            notes.warn(DriveDoubt.ANNOTATIONS, f"{name} is {what}, so it is not read: export it again.")
     contents = {b"", b"{}", b"[]"} if any(file.is_one_image for file in found) else {b""}
     _tell_of_empty([name for name in names if _is_json_of(folder, name, contents)], inside, notes)
     if damaged:
-        notes.skipped.append(Skipped("annotation files", inside, len(damaged), "damaged"))
-        notes.warnings.append(
-            f"{len(damaged)} of the files in {inside} are left out, as damaged: {damaged[0]}"
+        notes.skipped.append(skipped_annotations(SkipKind.DAMAGED_FILE, inside, len(damaged)))
+        notes.warn(
+            DriveDoubt.ANNOTATIONS,
+            f"{len(damaged)} of the files in {inside} are left out, as damaged: {damaged[0]}",
         )
     return _together(found, inside or "./")
 
@@ -223,10 +228,11 @@ def _tell_of_empty(empty: Sequence[str], inside: str, notes: ReadingNotes) -> No
         return
     more = f" and {len(empty) - _MOST_NAMES} more" if len(empty) > _MOST_NAMES else ""
     are, they_mark, them = ("is", "it marks", "it") if len(empty) == 1 else ("are", "they mark", "them")
-    notes.skipped.append(Skipped("annotation files", inside or "./", len(empty), "empty"))
-    notes.warnings.append(
+    notes.skipped.append(skipped_annotations(SkipKind.EMPTY_FILE, inside or "./", len(empty)))
+    notes.warn(
+        DriveDoubt.ANNOTATIONS,
         f"{', '.join(empty[:_MOST_NAMES])}{more} {are} empty, so {they_mark} nothing: save {them} again with"
-        f" the annotation tool, or delete {them}."
+        f" the annotation tool, or delete {them}.",
     )
 
 

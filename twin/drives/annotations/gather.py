@@ -44,14 +44,13 @@ from twin.drives.annotations.frame_numbers import NOT_AMONG_PICTURES, frame_of, 
 from twin.drives.annotations.labels import LabelMap, Meanings, codes_from_attribute
 from twin.drives.annotations.left_out import NOT_AMONG, FileReading, all_left_out, left_out
 from twin.drives.drive import Annotations
-from twin.drives.folder.notes import Skipped
+from twin.drives.folder.notes import SkipKind, Skipped, skipped_annotations
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.errors import DriveError
 
 OBJECT_ATTRIBUTES = ("object", "object_id")
 TEXT_ATTRIBUTES = ("text", "tekst")
 _HIGHEST_FRAME = 2**62
-REPEATED = "the same annotation again"
 _LONGEST_TEXT = 200
 """Texts are kept in arrays of one width: a single long one would take its length in every row."""
 
@@ -156,7 +155,7 @@ def gather(
     unique = list({row._replace(file=""): row for row in reversed(named)}.values())[::-1]
     if len(unique) < len(named):
         where = ", ".join(sorted({row.file for row in named}))
-        skipped.append(Skipped("annotations", where, len(named) - len(unique), REPEATED))
+        skipped.append(skipped_annotations(SkipKind.REPEATED, where, len(named) - len(unique)))
     return AnnotationsRead(
         _arrays(unique),
         tuple(sorted(cameras)),
@@ -199,9 +198,7 @@ def stamped(
             )
         if not has_stamp.all():
             lost = int(np.count_nonzero(~has_stamp))
-            skipped.append(
-                Skipped("annotations", sources[str(camera)], lost, f"frame of {camera} without a time stamp")
-            )
+            skipped.append(skipped_annotations(SkipKind.NO_TIME, sources[str(camera)], lost, str(camera)))
     return only(annotations, keep), tuple(skipped)
 
 

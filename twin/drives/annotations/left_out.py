@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from twin.drives.annotations.camera_of_file import CameraChooser
 from twin.drives.annotations.formats.shapes import AnnotationFile
 from twin.drives.annotations.labels import Meanings
-from twin.drives.folder.notes import Skipped
+from twin.drives.folder.notes import SkipKind, Skipped, skipped_annotations
 
 NOT_AMONG = "image that is not among the drive's pictures"
 
@@ -47,7 +47,7 @@ class FileReading:
 def left_out(context: FileReading, where: str) -> Iterable[Skipped]:
     """Count what was left out, by reason."""
     for reason, n in sorted(sum(context.faults.values(), Counter()).items()):
-        yield Skipped("annotations", where, n, reason)
+        yield skipped_annotations(SkipKind.UNUSABLE, where, n, reason)
     for label, n in sorted(context.ignored.items()):
         yield Skipped("labels", where, n, f"no road object: {label!r:.60}")
     for text, n in sorted(context.codeless.items()):
@@ -60,7 +60,7 @@ def all_left_out(
     """Tell of each camera of a file of whose annotations not one could be used."""
     faults = {camera: counts for camera, counts in context.faults.items() if camera not in context.understood}
     if not file.shapes:
-        counts = Counter({s.reason: s.count for s in file.skipped if s.what == "annotations"})
+        counts = Counter({s.reason: s.count for s in file.skipped})
         cameras = {declared} if declared is not None else chooser.of_empty_file()
         faults = dict.fromkeys(cameras, counts) if counts else {}
     for camera, counts in sorted(faults.items()):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from geoloc.doubts import Doubt
 from geoloc.rig.rig import Rig
 from twin.drives.annotations.drawn_size import reach_warnings
 from twin.drives.annotations.find import FORMATS, find_annotations, named_annotations, nearly_annotations
@@ -13,11 +14,10 @@ from twin.drives.annotations.gather import AnnotationsRead, gather
 from twin.drives.annotations.labels import LABELS_FILE, LabelMap, read_label_map, unknown_codes_warning
 from twin.drives.folder.drive_toml import DriveSettings
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import ReadingNotes
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes, doubts
 from twin.drives.rig.rig_files import check_camera
 from twin.errors import DriveError
 
-NO_FILES = "holds no annotations"
 _MOST_LABELS = 12
 """Labels without a meaning that are listed by name."""
 
@@ -46,7 +46,8 @@ def read_annotations(
         If a file cannot be read, or is of a camera that the rig does not have.
     """
     label_map = read_drive_labels(folder, labels)
-    notes.warnings += unknown_codes_warning(label_map, LABELS_FILE if labels is None else labels.name)
+    label_file = LABELS_FILE if labels is None else labels.name
+    notes.warn(DriveDoubt.LABELS, *unknown_codes_warning(label_map, label_file))
     feet = label_map.foot_keypoints
     files: list[tuple[AnnotationFile, str | None]] = []
     if settings.annotations is None:
@@ -57,8 +58,9 @@ def read_annotations(
     found = gather(files, rig, label_map, image_frames, settings.first_frame or 0)
     notes.skipped += found.skipped
     notes.warnings += _warnings(folder, [file.where for file, _ in files], found)
-    notes.warnings += found.warnings
-    notes.warnings += reach_warnings(found.annotations, found.unsized, rig)
+    notes.warn(
+        DriveDoubt.ANNOTATIONS, *found.warnings, *reach_warnings(found.annotations, found.unsized, rig)
+    )
     n_files = sum(file.n_files for file, _ in files)
     notes.say(f"Annotations: {len(found.annotations.frame)} in {n_files} file{'' if n_files == 1 else 's'}.")
     return found
@@ -84,14 +86,17 @@ def read_drive_labels(folder: DriveFolder, labels: Path | None = None) -> LabelM
     return LabelMap()
 
 
-def _warnings(folder: DriveFolder, files: list[str], found: AnnotationsRead) -> list[str]:
+def _warnings(folder: DriveFolder, files: list[str], found: AnnotationsRead) -> tuple[Doubt, ...]:
     if not files:
         nearly = "".join(f" {one}." for one in nearly_annotations(folder))
-        none = f"{folder.root.name} {NO_FILES} ({FORMATS}), so the drive has a track but no sightings."
-        return [none + nearly]
+        none = (
+            f"{folder.root.name} holds no annotations ({FORMATS}), so the drive has a track but no sightings."
+        )
+        return doubts(DriveDoubt.NO_ANNOTATION_FILES, none + nearly)
     if not len(found.annotations.frame):
-        return [f"{', '.join(files)}: not one point or box that can be used, so the drive has no sightings."]
-    return unmapped_warning(found)
+        nothing = f"{', '.join(files)}: not one point or box that can be used, so the drive has no sightings."
+        return doubts(DriveDoubt.ANNOTATIONS, nothing)
+    return doubts(DriveDoubt.LABELS, *unmapped_warning(found))
 
 
 def unmapped_warning(found: AnnotationsRead) -> list[str]:

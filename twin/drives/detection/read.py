@@ -13,7 +13,7 @@ from twin.drives.annotations.read import read_drive_labels, unmapped_warning
 from twin.drives.detection.run import DetectorOptions, Found, Recorded, detect
 from twin.drives.folder.drive_toml import DriveSettings
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import ReadingNotes
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes
 from twin.drives.frames.find import Pictures
 from twin.drives.track.read import Track
 
@@ -49,11 +49,12 @@ def read_detections(
     _enter(folder, found, options)
     read = gather(found.files, track.rig, meanings)
     notes.skipped += (*found.skipped, *read.skipped)
-    notes.warnings += unmapped_warning(read)
+    notes.warn(DriveDoubt.LABELS, *unmapped_warning(read))
     if not len(read.annotations.frame):
-        notes.warnings.append(
+        notes.warn(
+            DriveDoubt.ANNOTATIONS,
             f"{options.model.name} found no sign in the pictures, so the drive has no sightings: try a lower"
-            " --detector-threshold, and see that the network was trained on such pictures."
+            " --detector-threshold, and see that the network was trained on such pictures.",
         )
     notes.say(f"Detections: {len(read.annotations.frame)} in {len(found.files)} cameras.")
     return read

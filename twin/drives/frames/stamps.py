@@ -10,7 +10,7 @@ from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import ReadingNotes
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes
 from twin.drives.frames.find import Pictures
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.frames.times import FrameTimes, times_from_file, times_of_pictures
@@ -51,7 +51,7 @@ def read_stamps(
         times = _of_camera(folder, settings, rig, camera, pictures.get(camera))
         stamps[camera], files[camera] = times.epoch_ns, times.where
         notes.skipped += times.skipped
-        notes.warnings += times.warnings
+        notes.warn(DriveDoubt.CLOCK, *times.warnings)
         known = np.count_nonzero(times.epoch_ns != NO_STAMP)
         notes.say(f"Time stamps {times.where}: {known} frames.")
     return stamps, files

@@ -23,7 +23,7 @@ from twin.drives.annotations.read import read_annotations
 from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings, read_settings
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import Progress, ReadingNotes, Skipped
+from twin.drives.folder.notes import DriveDoubt, Progress, ReadingNotes, Skipped
 from twin.drives.frames.find import Pictures, find_pictures
 from twin.drives.frames.sizes import size_contradictions
 from twin.drives.frames.stamps import read_stamps
@@ -92,9 +92,10 @@ class Inspection:
     def as_json(self) -> dict[str, Any]:
         """Give the report as one document; epochs are nanoseconds since 1970, UTC."""
         plain = ("path", "name", "ready", "refusals", "warnings", "antennas", "settings")
-        lists = ("files", "cameras", "skipped")
+        lists = ("files", "cameras")
         document: dict[str, Any] = {name: getattr(self, name) for name in plain}
         document |= {name: [asdict(one) for one in getattr(self, name)] for name in lists}
+        document["skipped"] = [skipped.as_row() for skipped in self.skipped]
         return document | {"sensors": [sensor.as_json() for sensor in self.sensors]}
 
 
@@ -135,7 +136,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
     """
     path = Path(path)
     folder, parts = DriveFolder(path), _Parts()
-    notes = ReadingNotes(progress, [], [])
+    notes = ReadingNotes(progress)
     settings = parts.tried(lambda: _settings(folder)) or DriveSettings()
     read = parts.tried(lambda: rig_of_folder(folder, settings, notes))
     rig = None if read is None else read[0]
@@ -154,7 +155,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         stamps = _stamps(folder, settings, known, found, pictures, notes, parts)
         # Of annotated cameras reading the drive says it, as far as it matters for what was annotated.
         to_annotate = set(pictures) - set(found.cameras if found else ())
-        notes.warnings += size_contradictions(pictures, to_annotate, known)
+        notes.warn(DriveDoubt.PICTURES, *size_contradictions(pictures, to_annotate, known))
     if not parts.refusals:
         parts.tried(lambda: _tell_of_track(read_drive(path), notes))
     notes.say("looking at every file")
@@ -167,7 +168,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         cameras=_cameras(rig),
         antennas=_antennas(rig if track is None else track.rig),
         sensors=_sensors(settings, track, found, stamps),
-        warnings=tuple(dict.fromkeys((*notes.warnings, *_missing(settings, rig, found, stamps)))),
+        warnings=tuple(dict.fromkeys((*map(str, notes.warnings), *_missing(settings, rig, found, stamps)))),
         skipped=tuple(dict.fromkeys(notes.skipped)),
         settings=_settled(folder, settings),
     )
@@ -225,7 +226,7 @@ def _stamps(
     stamps = {}
     progress = _once(notes.progress)
     for camera in sorted({*rig.cameras, *needed}):
-        of_camera = ReadingNotes(progress, [], [])
+        of_camera = ReadingNotes(progress)
         trial = parts if camera in needed else _Parts()
         read = trial.tried(lambda c=camera, n=of_camera: read_stamps(folder, settings, rig, {c}, pictures, n))  # type: ignore[misc]
         if read is not None and camera in read[0]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from geoloc.arrays import IntArray
 from geoloc.association.associate import IdFinding, associate_drive, check_ids, poses_by_objects
+from geoloc.doubts import Doubt
 from geoloc.locate.records import Sightings
 from geoloc.reasons import Reason
 from geoloc.rig.rig import Rig
@@ -17,14 +18,12 @@ from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.annotations.gather import epochs_of, only
 from twin.drives.drive import Annotations, Drive
-from twin.drives.folder.notes import Skipped
+from twin.drives.folder.notes import DriveDoubt, SkipKind, doubts, skipped_annotations
 from twin.drives.folder.sensor_names import named_in
 
 FOUND = "auto"
-SLIP = "no object stands there, and one near it lacks this picture: a slip of the hand"
 _MAX_WARNINGS = 10
 _TWO_SIGNS = 0.15
-CAMERAS_DISAGREE = "The cameras do not agree with one another"
 _FEW_IDS, _MANY_IDS = 3, 0.3
 
 
@@ -66,16 +65,16 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
         f"{loose:,} annotations have no object or track id: by position they are {found:,} objects. Give the"
         " attribute object where that is wrong."
     )
-    skipped = (Skipped("annotations", drive.name, int(slip.sum()), SLIP),) if slip.any() else ()
+    slips = [skipped_annotations(SkipKind.SLIP, drive.name, int(slip.sum()))] if slip.any() else []
     return replace(
         drive,
         annotations=only(replace(notes, object=placed.astype(np.str_)), ~slip),
-        warnings=(*drive.warnings, warning),
-        skipped=(*drive.skipped, *skipped),
+        warnings=(*drive.warnings, Doubt(DriveDoubt.IDS, warning)),
+        skipped=(*drive.skipped, *slips),
     )
 
 
-def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
+def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
     """Say which ids mark two signs, and which two ids of one camera mark the same sign.
 
     Tracks of one sign in several cameras have ids of their own unless the annotator tied them together: that
@@ -83,9 +82,9 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
 
     Returns
     -------
-    tuple of str
-        At most ten sentences, and one that counts the rest. Where many ids would be one sign for each camera,
-        the cameras are wrong, not the ids: one sentence that begins with `CAMERAS_DISAGREE`.
+    tuple of Doubt
+        At most ten, and one that counts the rest. Where many ids would be one sign for each camera, the
+        cameras are wrong, not the ids: one of the kind `DriveDoubt.CAMERAS_DISAGREE`.
     """
     notes = drive.annotations
     ids = np.where(notes.has_id, notes.object, "")
@@ -105,14 +104,14 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[str, ...]:
                 between.add(finding.ids[0])
     if len(between) >= _FEW_IDS and len(between) > _MANY_IDS * np.unique(ids[ids != ""]).size:
         disagree = (
-            f"{CAMERAS_DISAGREE}: {len(between)} ids would be one sign for each. Check their clocks"
-            " ([timestamps], camera_offset_ms), mounting and calibration."
+            f"The cameras do not agree with one another: {len(between)} ids would be one sign for each. Check"
+            " their clocks ([timestamps], camera_offset_ms), mounting and calibration."
         )
-        return (disagree,)
+        return (Doubt(DriveDoubt.CAMERAS_DISAGREE, disagree),)
     if len(messages) > _MAX_WARNINGS:
-        more = len(messages) - _MAX_WARNINGS
-        return (*list(messages.values())[:_MAX_WARNINGS], f"{more} more ids look wrong in the same way.")
-    return tuple(messages.values())
+        more = f"{len(messages) - _MAX_WARNINGS} more ids look wrong in the same way."
+        return doubts(DriveDoubt.IDS, *list(messages.values())[:_MAX_WARNINGS], more)
+    return doubts(DriveDoubt.IDS, *messages.values())
 
 
 def _main_camera(notes: Annotations, rows: IntArray) -> str:

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.association.associate import IdFinding, check_ids
+from geoloc.doubts import Doubt
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.drive import Annotations, Drive
+from twin.drives.folder.notes import DriveDoubt
 from twin.drives.objects.identify import association_input
 
 _TWO_SIGNS = 0.15
@@ -47,8 +49,14 @@ def with_joined_tracks(drive: Drive, trajectory: Trajectory) -> Drive:
     before, after = (np.unique(names).size for names in (notes.object, name))
     if np.array_equal(name, notes.object):
         return drive
-    said = f"The detector's {before:,} tracks are {after:,} objects, by where they stand."
-    return replace(drive, annotations=replace(notes, object=name), warnings=(*drive.warnings, said))
+    said = Doubt(
+        DriveDoubt.IDS, f"The detector's {before:,} tracks are {after:,} objects, by where they stand."
+    )
+    return replace(
+        drive,
+        annotations=replace(notes, object=name),
+        warnings=(*drive.warnings, said),
+    )
 
 
 def _split(names: NDArray[np.str_], findings: tuple[IdFinding, ...]) -> NDArray[np.str_]:

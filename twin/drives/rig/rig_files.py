@@ -20,7 +20,7 @@ from geoloc.rig.rig import Rig, looks_like_rig, rig_from_document, without_templ
 from geoloc.rig.sensor_entry import mask_document
 from twin.drives.folder.drive_toml import SETTINGS_FILE, CameraSettings, DriveSettings
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import ReadingNotes
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes
 from twin.drives.folder.sensor_names import which_camera
 from twin.drives.rig.driveworks import find_rig
 from twin.drives.rig.rig_conflicts import pose_conflicts, unused_rigs
@@ -67,13 +67,14 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
         raise DriveError(str(error)) from error
     others = unused_rigs(folder) if name is None else {source: document}
     for file, other in others.items():
-        notes.warnings += pose_conflicts(rig, other, file, settings.cameras)
+        notes.warn(DriveDoubt.RIG, *pose_conflicts(rig, other, file, settings.cameras))
     _check_masks(rig, notes)
     rig, shared = without_template_masks(rig)
     if shared:
-        notes.warnings.append(
+        notes.warn(
+            DriveDoubt.RIG,
             f"{source}: {', '.join(shared)} share one car mask bit for bit, which cannot be what each of them"
-            " sees of the car: the mask is not used."
+            " sees of the car: the mask is not used.",
         )
     antennas = len({*rig.antennas, *(settings.gnss or ())})
     counts = [_counted(len(rig.cameras), "camera"), *([_counted(antennas, "antenna")] if antennas else [])]
@@ -141,7 +142,7 @@ def _with_cameras(
         if camera.intrinsics is not None:
             calibrated = _calibrated(name, camera.intrinsics, folder, files)
             sensor["properties"] = model_properties(name, calibrated.model)
-            notes.warnings += filter(None, [calibrated.warning])
+            notes.warn(DriveDoubt.RIG, *filter(None, [calibrated.warning]))
         if camera.position_m is not None:
             sensor = {key: value for key, value in sensor.items() if key not in _POSE_KEYS}
             angles = list(camera.roll_pitch_yaw_deg)
@@ -192,9 +193,10 @@ def _with_mask_files(
         file = _mask_file(sensor)
         found = folder.found(file)
         if file is not None and found is None:
-            notes.warnings.append(
+            notes.warn(
+                DriveDoubt.RIG,
                 f"{source} names the car mask {file} of {sensor['name']}, which is not in the folder: what is"
-                " marked on the car itself is taken for signs."
+                " marked on the car itself is taken for signs.",
             )
         if found is not None:
             mask = mask_document(_read_mask(folder.content(found), found))
@@ -248,9 +250,10 @@ def _check_masks(rig: Rig, notes: ReadingNotes) -> None:
             )
         share = float(camera.ego_mask.mean())
         if share > _MOST_CAR:
-            notes.warnings.append(
+            notes.warn(
+                DriveDoubt.RIG,
                 f"The car mask of {camera.name} hides {share:.0%} of the picture: black is the car, white the"
-                " rest. Is it the wrong way round?"
+                " rest. Is it the wrong way round?",
             )
 
 

@@ -13,7 +13,7 @@ from geoloc.trajectory.fix_checks import sigma_of_quality
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.folder.files import DriveFolder
-from twin.drives.folder.notes import ReadingNotes
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes
 from twin.drives.frames.images import HEAD_BYTES
 from twin.drives.track.attitudes import moved_to_rig_origin
 from twin.drives.track.find import (
@@ -73,7 +73,7 @@ def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: Re
     poses = settings.poses
     if not files and poses is None:
         files, absent = find_gnss(folder, rig)
-        notes.warnings += absent
+        notes.warn(DriveDoubt.TRACK, *absent)
         poses = None if files else find_poses(folder)
     if poses is not None:
         return Track(rig, (), _read_poses(folder, poses, settings, notes))
@@ -108,15 +108,16 @@ def _read_poses(folder: DriveFolder, name: str, settings: DriveSettings, notes: 
     else:
         content = folder.content(name, track=True)
         read = read_poses(content, name, pitch_nose_up=settings.pitch_nose_up)
-    notes.warnings += read.warnings
+    notes.warn(DriveDoubt.TRACK, *read.warnings)
     notes.skipped += read.skipped
     notes.say(f"Poses {name}: {len(read.track.epoch_ns)}.")
     if settings.pose_lever_arm_m is not None:
         return moved_to_rig_origin(read.track, settings.pose_lever_arm_m)
     if kind in (SBP, ROS):
-        notes.warnings.append(
+        notes.warn(
+            DriveDoubt.TRACK,
             f"The positions of {name} are taken as the rig's origin (the ground below the rear axle): give"
-            f" [poses] lever_arm in {SETTINGS_FILE}, where the INS's point sits in the car."
+            f" [poses] lever_arm in {SETTINGS_FILE}, where the INS's point sits in the car.",
         )
     return read.track
 
@@ -168,14 +169,16 @@ def _read_gnss(
             continue
         fixes, heading_warnings = headings_of_the_car(read.fixes, file, settings)
         gnss.append(fixes)
-        notes.warnings += (*read.warnings, *heading_warnings)
+        notes.warn(DriveDoubt.TRACK, *read.warnings, *heading_warnings)
         notes.skipped += read.skipped
         more = "".join(f", {part}" for part in headings_and_velocities(fixes))
         notes.say(f"GNSS {file}: {len(fixes.epoch_ns)} fixes at {fix_rate_hz(fixes):.1f} Hz{more}.")
     if not gnss:
         raise failures[0]
-    notes.warnings += [f"The drive is read without one antenna: {failure}" for failure in failures]
-    notes.warnings += _cut_short(gnss, files)
+    notes.warn(
+        DriveDoubt.TRACK, *(f"The drive is read without one antenna: {failure}" for failure in failures)
+    )
+    notes.warn(DriveDoubt.TRACK, *_cut_short(gnss, files))
     return tuple(gnss)
 
 
@@ -241,7 +244,8 @@ def _read_antenna(folder: DriveFolder, file: str, antenna: str, settings: DriveS
 def _warn_of_zero_lever_arms(rig: Rig, gnss: tuple[GnssFixes, ...], notes: ReadingNotes) -> None:
     zero = [f.antenna for f in gnss if not np.any(rig.antennas[f.antenna].rig_t_antenna_m)]
     if zero:
-        notes.warnings.append(
+        notes.warn(
+            DriveDoubt.TRACK,
             f"The lever arms of {', '.join(zero)} are all zero, so the fixes are taken as the rig's origin"
-            f" (the ground below the rear axle): give [gnss] lever_arms in {SETTINGS_FILE}."
+            f" (the ground below the rear axle): give [gnss] lever_arms in {SETTINGS_FILE}.",
         )

@@ -235,7 +235,7 @@ def read(folder: Path, files: Files, rig: Rig, name: str | None = None) -> Annot
         path = folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    drive, notes = DriveFolder(folder), ReadingNotes(None, [], [])
+    drive, notes = DriveFolder(folder), ReadingNotes()
     found = named_annotations(drive, [name], notes) if name else find_annotations(drive, notes)
     assert notes.warnings == []
     return gather([(file, None) for file in found], rig)
@@ -297,7 +297,7 @@ def test_files_of_one_image_that_drive_toml_lists_are_one_export(tmp_path: Path,
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    found = named_annotations(DriveFolder(tmp_path), list(files), ReadingNotes(None, [], []))
+    found = named_annotations(DriveFolder(tmp_path), list(files), ReadingNotes())
     assert gather([(file, "front") for file in found], rig).annotations.object.tolist() == ["5", "5"]
 
 
@@ -307,7 +307,7 @@ def test_named_file_that_holds_no_annotations_is_refused(tmp_path: Path) -> None
     (tmp_path / "empty").mkdir()
     for name in ("other.json", "empty/"):
         with pytest.raises(DriveError, match=rf"{name} holds no annotations .*COCO, Label Studio"):
-            named_annotations(DriveFolder(tmp_path), [name], ReadingNotes(None, [], []))
+            named_annotations(DriveFolder(tmp_path), [name], ReadingNotes())
 
 
 def test_damaged_file_in_a_folder_is_counted_and_named(tmp_path: Path) -> None:
@@ -315,27 +315,27 @@ def test_damaged_file_in_a_folder_is_counted_and_named(tmp_path: Path) -> None:
     (tmp_path / "labels").mkdir()
     for name, text in labelme(FACES).items():
         (tmp_path / name).write_text(text[:-40] if "040" in name else text)
-    notes = ReadingNotes(None, [], [])
+    notes = ReadingNotes()
     (file,) = find_annotations(DriveFolder(tmp_path), notes)
     assert len(file.shapes) == 1
     assert [(s.what, s.count) for s in notes.skipped] == [("annotation files", 1)]
-    assert "drive_000040.json is not JSON" in notes.warnings[0]
+    assert "drive_000040.json is not JSON" in notes.warnings[0].sentence
 
 
 def test_damaged_export_in_the_drive_folder_is_refused(tmp_path: Path) -> None:
     """A COCO file that was cut is not passed over."""
     (tmp_path / "a.json").write_text(coco(FACES)["instances.json"][:-5])
     with pytest.raises(DriveError, match=r"a\.json is not JSON"):
-        find_annotations(DriveFolder(tmp_path), ReadingNotes(None, [], []))
+        find_annotations(DriveFolder(tmp_path), ReadingNotes())
 
 
 def test_exports_of_two_tools_are_said(tmp_path: Path) -> None:
     """The same signs twice would be one pole seen as two: the warning names both files."""
     for name, text in (coco(FACES) | cvat(FACES)).items():
         (tmp_path / name).write_text(text)
-    notes = ReadingNotes(None, [], [])
+    notes = ReadingNotes()
     assert len(find_annotations(DriveFolder(tmp_path), notes)) == 2
-    assert "a.xml (CVAT), instances.json (COCO)" in notes.warnings[0]
+    assert "a.xml (CVAT), instances.json (COCO)" in notes.warnings[0].sentence
 
 
 def test_files_of_other_kinds_are_no_annotations(tmp_path: Path, maker: Any) -> None:
@@ -345,7 +345,7 @@ def test_files_of_other_kinds_are_no_annotations(tmp_path: Path, maker: Any) -> 
     (tmp_path / "poses.csv").write_text("time_ns,latitude_deg\n1,2\n")
     (tmp_path / "frames.csv").write_text("frame,time_ns\n1,2\n")
     (tmp_path / "numbers.txt").write_text("0 0.5 0.5 0.1 0.1\n")
-    assert find_annotations(DriveFolder(tmp_path), ReadingNotes(None, [], [])) == []
+    assert find_annotations(DriveFolder(tmp_path), ReadingNotes()) == []
 
 
 def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
@@ -357,7 +357,7 @@ def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
     drive.mkdir()
     (drive / "labels").symlink_to(outside / "labels", target_is_directory=True)
     (drive / "one.json").symlink_to(next((outside / "labels").iterdir()))
-    notes = ReadingNotes(None, [], [])
+    notes = ReadingNotes()
     assert find_annotations(DriveFolder(drive), notes) == []
     for name in ("labels/", "one.json", "../outside/labels"):
         with pytest.raises(DriveError, match="lies outside the drive folder"):

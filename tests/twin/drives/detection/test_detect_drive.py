@@ -66,7 +66,7 @@ def test_detections_are_annotations_with_ids_codes_and_frames(
     assert set(notes.kind) == {"box"}
     assert notes.has_id.all()
     assert set(notes.skiltnummer[notes.label == "362.50"]) == {"362.50"}
-    assert any("blue board" in warning for warning in drive.warnings)
+    assert any("blue board" in warning.sentence for warning in drive.warnings)
     assert not drive.annotations_complete
     first = notes.frame == notes.frame.min()
     expected = board_drive[0].picture(int(notes.frame.min()))

@@ -38,7 +38,7 @@ def test_container_without_start_begins_at_its_tag_with_a_warning(small: Any) ->
     small.annotate_video(3)
     drive = small.read()
     assert small.seconds(drive)[:2] == pytest.approx([0.0, 0.033], abs=1e-4)
-    assert any("creation_time" in warning for warning in drive.warnings)
+    assert any("creation_time" in warning.sentence for warning in drive.warnings)
 
 
 def test_container_without_any_start_asks_for_it(small: Any) -> None:
@@ -91,7 +91,7 @@ def test_broken_video_beside_good_stamps_costs_a_warning(small: Any, content: by
     small.annotate_video(3)
     drive = small.read()
     assert len(drive.annotations.frame) == 1
-    assert any(said in warning for warning in drive.warnings)
+    assert any(said in warning.sentence for warning in drive.warnings)
 
 
 @pytest.mark.parametrize("zone", [2.0, 2])
@@ -205,7 +205,7 @@ def test_whole_seconds_are_warned_of(small: Any) -> None:
         small.add(f"pictures/{1781078400 + i}.jpg", small.movies.jpeg())
     small.settings('[frames]\nfront = "pictures/"')
     small.annotate_images("1781078401.jpg")
-    assert any("whole seconds" in warning for warning in small.read().warnings)
+    assert any("whole seconds" in warning.sentence for warning in small.read().warnings)
 
 
 def test_images_without_any_time_ask_for_a_table(small: Any) -> None:

@@ -77,7 +77,7 @@ def test_annotations_without_ids_become_the_poles_they_show(tmp_path: Path) -> N
     owner = {name: max({t for t, _ in pairs}, key=lambda t: pairs.count((t, name))) for name in found}
     assert len(set(owner.values())) == 15
     assert np.mean([owner[name] == true for true, name in pairs]) >= 0.99
-    assert "by position they are 15 objects" in drive.warnings[-1]
+    assert "by position they are 15 objects" in drive.warnings[-1].sentence
 
 
 def test_track_of_ordinary_fixes_gives_each_pole_once(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_track_of_ordinary_fixes_gives_each_pole_once(tmp_path: Path) -> None:
     one = bare.gnss[0]
     poor = replace(bare, gnss=(replace(one, quality=np.ones_like(one.quality)),))
     drive = with_objects(poor, trajectory_of(poor))
-    assert "by position they are 15 objects" in drive.warnings[-1]
+    assert "by position they are 15 objects" in drive.warnings[-1].sentence
     assert np.unique(drive.annotations.object).size == 15
 
 
@@ -154,4 +154,4 @@ def test_wrong_ids_give_a_warning(one: str, other: str, sentence: str) -> None:
     swapped[late & (notes.object == one)] = other
     swapped[late & (notes.object == other)] = one
     wrong = replace(drive, annotations=replace(notes, object=swapped))
-    assert any(re.match(sentence, warning) for warning in id_warnings(wrong, trajectory))
+    assert any(re.match(sentence, warning.sentence) for warning in id_warnings(wrong, trajectory))

@@ -40,7 +40,7 @@ def test_tracks_of_one_sign_are_joined(detected: tuple[Drive, Trajectory]) -> No
     broken = replace(drive, annotations=replace(notes, object=np.where(late, "d9", notes.object)))
     joined = with_joined_tracks(broken, trajectory)
     assert np.array_equal(joined.annotations.object, notes.object)
-    assert "3 tracks are 2 objects" in joined.warnings[-1]
+    assert "3 tracks are 2 objects" in joined.warnings[-1].sentence
 
 
 def test_track_that_jumped_is_parted(detected: tuple[Drive, Trajectory]) -> None:

@@ -149,11 +149,13 @@ def test_mask_that_the_rig_file_names_is_read(maker: Any, tmp_path: Path) -> Non
     path = folder(maker, tmp_path, f'rig = "car.json"\n{GNSS}', **{"car.json": json.dumps(car)})
     without = read_drive(path)
     assert without.rig.camera(WIDE).ego_mask is None
-    assert any("names the car mask /recorder/C3.pgm of C3_wide, which is not" in w for w in without.warnings)
+    assert any(
+        "names the car mask /recorder/C3.pgm of C3_wide, which is not" in w.sentence for w in without.warnings
+    )
     (path / "C3.pgm").write_bytes(picture(bonnet(), "PPM"))
     drive = read_drive(path)
     np.testing.assert_array_equal(drive.rig.camera(WIDE).ego_mask, bonnet())
-    assert not any("car mask" in w for w in drive.warnings)
+    assert not any("car mask" in w.sentence for w in drive.warnings)
     assert_kept(drive)
 
 
@@ -177,7 +179,7 @@ def test_mask_the_wrong_way_round_is_doubted(maker: Any, tmp_path: Path) -> None
     """A mask that hides most of the picture is used, with a question."""
     path = folder(maker, tmp_path, TOML.replace("position", 'mask = "mask.png"\nposition'))
     (path / "mask.png").write_bytes(picture(~bonnet()))
-    assert any("hides 64% of the picture" in w for w in read_drive(path).warnings)
+    assert any("hides 64% of the picture" in w.sentence for w in read_drive(path).warnings)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from geoloc.doubts import Doubt
 from twin.drives.folder.drive_toml import read_settings
 from twin.drives.inspection.picture import told
 from twin.drives.inspection.sensors import gnss_span
@@ -41,9 +42,9 @@ def trip(maker: Any, folder: Path, recording: str, gnss: str = "") -> Path:
     return Path(maker.write(folder, files | ({"drive.toml": f"[gnss]\n{gnss}\n"} if gnss else {})))
 
 
-def about_headings(warnings: tuple[str, ...]) -> list[str]:
+def about_headings(warnings: tuple[Doubt, ...]) -> list[str]:
     """Sentences about headings."""
-    return [warning for warning in warnings if "headings" in warning]
+    return [warning.sentence for warning in warnings if "headings" in warning.sentence]
 
 
 def test_headings_along_the_course_are_used_and_counted(maker: Any, tmp_path: Path) -> None:

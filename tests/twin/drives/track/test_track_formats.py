@@ -453,4 +453,6 @@ def test_poses_of_an_ins_without_lever_arm_are_told(recorded: Recorded, tmp_path
     for t, place, _ in ins_point(recorded):
         messages += [("/fix", t, ros.fix(t, *place)), ("/imu", t, ros.imu(t, east))]
     ros.write(folder / "ins", messages)
-    assert any("give [poses] lever_arm in drive.toml" in warning for warning in read_drive(folder).warnings)
+    assert any(
+        "give [poses] lever_arm in drive.toml" in warning.sentence for warning in read_drive(folder).warnings
+    )

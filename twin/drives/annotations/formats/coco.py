@@ -15,8 +15,8 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Place,
+    UnusableShapeError,
     box_around,
     box_at,
     foot_at,
@@ -56,12 +56,12 @@ def read_coco(document: object, where: str, feet: Collection[str] = ()) -> Annot
         place = images.get(key(annotation.get("image_id")))
         category = categories.get(key(annotation.get("category_id")), {})
         if place is None:
-            gathering.leave_out("image that is not listed")
+            gathering.leave_out(UnusableShapeError("image that is not listed"))
             continue
         try:
             drawn = _drawn(annotation, category, feet)
-        except LeftOutError as reason:
-            gathering.leave_out(str(reason))
+        except UnusableShapeError as error:
+            gathering.leave_out(error)
             continue
         attributes = texts(annotation.get("attributes"))
         track = key(annotation.get("track_id")) or attributes.get("track_id", "")
@@ -80,7 +80,7 @@ def _place(image: Mapping[str, Any]) -> Place:
 
 def _drawn(annotation: Mapping[str, Any], category: Mapping[str, Any], feet: Collection[str]) -> Drawn:
     if annotation.get("iscrowd") == 1:
-        raise LeftOutError("a crowd, not one object")
+        raise UnusableShapeError("a crowd, not one object")
     keypoints = sequence(annotation.get("keypoints"))
     if keypoints:
         return _foot(keypoints, [text(name) for name in sequence(category.get("keypoints"))], feet)
@@ -92,7 +92,7 @@ def _drawn(annotation: Mapping[str, Any], category: Mapping[str, Any], feet: Col
     if isinstance(segments, list) and segments:
         flat = [value for segment in segments for value in sequence(segment)]
         return box_around(pairs(numbers(*flat)))
-    raise LeftOutError("neither box nor keypoints")
+    raise UnusableShapeError("neither box nor keypoints")
 
 
 def _foot(keypoints: Any, names: list[str], feet: Collection[str]) -> Drawn:
@@ -100,8 +100,8 @@ def _foot(keypoints: Any, names: list[str], feet: Collection[str]) -> Drawn:
     triples = [keypoints[k : k + 3] for k in range(0, len(keypoints) - 2, 3)]
     which = foot_of(names or [""] * len(triples), feet)
     if which is None or which >= len(triples):
-        raise LeftOutError("keypoints, none of them named foot")
+        raise UnusableShapeError("keypoints, none of them named foot")
     x, y, visibility = numbers(*triples[which])
     if visibility == 0:
-        raise LeftOutError("foot not marked")
+        raise UnusableShapeError("foot not marked")
     return foot_at(x, y)

@@ -24,13 +24,14 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Place,
+    UnusableShapeError,
     box_around,
     box_at,
     foot_at,
     foot_of,
     numbers,
+    of_kind,
 )
 from twin.errors import DriveError
 
@@ -191,7 +192,7 @@ def _read_track(track: Element, reading: _Reading) -> None:
             continue
         frame = _whole(shape.get("frame"))
         if frame is None:
-            reading.gathering.leave_out("frame number unreadable")
+            reading.gathering.leave_out(UnusableShapeError("frame number unreadable"))
             continue
         place = Place(frame, "", -1, task, track.get("id", ""), size)
         _read_shape(shape, track.get("label", ""), place, reading, said.get(frame))
@@ -224,8 +225,8 @@ def _read_shape(
 ) -> None:
     try:
         drawn = _drawn(shape, reading.feet)
-    except LeftOutError as reason:
-        reading.gathering.leave_out(str(reason))
+    except UnusableShapeError as error:
+        reading.gathering.leave_out(error)
         return
     reading.gathering.add(place, label, drawn, {**(said or {}), **_attributes(shape)})
 
@@ -246,22 +247,22 @@ def _drawn(shape: Element, feet: Collection[str]) -> Drawn:
         which = foot_of([point.get("label", "") for point in points], feet)
         if which is not None:
             return _marked(points[which])
-    raise LeftOutError(f"kind {shape.tag:.40}")
+    raise of_kind(shape.tag)
 
 
 def _marked(point: Element) -> Drawn:
     """Return a skeleton's point; in image tasks one that is not to be seen is ``outside``."""
     if point.get("outside") == "1":
-        raise LeftOutError("foot not marked")
+        raise UnusableShapeError("foot not marked")
     return foot_at(*_points(point)[0])
 
 
 def _points(shape: Element) -> list[tuple[float, float]]:
     parts = [pair.split(",") for pair in shape.get("points", "").split(";")]
     if len(parts) > 1 and shape.tag == "points":
-        raise LeftOutError(f"points with {len(parts)} points")
+        raise UnusableShapeError(f"points with {len(parts)} points")
     if not all(len(part) == 2 for part in parts):
-        raise LeftOutError("coordinates unreadable")
+        raise UnusableShapeError("coordinates unreadable")
     values = numbers(*(text for part in parts for text in part))
     return list(zip(values[::2], values[1::2], strict=True))
 

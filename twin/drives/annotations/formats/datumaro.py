@@ -16,13 +16,14 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Place,
+    UnusableShapeError,
     box_around,
     box_at,
     foot_at,
     foot_of,
     numbers,
+    of_kind,
     pairs,
 )
 
@@ -69,8 +70,8 @@ def read_datumaro(document: object, where: str, feet: Collection[str] = ()) -> A
                 continue
             try:
                 drawn = _drawn(annotation, kind, categories)
-            except LeftOutError as reason:
-                gathering.leave_out(str(reason))
+            except UnusableShapeError as error:
+                gathering.leave_out(error)
                 continue
             attributes = texts(annotation.get("attributes"))
             track = attributes.get("track_id", "")
@@ -113,7 +114,7 @@ def _drawn(annotation: Mapping[str, Any], kind: str, categories: _Categories) ->
     if kind == "bbox":
         corner = sequence(annotation.get("bbox"))
         if len(corner) != 4:
-            raise LeftOutError("coordinates unreadable")
+            raise UnusableShapeError("coordinates unreadable")
         x, y, width, height = numbers(*corner)
         return box_at(x, y, x + width, y + height)
     if kind == "polygon":
@@ -122,7 +123,7 @@ def _drawn(annotation: Mapping[str, Any], kind: str, categories: _Categories) ->
         return _foot([points[k : k + 2] for k in range(0, len(points), 2)], annotation, categories)
     if kind == "skeleton":
         return _foot([points[k : k + 3] for k in range(0, len(points), 3)], annotation, categories)
-    raise LeftOutError(f"kind {kind:.40}")
+    raise of_kind(kind)
 
 
 def _foot(points: Sequence[Any], annotation: Mapping[str, Any], categories: _Categories) -> Drawn:
@@ -132,12 +133,12 @@ def _foot(points: Sequence[Any], annotation: Mapping[str, Any], categories: _Cat
     # A single point is the foot, whatever the points of its label are called.
     which = foot_of(names, categories.feet) if len(points) > 1 else 0
     if which is None or which >= len(points):
-        raise LeftOutError(
+        raise UnusableShapeError(
             f"{text(annotation.get('type'))} with {len(points)} points, none of them named foot"
         )
     found = numbers(*points[which])
     if len(found) < 2:
-        raise LeftOutError("coordinates unreadable")
+        raise UnusableShapeError("coordinates unreadable")
     if len(found) == 3 and found[2] == 0:
-        raise LeftOutError("foot not marked")
+        raise UnusableShapeError("foot not marked")
     return foot_at(found[0], found[1])

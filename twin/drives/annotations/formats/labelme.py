@@ -17,12 +17,13 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Pixel,
     Place,
+    UnusableShapeError,
     box_around,
     foot_at,
     numbers,
+    of_kind,
 )
 
 TOOL = "labelme"
@@ -53,8 +54,8 @@ def read_labelme(document: object, where: str) -> AnnotationFile:
     for shape in map(mapping, sequence(found.get("shapes"))):
         try:
             drawn = _drawn(shape)
-        except LeftOutError as reason:
-            gathering.leave_out(str(reason))
+        except UnusableShapeError as error:
+            gathering.leave_out(error)
             continue
         place_of_shape = place._replace(track=key(shape.get("group_id")))
         about = {"text": text(shape.get("description")), **texts(shape.get("flags"))}
@@ -73,11 +74,11 @@ def _drawn(shape: Mapping[str, Any]) -> Drawn:
         (x, y), edge = points[0], points[1]
         radius = math.dist(points[0], edge)
         return box_around([(x - radius, y - radius), (x + radius, y + radius)])
-    raise LeftOutError(f"kind {kind:.40}")
+    raise of_kind(kind)
 
 
 def _points(shape: Mapping[str, Any]) -> list[Pixel]:
     points = [numbers(*sequence(point)) for point in sequence(shape.get("points"))]
     if not all(len(point) == 2 for point in points):
-        raise LeftOutError("coordinates unreadable")
+        raise UnusableShapeError("coordinates unreadable")
     return [(x, y) for x, y in points]

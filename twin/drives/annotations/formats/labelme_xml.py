@@ -15,8 +15,8 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Place,
+    UnusableShapeError,
     box_around,
     box_at,
     numbers,
@@ -52,8 +52,8 @@ def read_labelme_xml(content: bytes, where: str) -> AnnotationFile:
             continue
         try:
             drawn = _drawn(thing)
-        except LeftOutError as reason:
-            gathering.leave_out(str(reason))
+        except UnusableShapeError as error:
+            gathering.leave_out(error)
             continue
         gathering.add(place, _text(thing, "name"), drawn, {"attributes": _text(thing, "attributes")})
     return gathering.file(is_one_image=True)
@@ -98,4 +98,4 @@ def _drawn(thing: Element) -> Drawn:
     box = thing.find("segm/box")
     if box is not None:
         return box_at(*numbers(*(box.findtext(edge) for edge in ("xmin", "ymin", "xmax", "ymax"))))
-    raise LeftOutError("neither polygon nor segment")
+    raise UnusableShapeError("neither polygon nor segment")

@@ -19,14 +19,16 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Pixel,
     Place,
+    UnusableShapeError,
     as_fraction,
     box_around,
     foot_at,
     numbers,
+    of_kind,
 )
+from twin.drives.folder.notes import SkipKind
 
 TOOL = "Label Studio"
 
@@ -70,7 +72,8 @@ def _version(task: Mapping[str, Any], gathering: Gathering) -> Mapping[str, Any]
         return {}
     chosen = next((version for version in versions if version.get("ground_truth") is True), versions[0])
     others = sum(len(sequence(version.get("result"))) for version in versions if version is not chosen)
-    gathering.leave_out("another annotator's version of the task", others)
+    other = SkipKind.OTHER_VERSION
+    gathering.leave_out(UnusableShapeError(other.reason(), kind=other), others)
     return chosen
 
 
@@ -94,12 +97,12 @@ def _read_task(results: Any, place: Place, gathering: Gathering) -> None:
         elif kind in _SHAPES:
             try:
                 size, drawn = _drawn(result, value, kind)
-            except LeftOutError as reason:
-                gathering.leave_out(str(reason))
+            except UnusableShapeError as error:
+                gathering.leave_out(error)
             else:
                 gathering.add(place._replace(size_px=size), label, drawn, about)
         elif kind and not any(name in value for name in _ATTRIBUTES):
-            gathering.leave_out(f"kind {kind:.40}")
+            gathering.leave_out(of_kind(kind))
 
 
 def _labels(results: Any) -> dict[str, str]:
@@ -132,7 +135,7 @@ def _drawn(
     """Return the size of the image and the shape, in pixels where that is known, else as fractions."""
     (turn,) = numbers(result.get("image_rotation") or 0)
     if turn % 360:
-        raise LeftOutError("the image was turned in Label Studio: annotate it as the camera took it")
+        raise UnusableShapeError("the image was turned in Label Studio: annotate it as the camera took it")
     size = size_px(result.get("original_width"), result.get("original_height"))
     width, height = size or (1, 1)
     drawn = _shape(value, kind, width / 100.0, height / 100.0)
@@ -144,7 +147,7 @@ def _shape(value: Mapping[str, Any], kind: str, per_x: float, per_y: float) -> D
     if kind == "polygon":
         corners = [numbers(*sequence(point)) for point in sequence(value.get("points"))]
         if not all(len(corner) == 2 for corner in corners):
-            raise LeftOutError("coordinates unreadable")
+            raise UnusableShapeError("coordinates unreadable")
         return box_around([(x * per_x, y * per_y) for x, y in corners])
     x, y = numbers(value.get("x"), value.get("y"))
     if kind == "keypoint":
@@ -160,7 +163,7 @@ def _shape(value: Mapping[str, Any], kind: str, per_x: float, per_y: float) -> D
 def _turned(x: float, y: float, width: float, height: float, degrees: float) -> list[Pixel]:
     """Corners of a rectangle that is turned clockwise about its first one."""
     if width <= 0 or height <= 0:
-        raise LeftOutError("box without area")
+        raise UnusableShapeError("box without area")
     if not degrees:
         return [(x, y), (x + width, y + height)]
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
@@ -187,11 +190,11 @@ def _read_video(
     for row in map(mapping, sequence(value.get("sequence"))):
         number = whole(row.get("frame"))
         if not number:
-            gathering.leave_out("frame number unreadable")
+            gathering.leave_out(UnusableShapeError("frame number unreadable"))
             continue
         try:
             drawn = as_fraction(_shape(row, "rectangle", 0.01, 0.01))
-        except LeftOutError as reason:
-            gathering.leave_out(str(reason))
+        except UnusableShapeError as error:
+            gathering.leave_out(error)
             continue
         gathering.add(place._replace(frame=number - 1), label, drawn, about)

@@ -11,14 +11,15 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Place,
+    UnusableShapeError,
     box_at,
     foot_at,
     numbers,
@@ -97,6 +98,7 @@ def _rows(content: bytes, where: str, gathering: Gathering) -> Iterator[dict[str
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     header = [name.strip() for name in next(reader)]
     n_rows, faulty = 0, ""
+    misplaced: Counter[str] = Counter()
     for cells in reader:
         row = {name: cell.strip() for name, cell in zip(header, cells, strict=False) if name}
         if not any(row.values()):
@@ -108,9 +110,10 @@ def _rows(content: bytes, where: str, gathering: Gathering) -> Iterator[dict[str
             continue
         line = delimiter.join(cells)
         faulty = faulty or f"line {reader.line_num} ({line!r:.100}) has {len(cells)} cells, the header"
-        gathering.leave_out(fault, example=line)
-    if 2 * sum(gathering.faults[fault] for fault in (_SHIFTED, _SEMICOLONS)) > n_rows:
-        cure = _SHIFTED_CURE if gathering.faults[_SHIFTED] else _SEMICOLONS_CURE
+        misplaced[fault] += 1
+        gathering.leave_out(UnusableShapeError(fault, line))
+    if 2 * misplaced.total() > n_rows:
+        cure = _SHIFTED_CURE if misplaced[_SHIFTED] else _SEMICOLONS_CURE
         raise DriveError(f"{where}: {faulty} {len(header)}, and so with more than half of its rows: {cure}.")
 
 
@@ -139,8 +142,8 @@ def _read_row(row: Mapping[str, str], camera: str, gathering: Gathering) -> None
     try:
         place = _place(row, camera)
         drawn = _drawn(row)
-    except LeftOutError as reason:
-        gathering.leave_out(str(reason), example=reason.example)
+    except UnusableShapeError as error:
+        gathering.leave_out(error)
         return
     attributes = {name: cell for name, cell in row.items() if name not in _KNOWN}
     for one in drawn:
@@ -150,11 +153,11 @@ def _read_row(row: Mapping[str, str], camera: str, gathering: Gathering) -> None
 def _place(row: Mapping[str, str], camera: str) -> Place:
     frame, image = row.get("frame", ""), row.get("image", "")
     if not frame and not image:
-        raise LeftOutError("neither frame nor image")
+        raise UnusableShapeError("neither frame nor image")
     number = None
     if frame:
         if not (frame.isascii() and frame.isdigit() and len(frame) <= 19 and int(frame) < _LARGEST_FRAME):
-            raise LeftOutError("frame number unreadable", frame)
+            raise UnusableShapeError("frame number unreadable", frame)
         number = int(frame)
     return Place(frame=number, image=image, task=camera, track=row.get("track", ""))
 
@@ -164,9 +167,9 @@ def _drawn(row: Mapping[str, str]) -> list[Drawn]:
     for columns, made in ((FOOT, foot_at), (BOX, box_at)):
         cells = [row.get(name, "") for name in columns]
         if "," in "".join(cells):
-            raise LeftOutError("decimal comma: write a point", " ".join(cells))
+            raise UnusableShapeError("decimal comma: write a point", " ".join(cells))
         if any(cells):
             found.append(made(*numbers(*cells)))
     if not found:
-        raise LeftOutError("neither point nor box")
+        raise UnusableShapeError("neither point nor box")
     return found

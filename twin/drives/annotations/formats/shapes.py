@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from twin.drives.folder.notes import Skipped
+from twin.drives.folder.notes import SkipKind, Skipped
 
 _CORNER_TO_CENTRE_PX = 0.5
 """Annotation tools count from the corner of the first pixel, the twin from its centre."""
@@ -128,12 +128,18 @@ class AnnotationFile:
     n_files: int = 1
 
 
-class LeftOutError(Exception):
-    """A shape that is left out: the reason, and as it likes what stands in the file."""
+class UnusableShapeError(Exception):
+    """A shape that is left out: the reason in words, what stands in the file if it likes, and the kind."""
 
-    def __init__(self, reason: str, example: str = "") -> None:
+    def __init__(self, reason: str, example: str = "", kind: SkipKind = SkipKind.UNUSABLE) -> None:
         super().__init__(reason)
         self.example = example
+        self.kind = kind
+
+
+def of_kind(kind: str) -> UnusableShapeError:
+    """Return the reason to leave out a shape of a kind that stands for no foot and no face."""
+    return UnusableShapeError(SkipKind.OTHER_SHAPE.reason(f"{kind:.40}"), kind=SkipKind.OTHER_SHAPE)
 
 
 class Place(NamedTuple):
@@ -163,7 +169,7 @@ class Gathering:
     where: str
     tool: str
     shapes: list[Shape] = field(default_factory=list)
-    faults: Counter[str] = field(default_factory=Counter)
+    faults: Counter[tuple[str, SkipKind]] = field(default_factory=Counter)
     examples: dict[str, str] = field(default_factory=dict)
     """What the first shape that was left out for a reason looks like, where that is told."""
 
@@ -181,11 +187,12 @@ class Gathering:
             )
         )
 
-    def leave_out(self, reason: str, count: int = 1, example: str = "") -> None:
+    def leave_out(self, error: UnusableShapeError, count: int = 1) -> None:
         """Count shapes that are not taken."""
-        self.faults[reason] += count
-        if example:
-            self.examples.setdefault(reason, f"{reason}, such as {example!r:.60}")
+        reason = str(error)
+        self.faults[reason, error.kind] += count
+        if error.example:
+            self.examples.setdefault(reason, f"{reason}, such as {error.example!r:.60}")
 
     def file(
         self,
@@ -196,8 +203,8 @@ class Gathering:
     ) -> AnnotationFile:
         """Return all of it."""
         skipped = (
-            Skipped("annotations", self.where, n, self.examples.get(reason, reason))
-            for reason, n in sorted(self.faults.items())
+            Skipped("annotations", self.where, n, self.examples.get(reason, reason), kind)
+            for (reason, kind), n in sorted(self.faults.items())
             if n
         )
         return AnnotationFile(
@@ -215,11 +222,11 @@ def box_at(left: float, top: float, right: float, bottom: float) -> Drawn:
 
     Raises
     ------
-    LeftOutError
+    UnusableShapeError
         If it has no area.
     """
     if right <= left or bottom <= top:
-        raise LeftOutError("box without area")
+        raise UnusableShapeError("box without area")
     half = _CORNER_TO_CENTRE_PX
     centre = ((left + right) / 2 - half, (top + bottom) / 2 - half)
     return Drawn("box", centre, (left - half, top - half, right - half, bottom - half))
@@ -230,11 +237,11 @@ def box_around(points: Sequence[Pixel]) -> Drawn:
 
     Raises
     ------
-    LeftOutError
+    UnusableShapeError
         If there are no points, or the box has no area.
     """
     if not points:
-        raise LeftOutError("coordinates unreadable")
+        raise UnusableShapeError("coordinates unreadable")
     x, y = zip(*points, strict=True)
     return box_at(min(x), min(y), max(x), max(y))
 
@@ -254,11 +261,11 @@ def pairs(values: Sequence[float]) -> list[Pixel]:
 
     Raises
     ------
-    LeftOutError
+    UnusableShapeError
         If a number is left over.
     """
     if len(values) % 2:
-        raise LeftOutError("coordinates unreadable")
+        raise UnusableShapeError("coordinates unreadable")
     return list(zip(values[::2], values[1::2], strict=True))
 
 
@@ -267,23 +274,23 @@ def numbers(*values: object) -> list[float]:
 
     Raises
     ------
-    LeftOutError
+    UnusableShapeError
         If one is neither, not finite, or so large that no image has it.
     """
     found = []
     for value in values:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise LeftOutError("coordinates unreadable")
+            raise UnusableShapeError("coordinates unreadable")
         try:
             found.append(float(value))
         except ValueError:
-            raise LeftOutError("coordinates unreadable") from None
+            raise UnusableShapeError("coordinates unreadable") from None
         except OverflowError:
-            raise LeftOutError("coordinates not finite") from None
+            raise UnusableShapeError("coordinates not finite") from None
     if not all(math.isfinite(value) for value in found):
-        raise LeftOutError("coordinates not finite")
+        raise UnusableShapeError("coordinates not finite")
     if any(abs(value) > _LARGEST for value in found):
-        raise LeftOutError("coordinates beyond any image")
+        raise UnusableShapeError("coordinates beyond any image")
     return found
 
 
@@ -319,16 +326,18 @@ def merged(files: Iterable[AnnotationFile], where: str) -> AnnotationFile:
         The folder.
     """
     every = list(files)
-    counts: Counter[tuple[str, str]] = Counter()
+    counts: Counter[tuple[str, SkipKind]] = Counter()
     for file in every:
         for skipped in file.skipped:
-            counts[skipped.what, skipped.reason] += skipped.count
+            counts[skipped.reason, skipped.kind] += skipped.count
     return AnnotationFile(
         where=where,
         source=(),
         tasks={},
         shapes=tuple(shape for file in every for shape in file.shapes),
-        skipped=tuple(Skipped(what, where, n, reason) for (what, reason), n in sorted(counts.items())),
+        skipped=tuple(
+            Skipped("annotations", where, n, reason, kind) for (reason, kind), n in sorted(counts.items())
+        ),
         tool=every[0].tool,
         n_files=len(every),
     )

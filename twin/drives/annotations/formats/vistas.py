@@ -14,8 +14,8 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Place,
+    UnusableShapeError,
     box_around,
     numbers,
     pairs,
@@ -47,8 +47,8 @@ def read_vistas(document: object, where: str) -> AnnotationFile:
     for thing in map(mapping, sequence(found.get("objects"))):
         try:
             drawn = _drawn(thing)
-        except LeftOutError as reason:
-            gathering.leave_out(str(reason))
+        except UnusableShapeError as error:
+            gathering.leave_out(error)
             continue
         gathering.add(place, text(thing.get("label")), drawn, {})
     return gathering.file(is_one_image=True)

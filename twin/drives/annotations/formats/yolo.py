@@ -18,8 +18,8 @@ from twin.drives.annotations.formats.shapes import (
     AnnotationFile,
     Drawn,
     Gathering,
-    LeftOutError,
     Place,
+    UnusableShapeError,
     as_fraction,
     box_around,
     box_at,
@@ -126,8 +126,8 @@ def read_yolo(
         try:
             number, values = _row(cells)
             track, drawn = _drawn(values, classes, feet)
-        except LeftOutError as reason:
-            gathering.leave_out(str(reason))
+        except UnusableShapeError as error:
+            gathering.leave_out(error)
             continue
         label = classes.labels.get(number, f"class {number}")
         gathering.add(Place(image=where, track=track), label, drawn, {})
@@ -137,9 +137,9 @@ def read_yolo(
 def _row(cells: Sequence[str]) -> tuple[int, list[float]]:
     number, *values = numbers(*cells)
     if number < 0 or number != int(number) or number > 1e6:
-        raise LeftOutError("class number unreadable")
+        raise UnusableShapeError("class number unreadable")
     if values and max(map(abs, values[:4])) > 1.5:
-        raise LeftOutError("coordinates are no fractions of the image")
+        raise UnusableShapeError("coordinates are no fractions of the image")
     return int(number), values
 
 
@@ -160,16 +160,16 @@ def _drawn(values: list[float], classes: YoloClasses, feet: Collection[str]) -> 
         said = f"kpt_shape in data.yaml makes it {n_pose + 1}"
     else:
         said = "key points need kpt_shape = [points, 2 or 3] in data.yaml"
-    raise LeftOutError(f"row of {n + 1} numbers" + (f": {said}" if n > 5 else ""))
+    raise UnusableShapeError(f"row of {n + 1} numbers" + (f": {said}" if n > 5 else ""))
 
 
 def _foot(values: list[float], classes: YoloClasses, feet: Collection[str]) -> Drawn:
     which = foot_of(classes.keypoint_names or [""] * classes.n_keypoints, feet)
     if which is None or which >= classes.n_keypoints:
-        raise LeftOutError("keypoints, none of them named foot")
+        raise UnusableShapeError("keypoints, none of them named foot")
     point = values[which * classes.n_values : (which + 1) * classes.n_values]
     if len(point) == 3 and point[2] == 0:
-        raise LeftOutError("foot not marked")
+        raise UnusableShapeError("foot not marked")
     return as_fraction(foot_at(point[0], point[1]))
 
 

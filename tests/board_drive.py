@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
@@ -114,12 +113,6 @@ class Networks:
         parts = ["columns low", "rows low", "columns high", "rows high", "score", "classes"]
         nodes.append(("Concat", parts, "output0", {"axis": 2}))
         return self.save(path, nodes, constants, (1, 3, side, side), "{0: '362.50', 1: 'blue board'}")
-
-
-@pytest.fixture(scope="session")
-def networks() -> Networks:
-    """The maker of networks."""
-    return Networks()
 
 
 START_NS = int(datetime(2026, 6, 10, 8, 0, tzinfo=UTC).timestamp()) * 1_000_000_000
@@ -229,10 +222,3 @@ class BoardDrive:
                 frame.pts, frame.time_base = i, Fraction(1, RATE_HZ)
                 container.mux(stream.encode(frame))
             container.mux(stream.encode())
-
-
-@pytest.fixture(scope="session")
-def board_drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[BoardDrive, Path]:
-    """The drive past two boards and its folder; do not write into it."""
-    drive = BoardDrive()
-    return drive, drive.write(tmp_path_factory.mktemp("boards") / "drive")
