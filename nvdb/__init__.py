@@ -1,78 +1,22 @@
-"""The Norwegian road database: client, objects, mirror and a replay server.
+"""The Norwegian road database: client, objects, mirror, road network, change sets and a replay server.
 
-Knows the road database and nothing of cameras. Only :mod:`nvdb.client` opens a socket to an API;
-:mod:`nvdb.replay` serves recorded pages on loopback.
+Knows the road database and nothing of cameras. The rooms, each with a face of its own:
 
-The names below are loaded when they are first used, so that ``import nvdb`` costs nothing.
+- :mod:`nvdb.client`: HTTP to the APIs, with retries, deadlines and the one paging loop
+- :mod:`nvdb.datakatalog`: the catalogue: ids of properties and enum values, sign codes
+- :mod:`nvdb.objects`: vegobjekter as frozen records, from API Les V4 and Uberiket
+- :mod:`nvdb.area`: which part of the country is asked for
+- :mod:`nvdb.mirror`: a mirror that follows NVDB's changes
+- :mod:`nvdb.vegnett`: the road network, and where along it a point lies (stedfesting)
+- :mod:`nvdb.endringssett`: change sets: built, checked, written, undone
+- :mod:`nvdb.skriv`: API Skriv: log in, send change sets, follow them
+- :mod:`nvdb.replay`: a server on loopback that answers as NVDB does
+- :mod:`nvdb.errors`: the tree of errors
+
+The names handed on here stand in ``__init__.pyi`` and are loaded when they are first used, so that
+``import nvdb`` costs nothing. Only :mod:`nvdb.client` opens a socket to an API.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from importlib import import_module
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from nvdb.area import Area
-    from nvdb.client.client import NvdbClient
-    from nvdb.client.paging import iter_pages
-    from nvdb.errors import NvdbError
-    from nvdb.mirror.les_v4 import LesV4Source
-    from nvdb.mirror.source import Source
-    from nvdb.mirror.sync import MirrorStore, SyncReport, sync
-    from nvdb.mirror.uberiket import UberiketSource
-    from nvdb.objects.geometri import Position
-    from nvdb.objects.skilt import Skiltplate, Skiltpunkt
-    from nvdb.objects.vegobjekt import Vegobjekt, vegobjekt_from_les_v4
-    from nvdb.replay.server import ReplayServer
-    from nvdb.vegnett import Vegnett, facing_azimuth, hent_vegnett
-
-__all__ = [
-    "Area",
-    "LesV4Source",
-    "MirrorStore",
-    "NvdbClient",
-    "NvdbError",
-    "Position",
-    "ReplayServer",
-    "Skiltplate",
-    "Skiltpunkt",
-    "Source",
-    "SyncReport",
-    "UberiketSource",
-    "Vegnett",
-    "Vegobjekt",
-    "facing_azimuth",
-    "hent_vegnett",
-    "iter_pages",
-    "sync",
-    "vegobjekt_from_les_v4",
-]
-
-_HOME = {
-    "Area": "area",
-    "LesV4Source": "les_v4",
-    "MirrorStore": "mirror",
-    "NvdbClient": "client",
-    "NvdbError": "errors",
-    "Position": "geometri",
-    "ReplayServer": "replay",
-    "Skiltplate": "skilt",
-    "Skiltpunkt": "skilt",
-    "Source": "sources",
-    "SyncReport": "mirror",
-    "UberiketSource": "uberiket",
-    "Vegnett": "vegnett",
-    "Vegobjekt": "vegobjekt",
-    "facing_azimuth": "vegnett",
-    "hent_vegnett": "vegnett",
-    "iter_pages": "paging",
-    "sync": "mirror",
-    "vegobjekt_from_les_v4": "vegobjekt",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOME:
-        msg = f"module {__name__!r} has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

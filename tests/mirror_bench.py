@@ -10,12 +10,8 @@ from typing import Any
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.mirror.les_v4 import LesV4Source
-from nvdb.mirror.source import Source
-from nvdb.mirror.sync import SyncReport, sync
-from nvdb.mirror.uberiket import UberiketSource
-from nvdb.replay.server import Fault, RequestInfo
-from nvdb.replay.world import ReplayWorld
+from nvdb.mirror import LesV4Source, Source, SyncReport, UberiketSource, sync
+from nvdb.replay import Fault, ReplayWorld, RequestInfo
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.store import schema
 from twin.store.store import Store

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from nvdb.client.client import NvdbClient
+from nvdb.client import NvdbClient
 from nvdb.endringssett import (
     Egenskap,
     Endring,
@@ -19,9 +19,8 @@ from nvdb.endringssett import (
     endringssett,
     position_correction,
 )
-from nvdb.replay.skriv.server import ReplayObject, SkrivReplayServer, SkrivWorld
-from nvdb.skriv.client import SkrivClient
-from nvdb.skriv.login import OidcLogin
+from nvdb.replay.skriv import ReplayObject, SkrivReplayServer, SkrivWorld
+from nvdb.skriv import OidcLogin, SkrivClient
 
 START = datetime(2026, 11, 1, 12, 0, tzinfo=UTC)
 READ = datetime(2026, 10, 31, tzinfo=UTC)

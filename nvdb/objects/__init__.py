@@ -1,1 +1,38 @@
 """Objects of NVDB as frozen records: Vegobjekt, Skiltpunkt, Skiltplate, geometry, read from its answers."""
+
+from nvdb.objects.geometri import (
+    NORWAY_UTM33,
+    Position,
+    in_norway,
+    point_from_wkt,
+    position_from_wkt,
+)
+from nvdb.objects.skilt import (
+    Skiltplate,
+    Skiltpunkt,
+    skilt_from_les_v4,
+    skiltplate_from_vegobjekt,
+    skiltpunkt_from_vegobjekt,
+)
+from nvdb.objects.uberiket import skilt_from_uberiket, vegobjekt_from_uberiket
+from nvdb.objects.vegobjekt import GeometriKvalitet, Relasjon, Stedfesting, Vegobjekt, vegobjekt_from_les_v4
+
+__all__ = [
+    "NORWAY_UTM33",
+    "GeometriKvalitet",
+    "Position",
+    "Relasjon",
+    "Skiltplate",
+    "Skiltpunkt",
+    "Stedfesting",
+    "Vegobjekt",
+    "in_norway",
+    "point_from_wkt",
+    "position_from_wkt",
+    "skilt_from_les_v4",
+    "skilt_from_uberiket",
+    "skiltplate_from_vegobjekt",
+    "skiltpunkt_from_vegobjekt",
+    "vegobjekt_from_les_v4",
+    "vegobjekt_from_uberiket",
+]

@@ -1,1 +1,5 @@
 """API Skriv: log in, send change sets, and follow what becomes of them."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

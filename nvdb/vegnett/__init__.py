@@ -7,14 +7,18 @@
 The page ``docs/vegnett.md`` explains what is computed and how it was checked.
 """
 
-from nvdb.vegnett.hent import hent_vegnett
+from nvdb.vegnett.hent import SEGMENTERT, hent_vegnett
 from nvdb.vegnett.nett import BILVEG, Vegnett
+from nvdb.vegnett.polylinjer import Polylinjer
 from nvdb.vegnett.retning import facing_azimuth, true_azimuth
-from nvdb.vegnett.stedfest import Stedfester, Stedfestinger, stedfester
+from nvdb.vegnett.stedfest import ON_THE_LINE_M, Stedfester, Stedfestinger, stedfester
 from nvdb.vegnett.veglenke import Veglenke, Vegreferanse, veglenke_from_les_v4, veglenker_from_uberiket
 
 __all__ = [
     "BILVEG",
+    "ON_THE_LINE_M",
+    "SEGMENTERT",
+    "Polylinjer",
     "Stedfester",
     "Stedfestinger",
     "Veglenke",

@@ -11,9 +11,8 @@ import pytest
 from mirror_bench import KINDS, PLATES, Bench, Clock
 from skriv_desk import Desk
 
-from nvdb.client.client import NvdbClient
-from nvdb.replay.server import ReplayServer
-from nvdb.replay.world import ReplayWorld
+from nvdb.client import NvdbClient
+from nvdb.replay import ReplayServer, ReplayWorld
 from twin.mirror import mirror_tables as mirror_store
 
 Raw = dict[str, Any]

@@ -13,7 +13,7 @@ import pytest
 from checkout import REAL, ROOT
 
 from geoloc.earth.geodesy import geographic_from_enu, geographic_from_utm33
-from nvdb.objects.skilt import skilt_from_les_v4
+from nvdb.objects import skilt_from_les_v4
 
 BOLLARD = "c46bad07"
 """The object, seen 180 times, that is set down beside a recorded plate of Oslo."""

@@ -11,12 +11,18 @@ from checkout import REAL
 
 from nvdb import datakatalog
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
-from nvdb.mirror.les_v4 import LesV4Source
-from nvdb.objects.geometri import Position, point_from_wkt, position_from_wkt
-from nvdb.objects.skilt import Skiltplate, Skiltpunkt, skilt_from_les_v4
-from nvdb.objects.vegobjekt import vegobjekt_from_les_v4
-from nvdb.replay.server import ReplayServer
+from nvdb.client import NvdbClient
+from nvdb.mirror import LesV4Source
+from nvdb.objects import (
+    Position,
+    Skiltplate,
+    Skiltpunkt,
+    point_from_wkt,
+    position_from_wkt,
+    skilt_from_les_v4,
+    vegobjekt_from_les_v4,
+)
+from nvdb.replay import ReplayServer
 
 NVDB = REAL / "nvdb"
 PAGES = NVDB / "les_v4_live_2026-09"

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from checkout import REAL
 
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from nvdb.errors import SchemaError
-from nvdb.objects.uberiket import skilt_from_uberiket, vegobjekt_from_uberiket
+from nvdb.objects import skilt_from_uberiket, vegobjekt_from_uberiket
 
 FOLDER = REAL / "nvdb" / "uberiket_tnits"
 

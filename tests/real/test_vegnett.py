@@ -14,7 +14,7 @@ import shapely
 from checkout import REAL
 from defusedxml import ElementTree
 
-from nvdb.objects.geometri import point_from_wkt
+from nvdb.objects import point_from_wkt
 from nvdb.vegnett import Veglenke, Vegnett, Vegreferanse, stedfester
 from nvdb.vegnett.stedfest import meter_kortform, position_text
 

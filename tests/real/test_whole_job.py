@@ -10,7 +10,7 @@ from typing import Any
 import pyogrio
 import pytest
 
-from nvdb.replay.server import ReplayServer
+from nvdb.replay import ReplayServer
 from twin.cli import run
 
 

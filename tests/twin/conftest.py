@@ -13,10 +13,9 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
-from nvdb.objects.geometri import point_from_wkt
-from nvdb.replay.server import ReplayServer
-from nvdb.replay.world import ReplayWorld
+from nvdb.client import NvdbClient
+from nvdb.objects import point_from_wkt
+from nvdb.replay import ReplayServer, ReplayWorld
 from twin.cli import run
 from twin.mirror.raw import raw_object
 from twin.mirror.vegnett import sync_vegnett

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from nvdb.datakatalog.katalog import Datakatalog, katalog_from_document, snapshot
+from nvdb.datakatalog import Datakatalog, katalog_from_document, snapshot
 from nvdb.endringssett import ADVARSEL, Endringssett, endringssett, errors, validate
 from twin.changesets.drive_side import Seen, seen_of
 from twin.changesets.nvdb_side import earlier_states, mirrored_near

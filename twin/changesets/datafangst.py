@@ -18,9 +18,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from geoloc.earth.geodesy import geographic_from_utm33
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from nvdb.endringssett import Earlier, Endring, Geometri
-from nvdb.objects.geometri import point_from_wkt
+from nvdb.objects import point_from_wkt
 from twin.changesets.build import ChangeSets, Sett
 from twin.changesets.nvdb_side import earlier_from_raw, name
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT

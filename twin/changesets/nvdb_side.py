@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 
-from nvdb.datakatalog.katalog import Datakatalog
+from nvdb.datakatalog import Datakatalog
 from nvdb.endringssett import Earlier, Endring, Punkt, Target, earlier_from_vegobjekt
 from nvdb.errors import NvdbError, RequestError
-from nvdb.objects.uberiket import vegobjekt_from_uberiket
-from nvdb.objects.vegobjekt import vegobjekt_from_les_v4
+from nvdb.objects import vegobjekt_from_les_v4, vegobjekt_from_uberiket
 from twin.matching.config import MatchConfig
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site, mirror_near, sites_from_mirror
 from twin.mirror.raw import raw_object

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from nvdb.datakatalog.ids import Ansiktsside
-from nvdb.datakatalog.katalog import Datakatalog
+from nvdb.datakatalog import Ansiktsside, Datakatalog
 from nvdb.endringssett import (
     Assosiasjon,
     Endring,

@@ -6,7 +6,7 @@ import datetime as dt
 import math
 from functools import cache
 
-from nvdb.datakatalog.ids import Ansiktsside
+from nvdb.datakatalog import Ansiktsside
 from nvdb.endringssett import Punkt
 from nvdb.errors import RequestError
 from nvdb.vegnett import BILVEG, Stedfester, Stedfestinger, Vegnett, stedfester

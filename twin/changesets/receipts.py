@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from nvdb.skriv.status import IKKE_STARTET, UTFORT, UTFORT_OG_ETTERBEHANDLET
+from nvdb.skriv import IKKE_STARTET, UTFORT, UTFORT_OG_ETTERBEHANDLET
 from twin.changesets.files import json_bytes
 from twin.errors import RefusedError
 from twin.store.atomic_files import replace_file

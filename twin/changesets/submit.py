@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nvdb.datakatalog.katalog import Datakatalog, snapshot
+from nvdb.datakatalog import Datakatalog, snapshot
 from nvdb.endringssett import ADVARSEL, errors, validate
-from nvdb.skriv.client import SkrivClient
-from nvdb.skriv.status import FINAL, IKKE_STARTET, Status
+from nvdb.skriv import FINAL, IKKE_STARTET, SkrivClient, Status
 from twin.changesets.read_exported import ExportedSet
 from twin.changesets.receipts import NEW, Receipts
 from twin.changesets.undo import write_undo

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from nvdb.endringssett import Earlier, Egenskap, inverse, to_xml
 from nvdb.errors import RequestError
-from nvdb.objects.geometri import point_from_wkt
-from nvdb.skriv.status import Status
+from nvdb.objects import point_from_wkt
+from nvdb.skriv import Status
 from twin.changesets.nvdb_side import earlier_from_raw, name
 from twin.changesets.read_exported import ExportedSet
 from twin.store.atomic_files import replace_file

@@ -81,7 +81,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _with_option(error: Exception) -> str:
     """Return an error's sentence; where the library knows a cure but not the option for it, with that."""
-    from nvdb.mirror.sync import MassDeletionError
+    from nvdb.mirror import MassDeletionError
 
     if isinstance(error, MassDeletionError):
         return f"{str(error).removesuffix('.')} (--confirm-deletions)."

@@ -20,7 +20,7 @@ from twin.cli.output import note, print_json, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
 
 if TYPE_CHECKING:
-    from nvdb.skriv.client import SkrivClient
+    from nvdb.skriv import SkrivClient
     from twin.changesets.read_exported import ExportedSet
     from twin.changesets.submit import Submitted
 
@@ -122,9 +122,8 @@ def _do(
 
 @contextmanager
 def _client(api: _Api, credentials: Credentials, say: Callable[[str], None]) -> Iterator[SkrivClient]:
-    from nvdb.client.client import NvdbClient
-    from nvdb.skriv.client import SkrivClient
-    from nvdb.skriv.login import OidcLogin
+    from nvdb import NvdbClient
+    from nvdb.skriv import OidcLogin, SkrivClient
 
     def wait(seconds: float) -> None:
         say(f"the set is being worked on: asking again in {seconds:.0f} s")

@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.earth.heights import nn2000_from_ellipsoidal
 from geoloc.locate.combine import cep95_m, ellipse
-from nvdb.datakatalog.ids import SKILTPUNKT
+from nvdb.datakatalog import SKILTPUNKT
 from twin.decisions.findings import findings_statement, told_reason
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
 from twin.store import schema

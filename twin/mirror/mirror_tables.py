@@ -9,9 +9,8 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from nvdb.mirror.source import FetchResult, SourcePage
-from nvdb.mirror.states import Applied, Backfill, Following, Ids
-from nvdb.objects.skilt import Skiltplate, Skiltpunkt
+from nvdb.mirror import Applied, Backfill, FetchResult, Following, Ids, SourcePage
+from nvdb.objects import Skiltplate, Skiltpunkt
 from twin.mirror.counts import Counts, Kind, counted, counts_from_document, document_from_counts
 from twin.mirror.raw import raw_object, same_object
 from twin.mirror.rows import mirror_row

@@ -6,8 +6,7 @@ import json
 from functools import lru_cache
 from typing import Any
 
-from nvdb.objects.skilt import Skiltplate, Skiltpunkt
-from nvdb.objects.vegobjekt import Stedfesting
+from nvdb.objects import Skiltplate, Skiltpunkt, Stedfesting
 from twin.mirror.raw import packed
 
 _NOWHERE = (None, None, None)

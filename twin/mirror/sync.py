@@ -9,23 +9,23 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 from nvdb.area import Area
-from nvdb.client.client import Json, NvdbClient, Params
+from nvdb.client import Json, NvdbClient, Params
+from nvdb.datakatalog import Datakatalog, hent_datakatalog, katalog_from_document, snapshot
 from nvdb.datakatalog.diff import diff
-from nvdb.datakatalog.katalog import Datakatalog, hent_datakatalog, katalog_from_document, snapshot
 from nvdb.errors import AreaError, BodyError, HttpStatusError, SchemaError
-from nvdb.mirror.les_v4 import LesV4Source
-from nvdb.mirror.source import Source
-from nvdb.mirror.sync import (
+from nvdb.mirror import (
     MAX_DELETED_SHARE,
     SKILT_TYPES,
+    LesV4Source,
+    Source,
     SyncProgress,
     SyncReport,
+    UberiketSource,
     can_resume,
     identity,
     reaches,
     sync,
 )
-from nvdb.mirror.uberiket import UberiketSource
 from twin.errors import RefusedError
 from twin.mirror.counts import Counts, by_accuracy, by_capture_method, without_own_geometry
 from twin.mirror.mirror_tables import StoreMirror
@@ -265,7 +265,7 @@ def dry_run(
 
 
 def _plan(source: Source, area: Area, store: Store | None, fresh: bool) -> tuple[str, str | None, str | None]:
-    """Mode, position in the feed and cursor with which :func:`nvdb.mirror.sync.sync` would begin."""
+    """Mode, position in the feed and cursor with which :func:`nvdb.mirror.sync` would begin."""
     mirror = None if store is None else StoreMirror(store)
     known = mirror and mirror.following()
     begun = mirror and mirror.backfill()

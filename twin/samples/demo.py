@@ -58,7 +58,7 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
         running twice changes nothing.
     """
     from nvdb.area import Area
-    from nvdb.replay.server import ReplayServer
+    from nvdb.replay import ReplayServer
 
     say = progress or (lambda _text: None)
     out, sample = make_folder(out), sample_folder()

@@ -21,7 +21,7 @@ from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.simulation.noise import stream
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
-from nvdb.datakatalog.ids import SKILTPLATE, SKILTPUNKT
+from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
 from twin.errors import TwinError
 from twin.samples.sample_nvdb import NvdbPole, pages, skiltplate_documents, skiltpunkt_document
 from twin.samples.write_cvat import LABEL

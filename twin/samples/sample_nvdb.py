@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from nvdb.datakatalog.ids import (
+from nvdb.datakatalog import (
     ANSIKTSSIDE,
     EGENSKAPER_95,
     EGENSKAPER_96,

@@ -30,10 +30,8 @@ from urllib.parse import urlsplit
 from nvdb.endringssett import Endringssett, Finding, errors, from_xml, validate
 from nvdb.errors import ReplaySourceError, SchemaError
 from nvdb.replay.skriv.answers import fault_xml, fremdrift_xml, ressurser_xml, status_xml
-from nvdb.replay.skriv.world import NO_RIGHT, ReplayObject, SkrivWorld
+from nvdb.replay.skriv.world import NO_RIGHT, SkrivWorld
 from nvdb.skriv.status import AVVIST, FINAL, IKKE_STARTET, KANSELLERT, UTFORT
-
-__all__ = ["ReplayObject", "SkrivReplayServer", "SkrivWorld"]
 
 log = logging.getLogger(__name__)
 

@@ -13,8 +13,8 @@ import requests
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from nvdb.client import answers
-from nvdb.client.client import LOW_BUDGET_PAUSE_S, RETRY_AFTER_CAP_S, NvdbClient
+from nvdb.client import NvdbClient, answers
+from nvdb.client.client import LOW_BUDGET_PAUSE_S, RETRY_AFTER_CAP_S
 from nvdb.errors import (
     BodyError,
     ConnectionFailedError,
@@ -27,7 +27,7 @@ from nvdb.errors import (
     TransportError,
     TruncatedBodyError,
 )
-from nvdb.replay.server import Fault
+from nvdb.replay import Fault
 
 steady = settings(
     deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]

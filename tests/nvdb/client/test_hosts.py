@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 import requests
 
-from nvdb.client.client import API_URL, MAX_REDIRECTS, NvdbClient
+from nvdb.client import API_URL, NvdbClient
+from nvdb.client.client import MAX_REDIRECTS
 from nvdb.errors import BodyError, HttpStatusError, RedirectError, RequestError
-from nvdb.replay.server import Fault, ReplayServer
+from nvdb.replay import Fault, ReplayServer
 
 PATH = "/vegobjekter/96"
 

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from nvdb.client.paging import MAX_EMPTY_PAGES, follow, iter_pages
+from nvdb.client import iter_pages
+from nvdb.client.paging import MAX_EMPTY_PAGES, follow
 from nvdb.errors import PagingError, SchemaError
-from nvdb.replay.server import Fault, RequestInfo
+from nvdb.replay import Fault, RequestInfo
 
 PATH = "/vegobjekter/96"
 META = {"inkluder": "metadata"}

@@ -8,20 +8,24 @@ from typing import Any
 
 import pytest
 
-from nvdb.datakatalog.diff import diff
-from nvdb.datakatalog.ids import EGENSKAPER_95, EGENSKAPER_96, SKILTNUMMER_ENUM
-from nvdb.datakatalog.katalog import (
+from nvdb.datakatalog import (
     DATAKATALOG_VERSION,
+    EGENSKAPER_95,
+    EGENSKAPER_96,
+    SKILTNUMMER_ENUM,
     Datakatalog,
     Egenskapstype,
     Stedfestingskrav,
     hent_datakatalog,
+    is_retired,
     katalog_from_document,
+    sign_code,
+    sign_family,
     snapshot,
 )
-from nvdb.datakatalog.sign_codes import is_retired, sign_code, sign_family
+from nvdb.datakatalog.diff import diff
 from nvdb.errors import SchemaError
-from nvdb.replay.server import Fault
+from nvdb.replay import Fault
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvdb.datakatalog.ids import Ansiktsside
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import Ansiktsside, snapshot
 from nvdb.endringssett import (
     Endring,
     Measured,
@@ -36,9 +35,8 @@ from nvdb.endringssett import (
     validate,
 )
 from nvdb.errors import RequestError
-from nvdb.objects.geometri import position_from_wkt
-from nvdb.objects.skilt import skilt_from_les_v4
-from nvdb.objects.vegobjekt import Stedfesting as LesStedfesting
+from nvdb.objects import Stedfesting as LesStedfesting
+from nvdb.objects import position_from_wkt, skilt_from_les_v4
 
 READ = datetime(2026, 11, 1, 12, 0, 15, tzinfo=UTC)
 DAY = date(2026, 10, 31)

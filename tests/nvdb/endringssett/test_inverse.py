@@ -31,7 +31,7 @@ from nvdb.endringssett import (
     validate,
 )
 from nvdb.errors import RequestError
-from nvdb.objects.vegobjekt import vegobjekt_from_les_v4
+from nvdb.objects import vegobjekt_from_les_v4
 
 READ = datetime(2026, 11, 1, tzinfo=UTC)
 DONE = datetime(2026, 11, 2, tzinfo=UTC)

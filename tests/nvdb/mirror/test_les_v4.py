@@ -10,11 +10,10 @@ import pytest
 
 from nvdb.area import Area
 from nvdb.errors import SchemaError
-from nvdb.mirror.les_v4 import HEAD_OVERLAP, LesV4Source
-from nvdb.mirror.source import FeedTooOldError
+from nvdb.mirror import FeedTooOldError, LesV4Source
+from nvdb.mirror.les_v4 import HEAD_OVERLAP
+from nvdb.replay import Fault, ReplayWorld, RequestInfo
 from nvdb.replay.pages import PLACES
-from nvdb.replay.server import Fault, RequestInfo
-from nvdb.replay.world import ReplayWorld
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 

@@ -11,13 +11,11 @@ import pytest
 
 from nvdb.area import Area
 from nvdb.errors import PagingError, RequestError, SchemaError
-from nvdb.mirror.les_v4 import LesV4Source
-from nvdb.mirror.source import Source, batches
-from nvdb.mirror.uberiket import UberiketSource
-from nvdb.objects.skilt import Skiltpunkt
+from nvdb.mirror import LesV4Source, Source, UberiketSource
+from nvdb.mirror.source import batches
+from nvdb.objects import Skiltpunkt
+from nvdb.replay import Fault, ReplayWorld, RequestInfo
 from nvdb.replay.generated import GeneratedWorld
-from nvdb.replay.server import Fault, RequestInfo
-from nvdb.replay.world import ReplayWorld
 
 COUNTRY = Area()
 START = datetime(2026, 6, 1, 12, tzinfo=UTC)

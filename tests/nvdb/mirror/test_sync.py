@@ -10,8 +10,9 @@ from mirror_bench import COUNTRY, Bench, broken, history, is_page, nine, rows, v
 
 from nvdb.area import Area
 from nvdb.errors import AreaError
-from nvdb.mirror.sync import MAX_LISTED, SyncProgress, sync
-from nvdb.replay.server import RequestInfo
+from nvdb.mirror import SyncProgress, sync
+from nvdb.mirror.follow import MAX_LISTED
+from nvdb.replay import RequestInfo
 from twin.mirror.mirror_tables import StoreMirror
 from twin.store import schema
 

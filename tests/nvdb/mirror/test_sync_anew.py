@@ -11,8 +11,8 @@ from mirror_bench import COUNTRY, KINDS, PLATES, Bench, is_page, nine, visible
 
 from nvdb.area import Area
 from nvdb.errors import HttpStatusError
-from nvdb.mirror.sync import MassDeletionError, ShortBackfillError
-from nvdb.replay.server import Fault, RequestInfo
+from nvdb.mirror import MassDeletionError, ShortBackfillError
+from nvdb.replay import Fault, RequestInfo
 from twin.mirror.mirror_tables import StoreMirror
 
 

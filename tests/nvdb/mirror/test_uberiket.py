@@ -9,14 +9,12 @@ from typing import Any
 import pytest
 
 from nvdb.area import Area
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from nvdb.errors import AreaError, SchemaError
-from nvdb.mirror.source import FeedTooOldError
-from nvdb.mirror.uberiket import UberiketSource, current_versions
-from nvdb.objects.skilt import Skiltplate, Skiltpunkt
-from nvdb.objects.uberiket import skilt_from_uberiket, vegobjekt_from_uberiket
-from nvdb.replay.server import Fault
-from nvdb.replay.world import ReplayWorld
+from nvdb.mirror import FeedTooOldError, UberiketSource
+from nvdb.mirror.uberiket import current_versions
+from nvdb.objects import Skiltplate, Skiltpunkt, skilt_from_uberiket, vegobjekt_from_uberiket
+from nvdb.replay import Fault, ReplayWorld
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 COUNTRY = Area()

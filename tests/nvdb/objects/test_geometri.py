@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from nvdb.objects.geometri import NORWAY_UTM33, Position, in_norway, point_from_wkt, position_from_wkt
+from nvdb.objects import NORWAY_UTM33, Position, in_norway, point_from_wkt, position_from_wkt
 
 steady = settings(
     deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]

@@ -12,15 +12,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from nvdb.errors import SchemaError
-from nvdb.objects.les_v4_fast import usual_parts
-from nvdb.objects.skilt import (
+from nvdb.objects import (
     Skiltplate,
     Skiltpunkt,
     skilt_from_les_v4,
     skiltplate_from_vegobjekt,
     skiltpunkt_from_vegobjekt,
+    vegobjekt_from_les_v4,
 )
-from nvdb.objects.vegobjekt import vegobjekt_from_les_v4
+from nvdb.objects.les_v4_fast import usual_parts
 from nvdb.replay.generated import GeneratedWorld
 
 Raw = dict[str, Any]

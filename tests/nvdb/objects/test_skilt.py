@@ -7,11 +7,16 @@ from typing import Any
 
 import pytest
 
-from nvdb.datakatalog.ids import Ansiktsside
+from nvdb.datakatalog import Ansiktsside
 from nvdb.errors import SchemaError
-from nvdb.objects.geometri import Position
-from nvdb.objects.skilt import Skiltplate, Skiltpunkt, skilt_from_les_v4, skiltplate_from_vegobjekt
-from nvdb.objects.vegobjekt import vegobjekt_from_les_v4
+from nvdb.objects import (
+    Position,
+    Skiltplate,
+    Skiltpunkt,
+    skilt_from_les_v4,
+    skiltplate_from_vegobjekt,
+    vegobjekt_from_les_v4,
+)
 
 
 def _plate(raw: dict[str, Any]) -> Skiltplate:

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from nvdb.errors import SchemaError
-from nvdb.objects.uberiket import careful_skilt, skilt_from_uberiket
+from nvdb.objects import skilt_from_uberiket
+from nvdb.objects.uberiket import careful_skilt
 from nvdb.objects.uberiket_fast import usual_skilt
 from nvdb.replay.generated import GeneratedWorld
 

@@ -11,8 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from nvdb.errors import SchemaError
-from nvdb.objects.geometri import Position
-from nvdb.objects.vegobjekt import GeometriKvalitet, Relasjon, Stedfesting, vegobjekt_from_les_v4
+from nvdb.objects import GeometriKvalitet, Position, Relasjon, Stedfesting, vegobjekt_from_les_v4
 
 steady = settings(
     deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]

@@ -13,11 +13,10 @@ from urllib.request import Request, urlopen
 import pytest
 
 from nvdb.area import Area
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from nvdb.errors import ReplaySourceError
-from nvdb.mirror.les_v4 import LesV4Source
-from nvdb.mirror.uberiket import UberiketSource
-from nvdb.objects.skilt import skilt_from_les_v4
+from nvdb.mirror import LesV4Source, UberiketSource
+from nvdb.objects import skilt_from_les_v4
 from nvdb.replay.generated import GeneratedWorld
 from nvdb.replay.uberiket import uberiket_from_les_v4
 

@@ -16,10 +16,11 @@ from urllib.parse import urlsplit
 import pytest
 from checkout import ROOT
 
-from nvdb.client.client import NvdbClient
+from nvdb.client import NvdbClient
 from nvdb.errors import HttpStatusError, ReplaySourceError
-from nvdb.objects.geometri import position_from_wkt
-from nvdb.replay.server import Fault, ReplayServer, main
+from nvdb.objects import position_from_wkt
+from nvdb.replay import Fault, ReplayServer
+from nvdb.replay.server import main
 
 PATH = "/vegobjekter/96"
 

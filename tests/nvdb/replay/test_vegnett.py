@@ -13,10 +13,8 @@ import pytest
 
 from nvdb.area import Area
 from nvdb.errors import HttpStatusError, PagingError
-from nvdb.replay.server import Fault
-from nvdb.replay.world import ReplayWorld
-from nvdb.vegnett import Vegnett, hent_vegnett
-from nvdb.vegnett.hent import SEGMENTERT
+from nvdb.replay import Fault, ReplayWorld
+from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 

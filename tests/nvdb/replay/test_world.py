@@ -8,10 +8,9 @@ from typing import Any
 
 import pytest
 
-from nvdb.client.client import NvdbClient
+from nvdb.client import NvdbClient
 from nvdb.errors import HttpStatusError, ReplaySourceError
-from nvdb.replay.server import Fault
-from nvdb.replay.world import ReplayWorld
+from nvdb.replay import Fault, ReplayWorld
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 UBERIKET = "/uberiket/api/v1"

@@ -33,7 +33,7 @@ from nvdb.errors import (
     SchemaError,
     TransportError,
 )
-from nvdb.replay.skriv.server import ReplayObject, SkrivWorld
+from nvdb.replay.skriv import ReplayObject, SkrivWorld
 from nvdb.skriv import status as skriv_status
 
 

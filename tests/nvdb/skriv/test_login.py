@@ -10,13 +10,12 @@ from pathlib import Path
 import pytest
 from skriv_desk import PASSWORD, Desk, correction
 
-from nvdb.client.client import NvdbClient
+from nvdb.client import NvdbClient
 from nvdb.errors import (
     LoginError,
     RequestError,
 )
-from nvdb.skriv.client import SKRIV_URL, SkrivClient
-from nvdb.skriv.login import OidcLogin
+from nvdb.skriv import SKRIV_URL, OidcLogin, SkrivClient
 
 
 def test_one_login_serves_until_its_token_ends(desk: Desk) -> None:

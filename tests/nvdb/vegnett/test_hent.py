@@ -13,10 +13,9 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
+from nvdb.client import NvdbClient
 from nvdb.errors import PagingError, SchemaError
-from nvdb.vegnett import Vegnett, hent_vegnett
-from nvdb.vegnett.hent import SEGMENTERT
+from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 
 OSLO = Area(kommuner=(301,))
 

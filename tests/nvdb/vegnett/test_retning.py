@@ -6,7 +6,7 @@ import numpy as np
 import pyproj
 import pytest
 
-from nvdb.datakatalog.ids import Ansiktsside
+from nvdb.datakatalog import Ansiktsside
 from nvdb.vegnett import facing_azimuth, true_azimuth
 
 

@@ -15,8 +15,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from nvdb.datakatalog.ids import Ansiktsside
-from nvdb.datakatalog.katalog import katalog_from_document, snapshot
+from nvdb.datakatalog import Ansiktsside, katalog_from_document, snapshot
 from nvdb.endringssett import (
     Assosiasjon,
     Datter,

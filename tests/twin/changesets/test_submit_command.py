@@ -16,10 +16,10 @@ import pytest
 import sqlalchemy as sa
 
 import twin.changesets.build as accepted_findings
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from nvdb.endringssett import Geometri
-from nvdb.objects.geometri import point_from_wkt
-from nvdb.replay.skriv.server import ReplayObject, SkrivReplayServer, SkrivWorld
+from nvdb.objects import point_from_wkt
+from nvdb.replay.skriv import ReplayObject, SkrivReplayServer, SkrivWorld
 from twin.changesets.nvdb_side import earlier_from_raw
 from twin.cli.submit import PASSWORD
 from twin.mirror.raw import raw_object

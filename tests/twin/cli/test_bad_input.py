@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 
-from nvdb.replay.server import Fault, ReplayServer
+from nvdb.replay import Fault, ReplayServer
 from twin.store import schema
 from twin.store.store import Store
 

@@ -20,13 +20,13 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client.client import RETRY_AFTER_CAP_S, NvdbClient
+from nvdb.client import NvdbClient
+from nvdb.client.client import RETRY_AFTER_CAP_S
 from nvdb.errors import NvdbError, PagingError, SchemaError, TransportError
-from nvdb.mirror.sync import MassDeletionError, ShortBackfillError
-from nvdb.objects.geometri import in_norway
+from nvdb.mirror import MassDeletionError, ShortBackfillError
+from nvdb.objects import in_norway
+from nvdb.replay import Fault, ReplayServer, ReplayWorld, RequestInfo
 from nvdb.replay.generated import GeneratedWorld
-from nvdb.replay.server import Fault, ReplayServer, RequestInfo
-from nvdb.replay.world import ReplayWorld
 from twin.cli.exit_codes import exit_code
 from twin.errors import RefusedError, StoreError, TwinError
 from twin.mirror.mirror_tables import StoreMirror, raw_object

@@ -13,13 +13,9 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
-from nvdb.mirror.les_v4 import LesV4Source
-from nvdb.mirror.source import Source
-from nvdb.mirror.sync import sync
-from nvdb.mirror.uberiket import UberiketSource
-from nvdb.replay.server import ReplayServer
-from nvdb.replay.world import ReplayWorld
+from nvdb.client import NvdbClient
+from nvdb.mirror import LesV4Source, Source, UberiketSource, sync
+from nvdb.replay import ReplayServer, ReplayWorld
 from twin.errors import StoreError
 from twin.mirror.history import mirror_as_of
 from twin.mirror.mirror_tables import StoreMirror

@@ -25,8 +25,8 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
+from nvdb.replay import ReplayServer, RequestInfo
 from nvdb.replay.generated import GeneratedWorld
-from nvdb.replay.server import ReplayServer, RequestInfo
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.mirror.sync import sync_nvdb
 from twin.store import schema
@@ -47,7 +47,7 @@ RUNNER = f"""
 import json, os, signal, sys
 import sqlalchemy as sa
 from twin.cli import run
-import nvdb.mirror.les_v4, nvdb.mirror.uberiket, twin.mirror.sync
+import nvdb.mirror.follow, nvdb.mirror.les_v4, nvdb.mirror.uberiket, twin.mirror.sync
 import twin.cli.app, twin.cli.mirror, twin.cli.output
 
 

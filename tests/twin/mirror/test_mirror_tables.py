@@ -12,12 +12,10 @@ import pytest
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.mirror.source import FetchResult, SourcePage
-from nvdb.mirror.states import Backfill, Following
-from nvdb.mirror.sync import MassDeletionError
-from nvdb.objects.skilt import skilt_from_les_v4
+from nvdb.mirror import Backfill, FetchResult, Following, MassDeletionError, SourcePage
+from nvdb.objects import skilt_from_les_v4
+from nvdb.replay import ReplayServer
 from nvdb.replay.generated import GeneratedWorld
-from nvdb.replay.server import ReplayServer
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.mirror.sync import sync_nvdb
 from twin.store import schema

@@ -12,10 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvdb.client.answers import JsonObject, json_from_body
-from nvdb.mirror.source import SourcePage
-from nvdb.objects.skilt import skilt_from_les_v4
-from nvdb.objects.vegobjekt import Stedfesting
+from nvdb.client import JsonObject, json_from_body
+from nvdb.mirror import SourcePage
+from nvdb.objects import Stedfesting, skilt_from_les_v4
 from nvdb.replay.generated import GeneratedWorld
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.mirror.raw import packed, raw_text, same_object
@@ -126,7 +125,7 @@ def test_row_of_the_store_holds_the_object_as_sent(tmp_path: Path) -> None:
     sent = {raw["id"]: raw for raw in page["objekter"]}
     skilt = tuple(skilt_from_les_v4(raw, 96) for raw in sent.values())
     with Store.open(tmp_path / "a.twin") as store:
-        from nvdb.mirror.states import Backfill
+        from nvdb.mirror import Backfill
 
         mirror = StoreMirror(store)
         mirror.begin_backfill(Backfill("les-v4", "all", "2026-01-01"))

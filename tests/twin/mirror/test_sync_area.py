@@ -12,9 +12,8 @@ import sqlalchemy as sa
 
 from nvdb.area import Area
 from nvdb.errors import HttpStatusError
+from nvdb.replay import Fault, ReplayServer, ReplayWorld, RequestInfo
 from nvdb.replay.generated import GeneratedWorld
-from nvdb.replay.server import Fault, ReplayServer, RequestInfo
-from nvdb.replay.world import ReplayWorld
 from twin.errors import RefusedError
 from twin.mirror.sync import dry_run, sync_nvdb
 from twin.store import schema

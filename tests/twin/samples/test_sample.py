@@ -17,10 +17,9 @@ from checkout import ROOT
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.simulation.simulate import NoiseSpec, scenario, simulate_drive
-from nvdb.client.client import NvdbClient
-from nvdb.client.paging import iter_pages
-from nvdb.objects.skilt import Skiltplate, Skiltpunkt, skilt_from_les_v4
-from nvdb.replay.server import ReplayServer
+from nvdb.client import NvdbClient, iter_pages
+from nvdb.objects import Skiltplate, Skiltpunkt, skilt_from_les_v4
+from nvdb.replay import ReplayServer
 from twin.drives.read import read_drive
 from twin.errors import TwinError
 from twin.samples.sample import MOVED, NEW, SEED, TRIP, WRONG_TYPE, main, make_sample

@@ -26,9 +26,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from nvdb.datakatalog.ids import SKILTNUMMER
-from nvdb.datakatalog.katalog import snapshot
-from nvdb.datakatalog.sign_codes import sign_code
+from nvdb.datakatalog import SKILTNUMMER, sign_code, snapshot
 from twin.errors import DriveError
 
 LABELS_FILE = "labels.toml"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from nvdb.datakatalog.sign_codes import sign_family
+from nvdb.datakatalog import sign_family
 from twin.matching.config import MatchConfig
 from twin.matching.plates.wording import normalised
 

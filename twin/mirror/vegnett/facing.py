@@ -12,11 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
-from nvdb.datakatalog.ids import ANSIKTSSIDE
-from nvdb.datakatalog.katalog import Datakatalog, katalog_from_document, snapshot
-from nvdb.vegnett import BILVEG, Stedfester, Vegnett, facing_azimuth, stedfester, true_azimuth
-from nvdb.vegnett.polylinjer import Polylinjer
-from nvdb.vegnett.stedfest import ON_THE_LINE_M
+from nvdb.datakatalog import ANSIKTSSIDE, Datakatalog, katalog_from_document, snapshot
+from nvdb.vegnett import (
+    BILVEG,
+    ON_THE_LINE_M,
+    Polylinjer,
+    Stedfester,
+    Vegnett,
+    facing_azimuth,
+    stedfester,
+    true_azimuth,
+)
 from twin.mirror.vegnett.network import in_chunks, load_vegnett
 from twin.store import schema
 from twin.store.store import Row, Store

@@ -13,17 +13,16 @@ from dataclasses import asdict, dataclass, replace
 import sqlalchemy as sa
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
+from nvdb.client import NvdbClient
 from nvdb.errors import HttpStatusError, NvdbError, SchemaError
-from nvdb.mirror.sync import (
+from nvdb.mirror import (
     FEW_DELETED,
     MAX_DELETED_SHARE,
     MIN_RECEIVED_SHARE,
     MassDeletionError,
     ShortBackfillError,
 )
-from nvdb.vegnett import Vegnett, hent_vegnett
-from nvdb.vegnett.hent import SEGMENTERT
+from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 from twin.mirror.vegnett.network import FACT, differs_aside, insert_aside
 from twin.store import schema
 from twin.store.lock import exclusive

@@ -9,7 +9,7 @@ from importlib.resources import files
 import pytest
 from checkout import ROOT
 
-from nvdb.datakatalog.katalog import snapshot
+from nvdb.datakatalog import snapshot
 from twin.drives.annotations.labels import (
     LABELS_FILE,
     Meaning,

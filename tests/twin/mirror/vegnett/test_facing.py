@@ -12,9 +12,8 @@ import pytest
 from vegnett_links import segment
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
-from nvdb.replay.server import ReplayServer
-from nvdb.replay.world import ReplayWorld
+from nvdb.client import NvdbClient
+from nvdb.replay import ReplayServer, ReplayWorld
 from twin.errors import StoreError
 from twin.mirror.sync import sync_nvdb
 from twin.mirror.vegnett import facing, sync_vegnett

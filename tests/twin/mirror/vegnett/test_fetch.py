@@ -12,11 +12,10 @@ import shapely
 from vegnett_links import segment
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
+from nvdb.client import NvdbClient
 from nvdb.errors import SchemaError
-from nvdb.mirror.sync import MassDeletionError, ShortBackfillError
-from nvdb.replay.server import ReplayServer
-from nvdb.replay.world import ReplayWorld
+from nvdb.mirror import MassDeletionError, ShortBackfillError
+from nvdb.replay import ReplayServer, ReplayWorld
 from nvdb.vegnett import Vegnett, stedfester
 from twin.errors import RefusedError, StoreError
 from twin.mirror.vegnett import load_vegnett, sync_vegnett

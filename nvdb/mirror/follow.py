@@ -22,21 +22,6 @@ from nvdb.mirror.prefetch import one_ahead, rare_cycle_search
 from nvdb.mirror.source import FeedTooOldError, FetchResult, Source, SourcePage, Unknown, batches
 from nvdb.mirror.states import Applied, Backfill, Following, Ids, MirrorStore
 
-__all__ = [
-    "Applied",
-    "Backfill",
-    "Following",
-    "MassDeletionError",
-    "MirrorStore",
-    "ShortBackfillError",
-    "SyncProgress",
-    "SyncReport",
-    "can_resume",
-    "identity",
-    "reaches",
-    "sync",
-]
-
 log = logging.getLogger(__name__)
 
 SKILT_TYPES: Final = (datakatalog.SKILTPUNKT, datakatalog.SKILTPLATE)

@@ -1,0 +1,10 @@
+from .client import SKRIV_TEST_URL as SKRIV_TEST_URL
+from .client import SKRIV_URL as SKRIV_URL
+from .client import SkrivClient as SkrivClient
+from .login import OidcLogin as OidcLogin
+from .login import Realm as Realm
+from .status import FINAL as FINAL
+from .status import IKKE_STARTET as IKKE_STARTET
+from .status import UTFORT as UTFORT
+from .status import UTFORT_OG_ETTERBEHANDLET as UTFORT_OG_ETTERBEHANDLET
+from .status import Status as Status
