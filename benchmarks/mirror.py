@@ -25,7 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -65,13 +65,23 @@ print(json.dumps([time.perf_counter() - begin, sum(map(len, tables))]))
 
 
 @contextmanager
-def served(points: int, plates: int) -> Iterator[str]:
-    """Serve generated signs from another process; gives the URL."""
-    command = [sys.executable, "-m", "nvdb.replay", "--generate", f"{points},{plates}", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+def served(points: int, plates: int) -> Iterator[tuple[str, Callable[[int, int], None]]]:
+    """Serve generated signs from another process; gives the URL, and a way to change TYPE, COUNT of them."""
+    country = str(Path(__file__).with_name("nvdb_country"))
+    command = [sys.executable, country, f"{points},{plates}", "--port", "0", "--touch"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+    ) as server:
+        assert server.stdin is not None
         assert server.stdout is not None
+        lines, answers = server.stdin, server.stdout
+
+        def touch(type_id: int, count: int) -> None:
+            lines.write(f"{type_id} {count}\n")
+            answers.readline()
+
         try:
-            yield server.stdout.readline().split()[0]
+            yield answers.readline().split()[0], touch
         finally:
             server.terminate()
 
@@ -145,7 +155,7 @@ def run_job(name: str, url: str, source: str, store_path: str = "") -> None:
 
 def one_size(points: int, plates: int, source: str, rounds: int, peer: str | None) -> None:
     """Measure one size of country and print its line."""
-    with served(points, plates) as url, tempfile.TemporaryDirectory() as folder:
+    with served(points, plates) as (url, touch), tempfile.TemporaryDirectory() as folder:
         bares, fills = [], []
         for number in range(rounds):
             bares.append(job("bare", url, source))
@@ -157,8 +167,7 @@ def one_size(points: int, plates: int, source: str, rounds: int, peer: str | Non
         store = f"{folder}/0.twin"
         job("sync", url, source, store)  # follows the changes; the store is settled then
         empty = job("sync", url, source, store)
-        touch = {"type": "96", "antall": str(min(TOUCHED, plates))}
-        requests.post(f"{url}/replay/touch", params=touch, headers=HEADERS, timeout=60).raise_for_status()
+        touch(96, min(TOUCHED, plates))
         change = job("sync", url, source, store)
         assert change["changed"] == min(TOUCHED, plates)
         peer_ratio = f"{peer_seconds(peer, url, n) / fill_s:.1f}" if peer else "-"

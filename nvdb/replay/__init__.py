@@ -1,4 +1,4 @@
-"""A server on loopback that answers as NVDB does, from recorded or generated pages: demo, tests, faults."""
+"""A server on loopback that answers as NVDB does, from recorded pages: demo, tests, faults."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-from .server import Fault as Fault
+from .faults import Fault as Fault
+from .faults import RequestInfo as RequestInfo
 from .server import ReplayServer as ReplayServer
-from .server import RequestInfo as RequestInfo
 from .world import ReplayWorld as ReplayWorld

@@ -1,4 +1,4 @@
-"""``python -m nvdb.replay``: serve recorded or generated pages on loopback."""
+"""``python -m nvdb.replay``: serve recorded pages on loopback."""
 
 import sys
 

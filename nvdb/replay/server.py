@@ -1,12 +1,11 @@
 """A local server that answers as API Les V4, Uberiket V1 and the datakatalog do.
 
-For the demo, for tests, for benchmarks, and for trying things out.
+For the demo, for tests, and for trying things out.
 
 >>> with ReplayServer("recorded_pages") as server:              # doctest: +SKIP
 ...     client = NvdbClient(server.url)
 
-or ``python -m nvdb.replay recorded_pages --port 8096``; and a whole country of generated signs by
-``python -m nvdb.replay --generate 573299,1153655``.
+or ``python -m nvdb.replay recorded_pages --port 8096``.
 """
 
 from __future__ import annotations
@@ -28,20 +27,15 @@ from urllib.parse import parse_qsl, urlsplit
 
 from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.errors import NvdbError, ReplaySourceError
-from nvdb.replay.faults import LOOP_PATH, OF_CONTENT, Fault, FaultPlan, Faults, RequestInfo, send_fault
-from nvdb.replay.generated import GeneratedWorld
+from nvdb.replay.faults import LOOP_PATH, OF_CONTENT, FaultPlan, Faults, RequestInfo, send_fault
 from nvdb.replay.pages import Generated, ReplaySource
-from nvdb.replay.routes import Answer, Routes, json_answer, problem
+from nvdb.replay.routes import Answer, Routes, json_answer
 from nvdb.replay.world import ReplayWorld
-
-__all__ = ["Fault", "ReplayServer", "ReplayWorld", "RequestInfo", "main"]
 
 log = logging.getLogger(__name__)
 
 NO_CLIENT: Final = "X-Client må være satt når du kaller API Les V4."
 RATE_LIMIT: Final = 200
-TOUCH_PATH: Final = "/replay/touch"
-"""POST here tells a generated world that some of its objects have changed: for benchmarks."""
 
 
 class ReplayServer:
@@ -199,23 +193,6 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             send_fault(self, fault, answer.body, self.server.stopping)
 
-    def do_POST(self) -> None:
-        """Change a generated world from outside: ``/replay/touch?type=96&antall=1000``."""
-        parts = urlsplit(self.path)
-        query = dict(parse_qsl(parts.query))
-        self.rfile.read(int(self.headers.get("Content-Length") or 0))
-        world = self.server.routes.source
-        if parts.path != TOUCH_PATH or not isinstance(world, GeneratedWorld):
-            self._send(problem(404, "Not Found", "Only a generated world can be touched", parts.path))
-            return
-        try:
-            ids = world.ids(int(query["type"]), int(query["antall"]), int(query.get("fra", "0")))
-        except (KeyError, ValueError):
-            self._send(problem(400, "Bad Request", "Give type=95|96 and antall", parts.path))
-            return
-        world.touch(ids)
-        self._send(json_answer(200, {"antall": len(ids)}))
-
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (signature of the base)
         """Log instead of writing to stderr."""
         log.debug("%s " + format, self.address_string(), *args)
@@ -243,14 +220,13 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Serve until Ctrl-C: ``python -m nvdb.replay FOLDER`` or ``--generate POINTS,PLATES``."""
+    """Serve until Ctrl-C: ``python -m nvdb.replay FOLDER``."""
     options = _parser().parse_args(arguments)
     try:
-        source = _source(options)
         # Ctrl-C may come at any moment once the address is out, so it is not the wait alone that expects it.
         with (
             suppress(KeyboardInterrupt),
-            ReplayServer(source, host=options.host, port=options.port) as server,
+            ReplayServer(options.folder, host=options.host, port=options.port) as server,
         ):
             counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
             sys.stdout.write(f"{server.url} serves {counts}; Ctrl-C ends it.\n")
@@ -265,35 +241,10 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m nvdb.replay",
-        description="Serve recorded or generated signs as API Les V4 and Uberiket V1 would.",
-        epilog="Examples: python -m nvdb.replay recorded_pages --port 8096; "
-        "python -m nvdb.replay --generate 573299,1153655",
+        description="Serve recorded signs as API Les V4 and Uberiket V1 would.",
+        epilog="Example: python -m nvdb.replay recorded_pages --port 8096",
     )
-    given = parser.add_mutually_exclusive_group(required=True)
-    given.add_argument(
-        "folder", type=Path, nargs="?", help="folder of recorded pages (*.json, *.json.gz, *.ndjson)"
-    )
-    given.add_argument(
-        "--generate",
-        type=_two_counts,
-        metavar="POINTS,PLATES",
-        help="serve this many generated signs instead",
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of the generated signs (default: %(default)s)")
+    parser.add_argument("folder", type=Path, help="folder of recorded pages (*.json, *.json.gz, *.ndjson)")
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s)")
     parser.add_argument("--port", type=int, default=8096, help="0 takes a free one (default: %(default)s)")
     return parser
-
-
-def _source(options: argparse.Namespace) -> Path | ReplaySource:
-    if options.generate is None:
-        return Path(options.folder)
-    n_points, n_plates = options.generate
-    return GeneratedWorld(n_points, n_plates, options.seed)
-
-
-def _two_counts(text: str) -> tuple[int, int]:
-    points, plates = (int(part) for part in text.split(","))
-    if points < 0 or plates < 0 or (plates and not points):
-        raise ValueError(text)
-    return points, plates

@@ -25,7 +25,7 @@ def exit_code(error: BaseException) -> int:
     """Return the exit code that belongs to an exception; 1 for what twin does not expect."""
     from geoloc.errors import GeolocError
     from nvdb.errors import NvdbError, RequestError, TransportError
-    from nvdb.mirror.sync import MassDeletionError
+    from nvdb.mirror import MassDeletionError
     from twin.errors import ConfigError, RefusedError, TwinError
 
     if isinstance(error, RefusedError | MassDeletionError):

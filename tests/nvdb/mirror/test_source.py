@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.errors import PagingError, RequestError, SchemaError
@@ -15,7 +16,6 @@ from nvdb.mirror import LesV4Source, Source, UberiketSource
 from nvdb.mirror.source import batches
 from nvdb.objects import Skiltpunkt
 from nvdb.replay import Fault, ReplayWorld, RequestInfo
-from nvdb.replay.generated import GeneratedWorld
 
 COUNTRY = Area()
 START = datetime(2026, 6, 1, 12, tzinfo=UTC)

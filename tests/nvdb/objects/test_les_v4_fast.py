@@ -10,6 +10,7 @@ import pytest
 from checkout import REAL
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from nvdb_country import GeneratedWorld
 
 from nvdb.errors import SchemaError
 from nvdb.objects import (
@@ -21,7 +22,6 @@ from nvdb.objects import (
     vegobjekt_from_les_v4,
 )
 from nvdb.objects.les_v4_fast import usual_parts
-from nvdb.replay.generated import GeneratedWorld
 
 Raw = dict[str, Any]
 

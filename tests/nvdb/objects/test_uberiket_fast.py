@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nvdb_country import GeneratedWorld
 
 from nvdb.datakatalog import snapshot
 from nvdb.errors import SchemaError
 from nvdb.objects import skilt_from_uberiket
 from nvdb.objects.uberiket import careful_skilt
 from nvdb.objects.uberiket_fast import usual_skilt
-from nvdb.replay.generated import GeneratedWorld
 
 Raw = dict[str, Any]
 

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.client import NvdbClient
@@ -26,7 +27,6 @@ from nvdb.errors import NvdbError, PagingError, SchemaError, TransportError
 from nvdb.mirror import MassDeletionError, ShortBackfillError
 from nvdb.objects import in_norway
 from nvdb.replay import Fault, ReplayServer, ReplayWorld, RequestInfo
-from nvdb.replay.generated import GeneratedWorld
 from twin.cli.exit_codes import exit_code
 from twin.errors import RefusedError, StoreError, TwinError
 from twin.mirror.mirror_tables import StoreMirror, raw_object

@@ -23,10 +23,10 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.replay import ReplayServer, RequestInfo
-from nvdb.replay.generated import GeneratedWorld
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.mirror.sync import sync_nvdb
 from twin.store import schema

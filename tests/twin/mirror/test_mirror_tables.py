@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.mirror import Backfill, FetchResult, Following, MassDeletionError, SourcePage
 from nvdb.objects import skilt_from_les_v4
 from nvdb.replay import ReplayServer
-from nvdb.replay.generated import GeneratedWorld
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.mirror.sync import sync_nvdb
 from twin.store import schema

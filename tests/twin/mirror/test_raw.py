@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nvdb_country import GeneratedWorld
 
 from nvdb.client import JsonObject, json_from_body
 from nvdb.mirror import SourcePage
 from nvdb.objects import Stedfesting, skilt_from_les_v4
-from nvdb.replay.generated import GeneratedWorld
 from twin.mirror.mirror_tables import StoreMirror, raw_object
 from twin.mirror.raw import packed, raw_text, same_object
 from twin.mirror.rows import _place_json

@@ -9,11 +9,11 @@ from urllib.parse import parse_qsl, urlsplit
 
 import pytest
 import sqlalchemy as sa
+from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.errors import HttpStatusError
 from nvdb.replay import Fault, ReplayServer, ReplayWorld, RequestInfo
-from nvdb.replay.generated import GeneratedWorld
 from twin.errors import RefusedError
 from twin.mirror.sync import dry_run, sync_nvdb
 from twin.store import schema

@@ -15,9 +15,9 @@ from typing import Any, Final
 from nvdb.datakatalog.ids import SKILTPLATE, SKILTPUNKT
 from nvdb.errors import ReplaySourceError
 from nvdb.replay.pages import PLACES, QueryError, Record, neste, record_from_raw
-from nvdb.replay.templates import FIRST_ID, ID_STEP, Item, item_maker
 from nvdb.replay.uberiket import numbers, page_document, page_size, uberiket_from_les_v4
 from nvdb.replay.world import ReplayWorld
+from nvdb_country.templates import FIRST_ID, ID_STEP, Item, item_maker
 
 _REFUSED: Final = {*PLACES, "kartutsnitt", "polygon", "dato"}
 

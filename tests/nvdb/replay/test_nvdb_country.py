@@ -11,13 +11,14 @@ from typing import Any
 from urllib.request import Request, urlopen
 
 import pytest
+from checkout import ROOT
+from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.datakatalog import snapshot
 from nvdb.errors import ReplaySourceError
 from nvdb.mirror import LesV4Source, UberiketSource
 from nvdb.objects import skilt_from_les_v4
-from nvdb.replay.generated import GeneratedWorld
 from nvdb.replay.uberiket import uberiket_from_les_v4
 
 
@@ -126,15 +127,19 @@ def test_generated_world_refuses_filters_and_plates_without_points(api: Any) -> 
         GeneratedWorld(0, 4)
 
 
-def test_replay_command_generates_and_can_be_touched_from_outside() -> None:
-    """``--generate`` serves in a process of its own, and a POST there makes changes for its feeds to tell."""
-    command = [sys.executable, "-m", "nvdb.replay", "--generate", "20,40", "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+def test_country_command_serves_and_changes_objects_when_told() -> None:
+    """The country is served from a process of its own, and a line on stdin makes changes for its feeds."""
+    command = [sys.executable, str(ROOT / "benchmarks/nvdb_country"), "20,40", "--port", "0", "--touch"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
+    ) as process:
+        assert process.stdin is not None
         assert process.stdout is not None
         try:
             url = process.stdout.readline().split()[0]
-            with urlopen(Request(f"{url}/replay/touch?type=96&antall=3", method="POST")) as answer:
-                assert json.load(answer) == {"antall": 3}
+            process.stdin.write("96 3\n")
+            process.stdin.flush()
+            assert process.stdout.readline() == "touched\n"
             feed = f"{url}/uberiket/api/v1/hendelser/vegobjekter/96"
             with urlopen(Request(feed, headers={"X-Client": "test"})) as answer:
                 assert [event["hendelseId"] for event in json.load(answer)["hendelser"]] == [1, 2, 3]
