@@ -6,12 +6,10 @@ So a body is read by what it is, and its declared content type only helps to wor
 
 from __future__ import annotations
 
-import gc
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Any
@@ -78,28 +76,15 @@ def json_from_body(body: bytes, where: str, content_type: str) -> dict[str, Any]
         msg = f"{where} answered with an empty body: try again later."
         raise TruncatedBodyError(msg)
     try:
-        with without_cycle_search():
-            document = _page_of_objects(body)
-            if document is None:
-                document = _DECODER.decode(body.decode("utf-8-sig"))
+        document = _page_of_objects(body)
+        if document is None:
+            document = _DECODER.decode(body.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise _unparsable(body, where, content_type, error) from error
     if not isinstance(document, dict | list):
         msg = f"{where} answered with a bare JSON value instead of a document: check the API URL."
         raise NotJsonError(msg)
     return document
-
-
-@contextmanager
-def without_cycle_search() -> Iterator[None]:
-    """Parsed JSON has no cycles: to look for them in growing pages takes as long as to parse them."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 def _page_of_objects(body: bytes) -> dict[str, Any] | None:

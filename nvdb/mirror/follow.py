@@ -18,7 +18,7 @@ from typing import Final
 from nvdb import datakatalog
 from nvdb.area import Area
 from nvdb.errors import NvdbError
-from nvdb.mirror.prefetch import one_ahead, rare_cycle_search
+from nvdb.mirror.prefetch import one_ahead
 from nvdb.mirror.source import FeedTooOldError, FetchResult, Source, SourcePage, Unknown, batches
 from nvdb.mirror.states import Applied, Backfill, Following, Ids, MirrorStore
 
@@ -277,14 +277,12 @@ def _fetch_pages(
     notes.expected[type_id] = expected = source.count(type_id, area)
     done = store.count_aside(type_id) if start is not None else 0
     notes.tell(name, done, expected)
-    with rare_cycle_search() as page_done:
-        for page in one_ahead(source.pages(type_id, area, start)):
-            store.save_page(page)
-            notes.read(page)
-            notes.received += page.received
-            done += len(page.objects)
-            notes.tell(name, done, expected)
-            page_done()
+    for page in one_ahead(source.pages(type_id, area, start)):
+        store.save_page(page)
+        notes.read(page)
+        notes.received += page.received
+        done += len(page.objects)
+        notes.tell(name, done, expected)
 
 
 def _lacking(store: MirrorStore, following: Following, notes: _Notes) -> dict[int, int]:
