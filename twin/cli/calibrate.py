@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from twin.cli.options import JsonOption
 from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, warn
+
+if TYPE_CHECKING:
+    from twin.calibrate.intrinsics.report import IntrinsicsReport
 
 app = typer.Typer()
 _PARAMETER_DIGITS, _SIGMA_DIGITS = 8, 2
@@ -64,7 +67,7 @@ def intrinsics(
 ) -> None:
     """Calibrate one camera from pictures of a board: model, uncertainty, coverage, and what is wrong."""
     from twin.calibrate.intrinsics.calibrate import calibrate_intrinsics
-    from twin.calibrate.intrinsics.report import left_out_lines, report_document
+    from twin.calibrate.intrinsics.report import intrinsics_report, left_out_lines
     from twin.calibrate.intrinsics.write import check_rig, write_calibration
 
     distances_m = _distances(distance or [])
@@ -81,15 +84,15 @@ def intrinsics(
             progress=progress,
         )
     files = write_calibration(made, out, camera, rig, add=add)
-    document = report_document(made, camera)
+    report = intrinsics_report(made, camera)
     if json_output:
-        print_json({**document, "files": [str(file) for file in files]})
+        print_json(report.document([str(file) for file in files]))
         return
-    _print_report(document)
+    _print_report(report)
     print_paths("Written:", files)
     for fault in made.faults:
         warn(fault.sentence)
-    for line in left_out_lines(document["left_out"]):
+    for line in left_out_lines(report.left_out):
         note(f"Left out: {line}")
     new = files[0]
     another = "" if rig is not None and not add else " --add"
@@ -115,27 +118,27 @@ def _distances(texts: list[str]) -> dict[str, float]:
     return distances
 
 
-def _print_report(document: dict[str, Any]) -> None:
-    residuals, coverage, pictures = document["residuals"], document["coverage"], document["pictures"]
-    sigma = coverage["ray_sigma_deg"]
+def _print_report(report: IntrinsicsReport) -> None:
+    residuals, coverage, pictures = report.residuals, report.coverage, report.pictures
+    sigma = coverage.ray_sigma_deg
     print_pairs(
-        f"Camera {document['camera']}: {document['model']}",
+        f"Camera {report.camera}: {report.model}",
         {
-            "pictures": f"{pictures['looked_at']} looked at, board in {pictures['board_found']}, "
-            f"{pictures['used']} used",
-            "corners": f"{residuals['corners']:,}, {residuals['rejected']} rejected",
-            "one corner": f"{residuals['sigma_px']:.3f} px",
-            "residual angle": f"{residuals['rms_deg']:.4f}° RMS, {residuals['max_deg']:.4f}° at most",
-            "covered": f"{coverage['part_of_the_image']:.0%} of the image; nothing is vouched for elsewhere",
-            "a ray there": f"known to {sigma['median']:.4f}°, {sigma['largest']:.4f}° at worst (one sigma)",
+            "pictures": f"{pictures.looked_at} looked at, board in {pictures.board_found}, "
+            f"{pictures.used} used",
+            "corners": f"{residuals.corners:,}, {residuals.rejected} rejected",
+            "one corner": f"{residuals.sigma_px:.3f} px",
+            "residual angle": f"{residuals.rms_deg:.4f}° RMS, {residuals.max_deg:.4f}° at most",
+            "covered": f"{coverage.part_of_the_image:.0%} of the image; nothing is vouched for elsewhere",
+            "a ray there": f"known to {sigma.median:.4f}°, {sigma.largest:.4f}° at worst (one sigma)",
         },
     )
     print_table(
         "Parameters",
         ["parameter", "value", "one sigma"],
         [
-            (p["name"], f"{p['value']:.{_PARAMETER_DIGITS}g}", f"{p['sigma']:.{_SIGMA_DIGITS}g}")
-            for p in document["parameters"]
+            (p.name, f"{p.value:.{_PARAMETER_DIGITS}g}", f"{p.sigma:.{_SIGMA_DIGITS}g}")
+            for p in report.parameters
         ],
     )
     print_table(
@@ -143,12 +146,12 @@ def _print_report(document: dict[str, Any]) -> None:
         ["model", "parameters", "held-out RMS [°]", ""],
         [
             (
-                m["model"],
-                m["parameters"],
-                "–" if m["held_out_rms_deg"] is None else f"{m['held_out_rms_deg']:.5f}",
-                "chosen" if m["chosen"] else m["reason"],
+                m.model,
+                m.parameters,
+                "–" if m.held_out_rms_deg is None else f"{m.held_out_rms_deg:.5f}",
+                "chosen" if m.chosen else m.reason,
             )
-            for m in document["models"]
+            for m in report.models
         ],
     )
 

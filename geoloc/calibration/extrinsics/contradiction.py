@@ -130,14 +130,16 @@ def _exchanged(
     return best
 
 
-def _heights(found: Cleaned, sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas) -> str:
+def _heights(
+    found: Cleaned, sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas
+) -> str | None:
     """What to say of the measured heights, if everything fits without them and the floor is level then."""
     if found.floor is None or not found.floor.leans:
-        return ""
+        return None
     flat = {number: _without_height(tag) for number, tag in tags.items()}
     known = [s for s in sightings if s.view in found.state.views and s.tag in found.state.tags]
     if not _is_mended(known, flat, sigmas, found.state):
-        return ""
+        return None
     return (
         ", but everything fits without heights, against which the floor leans by"
         f" {found.floor.lean_deg:.1f}°: measure heights from"
@@ -152,8 +154,8 @@ def _without_height(tag: Tag) -> Tag:
 
 def _focal_lengths(
     found: Cleaned, sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas
-) -> str:
-    """What to say of the focal lengths, if other ones let everything fit; else nothing."""
+) -> str | None:
+    """What to say of the focal lengths, if other ones let everything fit."""
     known = [s for s in sightings if s.view in found.state.views and s.tag in found.state.tags]
     free = {number: replace(tag, on_floor=False) for number, tag in tags.items()}
     cameras = sorted({s.camera for s in known})
@@ -167,7 +169,7 @@ def _focal_lengths(
         by_camera = dict(zip(cameras, angle, strict=True))
         mended = [replace(s, ray=_widened(s.ray, by_camera[s.camera])) for s in known]
     if np.abs(angle).max() > _MOST_ANGLE or not _is_mended(mended, tags, sigmas, state):
-        return ""
+        return None
     sure = np.abs(angle) > np.maximum(_SURE * sigma, _LEAST_ANGLE)
     longer = 100.0 * (1.0 / (1.0 + angle) - 1.0)
     told = [
@@ -176,7 +178,7 @@ def _focal_lengths(
         if shown
     ]
     if not told:
-        return ""
+        return None
     return (
         f", but everything fits with other focal lengths than the intrinsics state ({', '.join(told)}):"
         " calibrate the intrinsics again, and see that they are of this lens and this picture size"

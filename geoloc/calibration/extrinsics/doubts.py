@@ -15,14 +15,14 @@ _SURE = 3.0
 _LEAST_SCALE = 0.003
 _MISFIT = 3.0
 """Residuals of one tag, or of one camera, this many times the usual ones."""
-_SOFT_DEG, _SOFT_M = 0.05, 0.02
+_WEAK_DEG, _WEAK_M = 0.05, 0.02
 _LEAST_MISFIT_PX = 0.15
 """Three times what the sharpest pictures are counted as (0.05 px)."""
 
 
 def is_determined(camera: CameraPose) -> bool:
     """Whether the tags leave no part of a camera's pose open."""
-    return not _loose(camera, OPEN_DEG, OPEN_M)
+    return not _uncertain_parts(camera, OPEN_DEG, OPEN_M)
 
 
 def doubts(result: Extrinsics) -> tuple[str, ...]:
@@ -37,7 +37,7 @@ def doubts(result: Extrinsics) -> tuple[str, ...]:
     tuple of str
         What (which tag, camera, or the floor), how much, and the cure.
     """
-    cameras = [*_lost_cameras(result), *_open_cameras(result), *_soft_cameras(result), *_blurred(result)]
+    cameras = [*_lost_cameras(result), *_open_cameras(result), *_weak_cameras(result), *_blurred(result)]
     tags = [*_misfits(result), *_bent(result), *_mistaped(result), *_scale(result), *_floor(result)]
     return (*cameras, *tags)
 
@@ -52,33 +52,35 @@ def _lost_cameras(result: Extrinsics) -> list[str]:
 
 
 def _open_cameras(result: Extrinsics) -> list[str]:
-    found = []
+    return [
+        f"{camera.camera}: {_are(_uncertain_parts(camera, OPEN_DEG, OPEN_M))} not determined: measure the"
+        " places of at least three tags that it sees, not on one line, or put tags on the floor and on the"
+        " wheels."
+        for camera in result.cameras.values()
+        if not is_determined(camera)
+    ]
+
+
+def _weak_cameras(result: Extrinsics) -> list[str]:
+    sentences = []
     for camera in result.cameras.values():
-        loose = _loose(camera, OPEN_DEG, OPEN_M)
-        if loose:
-            found.append(
-                f"{camera.camera}: {loose} not determined: measure the places of at least three tags that it"
-                " sees, not on one line, or put tags on the floor and on the wheels."
+        weak = _uncertain_parts(camera, _WEAK_DEG, _WEAK_M)
+        if weak and is_determined(camera):
+            sentences.append(
+                f"{camera.camera}: {_are(weak)} weakly determined ({_sigmas(camera)}): its tags are too few"
+                " or too alike; add some nearer and further away, at both sides of the picture."
             )
-    return found
+    return sentences
 
 
-def _soft_cameras(result: Extrinsics) -> list[str]:
-    found = []
-    for camera in result.cameras.values():
-        loose = _loose(camera, _SOFT_DEG, _SOFT_M)
-        if loose and not _loose(camera, OPEN_DEG, OPEN_M):
-            found.append(
-                f"{camera.camera}: {loose} weakly determined ({_sigmas(camera)}): its tags are too few or too"
-                " alike; add some nearer and further away, at both sides of the picture."
-            )
-    return found
+def _uncertain_parts(camera: CameraPose, limit_deg: float, limit_m: float) -> list[str]:
+    """Names of the angles and coordinates whose sigma is above a limit."""
+    angles = [n for n, s in zip(("roll", "pitch", "yaw"), camera.sigma_deg, strict=True) if s > limit_deg]
+    return angles + [n for n, s in zip(("x", "y", "z"), camera.sigma_m, strict=True) if s > limit_m]
 
 
-def _loose(camera: CameraPose, limit_deg: float, limit_m: float) -> str:
-    names = [n for n, s in zip(("roll", "pitch", "yaw"), camera.sigma_deg, strict=True) if s > limit_deg]
-    names += [n for n, s in zip(("x", "y", "z"), camera.sigma_m, strict=True) if s > limit_m]
-    return f"{', '.join(names)} {'is' if len(names) == 1 else 'are'}" if names else ""
+def _are(names: list[str]) -> str:
+    return f"{', '.join(names)} {'is' if len(names) == 1 else 'are'}"
 
 
 def _sigmas(camera: CameraPose) -> str:

@@ -12,7 +12,6 @@ from geoloc.calibration.intrinsics.bundle import SHAPE
 from geoloc.calibration.intrinsics.comparison import Candidate, Progress, best, compare
 from geoloc.calibration.intrinsics.coverage import CELL_PX, Coverage, coverage_of
 from geoloc.calibration.intrinsics.faults import (
-    Fault,
     distance_faults,
     domain_fault,
     misfit_faults,
@@ -27,6 +26,7 @@ from geoloc.calibration.intrinsics.radial_lenses import FThetaLens
 from geoloc.calibration.intrinsics.views import Corners, View, corners_of
 from geoloc.cameras import CameraModel
 from geoloc.cameras.base import on_image
+from geoloc.doubts import Doubt
 from geoloc.errors import CalibrationError
 
 MIN_VIEWS = 5
@@ -52,7 +52,8 @@ class Intrinsics:
     coverage : Coverage
     sigma_deg : float64 (rows, columns)
         One sigma of the rays (the longer axis) in the middles of `coverage`'s cells; NaN where not covered.
-    faults : tuple of Fault
+    faults : tuple of Doubt
+        Of a `ViewFault` each.
     """
 
     camera: CameraModel
@@ -62,7 +63,7 @@ class Intrinsics:
     left_out: Mapping[str, str]
     coverage: Coverage
     sigma_deg: FloatArray
-    faults: tuple[Fault, ...]
+    faults: tuple[Doubt, ...]
 
     @property
     def chosen(self) -> Candidate:

@@ -70,24 +70,22 @@ def compare(
     CalibrationError
         If none fits.
     """
-    fits: dict[str, Fit | str] = {}
+    fits: list[Fit | CalibrationError] = []
     for lens in lenses:
         progress(f"fitting {label(lens)}")
         try:
-            made = fit(lens, corners, curve, poses, free_shape=free_shape)
+            fits.append(fit(lens, corners, curve, poses, free_shape=free_shape))
         except CalibrationError as error:
-            fits[label(lens)] = str(error)
-            continue
-        fits[label(lens)] = made
-    good = [made for made in fits.values() if isinstance(made, Fit)]
+            fits.append(error)
+    good = [fitted for fitted in fits if isinstance(fitted, Fit)]
     if not good:
-        reasons = "; ".join(str(reason) for reason in fits.values())
+        reasons = "; ".join(str(reason) for reason in fits)
         raise CalibrationError(f"No camera model fits these views: {reasons}. Is the board's size right?")
-    inlier = min(good, key=lambda made: made.adjusted.sigma_px).adjusted.inlier
+    inlier = min(good, key=lambda fitted: fitted.adjusted.sigma_px).adjusted.inlier
     candidates = []
-    for lens in lenses:
+    for lens, fitted in zip(lenses, fits, strict=True):
         progress(f"leaving views out: {label(lens)}")
-        candidates.append(_judged(lens, fits[label(lens)], inlier))
+        candidates.append(_judged(lens, fitted, inlier))
     return tuple(candidates)
 
 
@@ -116,15 +114,15 @@ def _as_good(candidate: Candidate, first: Candidate) -> bool:
     return bool(worse.mean() <= _EQUAL_SIGMAS * worse.std(ddof=1) / np.sqrt(len(worse)))
 
 
-def _judged(lens: Lens, made: Fit | str, inlier: BoolArray) -> Candidate:
+def _judged(lens: Lens, fitted: Fit | CalibrationError, inlier: BoolArray) -> Candidate:
     n_parameters = len(lens.parameters)
-    if isinstance(made, str):
-        return Candidate(label(lens), lens.name, n_parameters, None, np.inf, np.array([]), made)
-    square, reason = held_out(made, inlier), ""
+    if isinstance(fitted, CalibrationError):
+        return Candidate(label(lens), lens.name, n_parameters, None, np.inf, np.array([]), str(fitted))
+    square, reason = held_out(fitted, inlier), ""
     rms = float(np.degrees(np.sqrt(square.mean())))
     if not np.isfinite(rms):
         rms, reason = np.inf, "corners of views that were left out have no ray"
-    return Candidate(label(lens), lens.name, n_parameters, made, rms, np.degrees(1.0) ** 2 * square, reason)
+    return Candidate(label(lens), lens.name, n_parameters, fitted, rms, np.degrees(1.0) ** 2 * square, reason)
 
 
 def held_out(made: Fit, inlier: BoolArray) -> FloatArray:

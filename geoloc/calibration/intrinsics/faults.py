@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from geoloc.calibration.intrinsics.consistency import (
 )
 from geoloc.calibration.intrinsics.coverage import Coverage
 from geoloc.calibration.intrinsics.fit import Fit
+from geoloc.doubts import Doubt
 from geoloc.errors import CalibrationError
 
 ENOUGH_VIEWS = 10
@@ -33,12 +34,17 @@ _NO_CAMERA_PX = 0.5
 _NAMES = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """One finding: its name for programs and a sentence for people."""
+class ViewFault(StrEnum):
+    """What can be wrong with a set of views."""
 
-    kind: str
-    sentence: str
+    MISFIT = "misfit"
+    BENT_BOARD = "bent_board"
+    STRETCHED_BOARD = "stretched_board"
+    FEW_VIEWS = "few_views"
+    POOR_COVERAGE = "poor_coverage"
+    WEAK_GEOMETRY = "weak_geometry"
+    NO_RAYS = "no_rays"
+    WRONG_SQUARE_SIZE = "wrong_square_size"
 
 
 def some(names: Sequence[str]) -> str:
@@ -57,7 +63,7 @@ def _two_cameras(found: TwoCameras, names: Sequence[str]) -> CalibrationError:
     )
 
 
-def misfit_faults(made: Fit, names: Sequence[str]) -> list[Fault]:
+def misfit_faults(made: Fit, names: Sequence[str]) -> list[Doubt]:
     """Residuals that are no noise: the model does not fit; `names` are those of the views.
 
     Raises
@@ -78,8 +84,8 @@ def misfit_faults(made: Fit, names: Sequence[str]) -> list[Fault]:
             "one camera with fixed zoom and focus, not scaled or cropped, and of one flat board."
         )
     return [
-        Fault(
-            "misfit",
+        Doubt(
+            ViewFault.MISFIT,
             f"The model {made.label} does not fit: it leaves {sigma:.3f} px a corner, and neighbouring "
             f"corners are off alike (correlation {alike:.2f}; noise has 0). The error bars are too small; "
             "try --model auto, a fixed focus and a flatter board.",
@@ -101,15 +107,15 @@ def _sure(value: float, sigma: float) -> bool:
     return abs(value) > max(_SURE * sigma, _SMALLEST_PART)
 
 
-def shape_faults(made: Fit) -> list[Fault]:
+def shape_faults(made: Fit) -> list[Doubt]:
     """Sentences about the shape that was adjusted with the camera."""
     faults, half_m, found = [], made.bundle.corners.half_size_m, shape_findings(made)
     if "bend" in found:
         bend, sigma = _bend(made)
         size = _plus_minus(1e3 * half_m * abs(bend), 1e3 * half_m * sigma)
         faults.append(
-            Fault(
-                "bent_board",
+            Doubt(
+                ViewFault.BENT_BOARD,
                 f"The board is bent: its edges stand {size} mm {'behind' if bend > 0.0 else 'before'} its "
                 "middle. The bend was estimated with the camera; better glue the print to a stiff, flat "
                 "plate.",
@@ -118,8 +124,8 @@ def shape_faults(made: Fit) -> list[Fault]:
     if "stretch" in found:
         stretch, sigma = made.shape["stretch"]
         faults.append(
-            Fault(
-                "stretched_board",
+            Doubt(
+                ViewFault.STRETCHED_BOARD,
                 "The board is stretched, its squares are not square: "
                 f"{_plus_minus(100 * abs(stretch), 100 * sigma)} % "
                 f"{'higher' if stretch > 0.0 else 'lower'} than wide. The ratio was estimated with the "
@@ -135,13 +141,13 @@ def _plus_minus(value: float, sigma: float) -> str:
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
-def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Fault]:
+def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Doubt]:
     """Few views, poor coverage, rays that stay uncertain; `sigma_deg` is that of rays in covered cells."""
     faults, n_views = [], made.bundle.corners.n_views
     if n_views < ENOUGH_VIEWS:
         faults.append(
-            Fault(
-                "few_views",
+            Doubt(
+                ViewFault.FEW_VIEWS,
                 f"Only {n_views} views were used: take {ENOUGH_VIEWS} or more, better 30, near and tilted, "
                 "all over the image.",
             )
@@ -150,8 +156,8 @@ def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Fa
     if coverage.fraction < _ENOUGH_COVERED:
         where = f" (hardly any {', '.join(missing)})" if missing else ""
         faults.append(
-            Fault(
-                "poor_coverage",
+            Doubt(
+                ViewFault.POOR_COVERAGE,
                 f"Boards cover {coverage.fraction:.0%} of the image{where}: nothing is vouched for "
                 "elsewhere; show the board there.",
             )
@@ -159,8 +165,8 @@ def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Fa
     worst = float(np.nanmax(sigma_deg, initial=0.0))
     if worst > _WEAK_DEG:
         faults.append(
-            Fault(
-                "weak_geometry",
+            Doubt(
+                ViewFault.WEAK_GEOMETRY,
                 f"Rays are uncertain by up to {worst:.2f}° (one sigma) even where boards were seen: show the "
                 "board nearer, so that it fills a third of the image or more, and tilted by 30 to 50 degrees "
                 "in all directions.",
@@ -169,7 +175,7 @@ def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Fa
     return faults
 
 
-def domain_fault(made: Fit) -> list[Fault]:
+def domain_fault(made: Fit) -> list[Doubt]:
     """Pixels of the image for which the model has no ray, because its function stops rising."""
     camera = made.camera
     u, v = np.meshgrid(np.arange(0.0, camera.width_px, 16.0), np.arange(0.0, camera.height_px, 16.0))
@@ -177,15 +183,15 @@ def domain_fault(made: Fit) -> list[Fault]:
     if part == 0.0:
         return []
     return [
-        Fault(
-            "no_rays",
+        Doubt(
+            ViewFault.NO_RAYS,
             f"The model {made.label} has no rays in {100 * part:.1f} % of the image, outside of all boards: "
             "it does not rise there; show the board nearer to the corners.",
         )
     ]
 
 
-def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, float]) -> list[Fault]:
+def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, float]) -> list[Doubt]:
     """Compare measured distances (camera to the middle of the board) with those of the views' poses.
 
     A wrong square size scales all distances and leaves the camera's parameters as they are: only a distance
@@ -203,8 +209,8 @@ def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, 
     seen, metres, name = wrong[0]
     square = square_m(made.bundle.corners)
     return [
-        Fault(
-            "wrong_square_size",
+        Doubt(
+            ViewFault.WRONG_SQUARE_SIZE,
             f"View {name} was taken from {metres:.3f} m, but squares of {square:.4f} m put the board at "
             f"{seen:.3f} m: they are rather {square * metres / seen:.4f} m; measure the print.",
         )

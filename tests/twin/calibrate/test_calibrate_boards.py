@@ -14,7 +14,7 @@ from geoloc.errors import CalibrationError
 from geoloc.simulation.pictures.board_views import draw_board_poses
 from geoloc.simulation.pictures.render import Plane, render_planes
 from twin.calibrate.boards.boards import Board, board_from_text
-from twin.calibrate.boards.detect import Seen, detect
+from twin.calibrate.boards.detect import DetectedBoard, detect
 from twin.calibrate.boards.pictures import count, files_of, pictures
 from twin.calibrate.intrinsics.example import example_camera
 from twin.errors import ConfigError
@@ -24,7 +24,7 @@ BOARDS = ("checkerboard:9x6:0.08", "charuco:12x9:0.06:0.045")
 
 def seen_and_true(
     board: Board, n: int, blur_px: float = 0.6, fill: tuple[float, float] = (0.4, 0.7)
-) -> list[tuple[Seen, np.ndarray]]:
+) -> list[tuple[DetectedBoard, np.ndarray]]:
     """Detections in rendered pictures, and where the corners truly are."""
     camera: CameraModel = example_camera()
     texture, size = board.texture()

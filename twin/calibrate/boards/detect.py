@@ -18,7 +18,7 @@ _GAUSS_WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class DetectedBoard:
     """The board in one picture.
 
     Attributes
@@ -38,7 +38,7 @@ class Seen:
     marker_part: float
 
 
-def detect(image: ByteArray, board: Board, name: str) -> Seen | None:
+def detect(image: ByteArray, board: Board, name: str) -> DetectedBoard | None:
     """Find the board in a grey picture; None if it is not there, or too little of it.
 
     Coarse corners come from OpenCV's detectors; each is then fitted to the grey values around it (`saddle`).
@@ -59,7 +59,7 @@ def detect(image: ByteArray, board: Board, name: str) -> Seen | None:
     if len(ids) < MIN_CORNERS or np.ptp(grid[good], axis=0).min() < 1.0:
         return None
     view = View(name, board.corners_m(ids), pixel)
-    return Seen(view, ids, edge_width_px(image, board, ids, pixel), marker_part)
+    return DetectedBoard(view, ids, edge_width_px(image, board, ids, pixel), marker_part)
 
 
 def _halved(image: ByteArray) -> ByteArray:

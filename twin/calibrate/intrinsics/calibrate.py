@@ -10,19 +10,19 @@ import numpy as np
 
 from geoloc.calibration.intrinsics.calibrate import MIN_VIEWS, Intrinsics
 from geoloc.calibration.intrinsics.calibrate import calibrate_intrinsics as calibrate_views
-from geoloc.calibration.intrinsics.faults import ENOUGH_VIEWS, Fault, some
+from geoloc.calibration.intrinsics.faults import ENOUGH_VIEWS, some
 from geoloc.calibration.intrinsics.fit import MODELS
 from geoloc.calibration.intrinsics.selection import alike, sharp, spread
+from geoloc.doubts import Doubt
 from geoloc.errors import CalibrationError
 from twin.calibrate.boards.boards import Board, board_from_text
-from twin.calibrate.boards.detect import BLURRED_PX, Seen, detect
+from twin.calibrate.boards.detect import BLURRED_PX, DetectedBoard, detect
 from twin.calibrate.boards.pictures import count, files_of, pictures
-from twin.calibrate.intrinsics.no_board import Absent, absent_faults
+from twin.calibrate.intrinsics.no_board import PictureFault, PicturesWithoutBoard
 from twin.errors import ConfigError
 
 MAX_VIEWS = 60
 _MARKER_TOLERANCE = 0.06
-_SAME, _LIKE = "shows the board just as another view does", "not needed: other views are like it"
 
 Progress = Callable[[str, int, int | None], None]
 """What is being done, how much of it is done, and how much there is."""
@@ -41,8 +41,8 @@ class Calibrated:
         Pictures looked at, and those that showed the board.
     edge_px : mapping of view name to float
         Width of the print's edges in every view found.
-    faults : tuple of Fault
-        Of the views and of the pictures.
+    faults : tuple of Doubt
+        Of the views (`ViewFault`) and of the pictures (`PictureFault`).
     """
 
     intrinsics: Intrinsics
@@ -50,7 +50,7 @@ class Calibrated:
     n_pictures: int
     n_found: int
     edge_px: Mapping[str, float]
-    faults: tuple[Fault, ...]
+    faults: tuple[Doubt, ...]
 
 
 def models_from_text(text: str) -> tuple[str, ...]:
@@ -108,11 +108,11 @@ def calibrate_intrinsics(
         If the board or the model is not known.
     """
     printed, models = board_from_text(board), models_from_text(model)
-    seen, absent, size = _looked_at(files_of(sources), printed, every, progress)
-    edge_px = {s.view.name: s.edge_px for s in seen}
-    kept, left_out = _chosen(seen, size, max_views)
+    boards, without_board, size = _looked_at(files_of(sources), printed, every, progress)
+    edge_px = {b.view.name: b.edge_px for b in boards}
+    kept, left_out, same = _chosen(boards, size, max_views)
     steps = iter(range(1, 1000))
-    made = calibrate_views(
+    intrinsics = calibrate_views(
         [s.view for s in kept],
         *size,
         models=models,
@@ -120,80 +120,83 @@ def calibrate_intrinsics(
         distances_m=_measured(distances_m or {}, edge_px),
         progress=lambda text: progress(text, next(steps), None),
     )
-    n_pictures = len(seen) + len(absent.reasons)
-    faults = (*absent_faults(absent, n_pictures), *_picture_faults(kept, left_out, printed), *made.faults)
-    made = replace(made, left_out={**absent.reasons, **left_out, **made.left_out})
-    return Calibrated(made, printed, n_pictures, len(seen), edge_px, faults)
+    n_pictures = len(boards) + len(without_board.reasons)
+    faults = (*without_board.faults(n_pictures), *_picture_faults(kept, same, printed), *intrinsics.faults)
+    intrinsics = replace(intrinsics, left_out={**without_board.reasons, **left_out, **intrinsics.left_out})
+    return Calibrated(intrinsics, printed, n_pictures, len(boards), edge_px, faults)
 
 
 def _looked_at(
     files: Sequence[Path], board: Board, every: int | None, progress: Progress
-) -> tuple[list[Seen], Absent, tuple[int, int]]:
+) -> tuple[list[DetectedBoard], PicturesWithoutBoard, tuple[int, int]]:
     """Boards found, pictures without one, and the pictures' width and height."""
-    total, seen, absent = count(files, every), list[Seen](), Absent(board)
+    total, boards, without_board = count(files, every), list[DetectedBoard](), PicturesWithoutBoard(board)
     size = (0, 0)
     for number, picture in enumerate(pictures(files, every)):
-        found = detect(picture.grey, board, picture.name)
-        if found is not None:
-            seen.append(found)
+        detected = detect(picture.grey, board, picture.name)
+        if detected is not None:
+            boards.append(detected)
         else:
-            absent.add(picture)
+            without_board.add(picture)
         height, width = picture.grey.shape
         size = (width, height)
         progress("looking for the board", number + 1, total)
-    if len(seen) < MIN_VIEWS:
-        raise CalibrationError(absent.why_so_few(len(seen)))
-    return seen, absent, size
+    if len(boards) < MIN_VIEWS:
+        raise CalibrationError(without_board.why_so_few(len(boards)))
+    return boards, without_board, size
 
 
-def _chosen(seen: Sequence[Seen], size: tuple[int, int], max_views: int) -> tuple[list[Seen], dict[str, str]]:
-    """Sharp, different and well spread views, and why not the others.
+def _chosen(
+    boards: Sequence[DetectedBoard], size: tuple[int, int], max_views: int
+) -> tuple[list[DetectedBoard], dict[str, str], list[str]]:
+    """Sharp, different and well spread views, why not the others, and those that show what another shows.
 
     Raises
     ------
     CalibrationError
         If there are too few that differ.
     """
-    widths = np.array([s.edge_px for s in seen])
+    widths = np.array([b.edge_px for b in boards])
     good = sharp(widths)
     usual = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
     left_out = {
-        s.view.name: f"blurred: its edges are {s.edge_px:.1f} px wide, usual are {usual:.1f} px"
-        for s, keep in zip(seen, good, strict=True)
+        b.view.name: f"blurred: its edges are {b.edge_px:.1f} px wide, usual are {usual:.1f} px"
+        for b, keep in zip(boards, good, strict=True)
         if not keep
     }
-    kept = [s for s, keep in zip(seen, good, strict=True) if keep]
-    same = alike([s.view for s in kept], size[0], np.array([s.edge_px for s in kept]))
-    left_out |= {kept[n].view.name: _SAME for n in same}
-    kept = [s for number, s in enumerate(kept) if number not in same]
+    kept = [b for b, keep in zip(boards, good, strict=True) if keep]
+    copies = alike([b.view for b in kept], size[0], np.array([b.edge_px for b in kept]))
+    same = [kept[number].view.name for number in copies]
+    left_out |= dict.fromkeys(same, "shows the board just as another view does")
+    kept = [b for number, b in enumerate(kept) if number not in copies]
     if same and len(kept) < MIN_VIEWS:
         raise CalibrationError(
-            f"The views are too similar: {len(same)} of {len(seen)} show the board just as another one does, "
-            f"which leaves {len(kept)} that differ, and {MIN_VIEWS} are the least: move and tilt the "
+            f"The views are too similar: {len(same)} of {len(boards)} show the board just as another one "
+            f"does, which leaves {len(kept)} that differ, and {MIN_VIEWS} are the least: move and tilt the "
             "board between pictures."
         )
-    taken = set(spread([s.view for s in kept], *size, max_views).tolist())
-    left_out |= {s.view.name: _LIKE for number, s in enumerate(kept) if number not in taken}
-    return [s for number, s in enumerate(kept) if number in taken], left_out
+    taken = spread([b.view for b in kept], *size, max_views).tolist()
+    others = (b.view.name for number, b in enumerate(kept) if number not in taken)
+    left_out |= dict.fromkeys(others, "not needed: other views are like it")
+    return [kept[number] for number in taken], left_out, same
 
 
-def _measured(distances_m: Mapping[str, float], found: Mapping[str, float]) -> Mapping[str, float]:
+def _measured(distances_m: Mapping[str, float], edge_px: Mapping[str, float]) -> Mapping[str, float]:
     for name, metres in distances_m.items():
-        if name not in found:
+        if name not in edge_px:
             raise ConfigError(f"A distance is given for {name}, a picture in which the board was not found.")
         if not 0.0 < metres < 1000.0:
             raise ConfigError(f"The distance of {name} is {metres:g} m: give metres, more than 0.")
     return distances_m
 
 
-def _picture_faults(kept: Sequence[Seen], left_out: Mapping[str, str], board: Board) -> list[Fault]:
+def _picture_faults(kept: Sequence[DetectedBoard], same: Sequence[str], board: Board) -> list[Doubt]:
     """Pictures alike, blur that all have, and markers that are not as large as the board's text says."""
-    faults, widths = [], np.array([s.edge_px for s in kept])
-    same = [name for name, reason in left_out.items() if reason == _SAME]
+    faults, widths = [], np.array([b.edge_px for b in kept])
     if same and len(kept) < ENOUGH_VIEWS:
         faults.append(
-            Fault(
-                "similar_views",
+            Doubt(
+                PictureFault.SIMILAR_VIEWS,
                 f"{len(same)} views ({some(same)}) show the board just as others do and were left out: move "
                 "and tilt it between pictures.",
             )
@@ -201,19 +204,19 @@ def _picture_faults(kept: Sequence[Seen], left_out: Mapping[str, str], board: Bo
     usual = float(np.nanmedian(widths)) if np.isfinite(widths).any() else 0.0
     if usual > BLURRED_PX:
         faults.append(
-            Fault(
-                "blurred_camera",
+            Doubt(
+                PictureFault.BLURRED_CAMERA,
                 f"All pictures are blurred: the board's edges are {usual:.1f} px wide, where a sharp lens "
                 "gives 2 to 3: focus the camera, and hold it and the board still.",
             )
         )
-    parts = np.array([s.marker_part for s in kept])
+    parts = np.array([b.marker_part for b in kept])
     if board.kind == "charuco" and np.isfinite(parts).any():
         part, stated = float(np.nanmedian(parts)), board.marker_m / board.square_m
         if abs(part - stated) > _MARKER_TOLERANCE * stated:
             faults.append(
-                Fault(
-                    "wrong_square_size",
+                Doubt(
+                    PictureFault.WRONG_SQUARE_SIZE,
                     f"In the pictures a marker's side is {part:.2f} of a square's, by --board "
                     f"({board.marker_m:g} m of {board.square_m:g} m) it is {stated:.2f}: measure both again.",
                 )

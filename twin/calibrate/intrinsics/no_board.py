@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 import numpy as np
 
 from geoloc.arrays import ByteArray
 from geoloc.calibration.intrinsics.calibrate import MIN_VIEWS
-from geoloc.calibration.intrinsics.faults import Fault, some
+from geoloc.calibration.intrinsics.faults import some
+from geoloc.doubts import Doubt
 from twin.calibrate.boards.boards import Board
 from twin.calibrate.boards.detect import BLURRED_PX, detect
 from twin.calibrate.boards.pictures import Picture
@@ -21,9 +23,19 @@ _NOT_THERE = "the board was not found"
 _GAUSS_WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0)) / np.sqrt(2.0 * np.pi)
 
 
+class PictureFault(StrEnum):
+    """What can be wrong with the pictures of a board."""
+
+    MIRRORED_PICTURES = "mirrored_pictures"
+    BLURRED_PICTURES = "blurred_pictures"
+    BLURRED_CAMERA = "blurred_camera"
+    SIMILAR_VIEWS = "similar_views"
+    WRONG_SQUARE_SIZE = "wrong_square_size"
+
+
 @dataclass(slots=True)
-class Absent:
-    """Gathers the pictures without a board.
+class PicturesWithoutBoard:
+    """Gathers the pictures in which no board was found.
 
     Attributes
     ----------
@@ -76,27 +88,26 @@ class Absent:
             f"it {'whole and ' if checkerboard else ''}sharp, with a white margin."
         )
 
-
-def absent_faults(absent: Absent, n_pictures: int) -> list[Fault]:
-    """Mirrored and blurred pictures among good ones; a film also has frames without a board."""
-    faults = []
-    if absent.mirrored:
-        faults.append(
-            Fault(
-                "mirrored_pictures",
-                f"{len(absent.mirrored)} of {n_pictures} pictures are mirrored ({some(absent.mirrored)}) and "
-                "were left out: flip them back, if they are of this camera.",
+    def faults(self, n_pictures: int) -> list[Doubt]:
+        """Tell of mirrored and blurred pictures among good ones; a film also has frames without a board."""
+        faults = []
+        if self.mirrored:
+            faults.append(
+                Doubt(
+                    PictureFault.MIRRORED_PICTURES,
+                    f"{len(self.mirrored)} of {n_pictures} pictures are mirrored ({some(self.mirrored)}) and "
+                    "were left out: flip them back, if they are of this camera.",
+                )
             )
-        )
-    if absent.blurred:
-        faults.append(
-            Fault(
-                "blurred_pictures",
-                f"{len(absent.blurred)} of {n_pictures} pictures are blurred ({some(absent.blurred)}), and "
-                "no board was found in them: hold camera and board still.",
+        if self.blurred:
+            faults.append(
+                Doubt(
+                    PictureFault.BLURRED_PICTURES,
+                    f"{len(self.blurred)} of {n_pictures} pictures are blurred ({some(self.blurred)}), and "
+                    "no board was found in them: hold camera and board still.",
+                )
             )
-        )
-    return faults
+        return faults
 
 
 def sharpest_edge_px(image: ByteArray) -> float:

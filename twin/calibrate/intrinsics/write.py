@@ -22,7 +22,7 @@ from twin.calibrate.camera_files import (
 )
 from twin.calibrate.intrinsics.calibrate import Calibrated
 from twin.calibrate.intrinsics.plots import coverage_picture, curve_picture, residual_picture
-from twin.calibrate.intrinsics.report import report_document, report_markdown
+from twin.calibrate.intrinsics.report import intrinsics_report, report_markdown
 from twin.errors import RefusedError
 from twin.store.atomic_files import replace_file, replacing
 from twin.store.folders import make_folder
@@ -135,14 +135,12 @@ def _contents(made: Calibrated, camera: str) -> dict[str, bytes]:
         "curve.png": curve_picture(made.intrinsics),
     }
     others = other_formats(made.intrinsics.candidates, camera)
-    document = report_document(made, camera)
-    document["files"] = {
-        RIG_NAME: made.intrinsics.fit.label,
-        **{name: candidate.label for name, (_, candidate) in others.items()},
-    }
+    report = intrinsics_report(made, camera)
+    models = {name: candidate.label for name, (_, candidate) in others.items()}
+    document = report.document({RIG_NAME: report.model, **models})
     texts = {
         **{name: text for name, (text, _) in others.items()},
         "report.json": json.dumps(document, indent=2, ensure_ascii=False) + "\n",
-        "report.md": report_markdown(document, list(pictures)),
+        "report.md": report_markdown(report, list(pictures)),
     }
     return {**{name: text.encode() for name, text in texts.items()}, **pictures}
