@@ -87,9 +87,9 @@ class Section:
     def size(self, *keys: str) -> tuple[int, int]:
         """Width and height: one value of two numbers, or two of one."""
         size = self.numbers(keys[0], 2) if len(keys) == 1 else tuple(self.number(key) for key in keys)
-        return self.whole(size[0]), self.whole(size[1])
+        return self.pixels(size[0]), self.pixels(size[1])
 
-    def whole(self, number: float) -> int:
+    def pixels(self, number: float) -> int:
         """Return a number of pixels as an integer."""
         if number != int(number) or abs(number) > _LONGEST_SIDE_PX:
             raise self.error(f"gives an image side of {number:g} pixels: expected a whole number.")

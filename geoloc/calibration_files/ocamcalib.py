@@ -77,8 +77,8 @@ def read_ocamcalib(content: bytes, where: str) -> dict[str, CalibratedCamera]:
             built(
                 where,
                 OcamCamera,
-                width_px=section.whole(width),
-                height_px=section.whole(height),
+                width_px=section.pixels(width),
+                height_px=section.pixels(height),
                 cx_px=column,
                 cy_px=row,
                 polynomial=_scaled(polynomial, c),

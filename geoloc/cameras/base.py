@@ -83,7 +83,7 @@ class Columns(NamedTuple):
     z: FloatArray
 
 
-class Rays(NamedTuple):
+class PixelRays(NamedTuple):
     """Unit rays by component: the form in which a million of them are worked on."""
 
     ray: Columns
@@ -142,7 +142,7 @@ class CameraModel(Protocol):
         """
         ...
 
-    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
+    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> PixelRays:
         """Give the rays of `camera_ray_from_pixel` by component, with their derivatives by pixel if asked.
 
         Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Rays, check_focal_lengths, check_parameters
+from geoloc.cameras.base import PixelRays, check_focal_lengths, check_parameters
 from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.errors import CalibrationError
 
@@ -97,6 +97,6 @@ class FisheyeCamera:
         """See `CameraModel`."""
         return self._ftheta.camera_ray_from_pixel(pixel_px)
 
-    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
+    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> PixelRays:
         """See `CameraModel`."""
         return self._ftheta.rays(u_px, v_px, slopes=slopes)

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Columns, Rays, inside_image, nan_where_not, on_image
+from geoloc.cameras.base import Columns, PixelRays, inside_image, nan_where_not, on_image
 from geoloc.cameras.brown import BrownDistortion, one_to_one
 
 
@@ -61,17 +61,17 @@ class PlanarCamera(ABC):
         ray = nan_where_not(inside, np.stack(self._lifted(plane, slopes=False)[0], axis=-1))
         return ray, inside & on_image(pixel, self.width_px, self.height_px)
 
-    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
+    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> PixelRays:
         """See `CameraModel`. How the plane moves a pixel is the inverse Jacobian of the distortion."""
         distorted = np.stack([(u_px - self.cx_px) / self.fx_px, (v_px - self.cy_px) / self.fy_px], axis=-1)
         plane, inside = self._brown.undistort(distorted)
         inside &= inside_image(u_px, v_px, self.width_px, self.height_px)
         ray, by_plane = self._lifted(plane, slopes=slopes)
         if by_plane is None:
-            return Rays(ray, None, None, inside)
+            return PixelRays(ray, None, None, inside)
         x_u, y_u, x_v, y_v = self._brown.plane_by_distorted(plane)
         by_u = _moved(by_plane, x_u / self.fx_px, y_u / self.fx_px)
-        return Rays(ray, by_u, _moved(by_plane, x_v / self.fy_px, y_v / self.fy_px), inside)
+        return PixelRays(ray, by_u, _moved(by_plane, x_v / self.fy_px, y_v / self.fy_px), inside)
 
 
 def _moved(by_plane: tuple[Columns, Columns], dx: FloatArray, dy: FloatArray) -> Columns:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Columns, Rays, inside_image, nan_where_not, on_image, sin_cos
+from geoloc.cameras.base import Columns, PixelRays, inside_image, nan_where_not, on_image, sin_cos
 
 _TINY = float(np.finfo(np.float64).tiny)
 
@@ -88,7 +88,7 @@ class RadialCamera(ABC):
         ray = nan_where_not(inside, np.stack([stretch * x, stretch * y, np.cos(theta)], axis=-1))
         return ray, inside & on_image(pixel, self.width_px, self.height_px)
 
-    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> Rays:
+    def rays(self, u_px: FloatArray, v_px: FloatArray, *, slopes: bool = False) -> PixelRays:
         """See `CameraModel`.
 
         With ``k = sin θ / r`` and a dash for the derivative by r, the ray ``(k x, k y, cos θ)`` changes by x
@@ -104,12 +104,12 @@ class RadialCamera(ABC):
         k = sin / radius
         ray = Columns(k * x, k * y, cos)
         if not slopes:
-            return Rays(ray, None, None, inside)
+            return PixelRays(ray, None, None, inside)
         slope = self._theta_slope(radius, theta)
         m, down = (slope * cos - k) / square, -k * slope
         by_x = Columns(k + m * x * x, cross := m * x * y, down * x)
         by_y = Columns(cross, k + m * y * y, down * y)
-        return Rays(ray, *self._linear.by_pixel(by_x, by_y), inside)
+        return PixelRays(ray, *self._linear.by_pixel(by_x, by_y), inside)
 
 
 _SINGULAR = 1e-6

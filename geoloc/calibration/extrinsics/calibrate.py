@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.calibration.extrinsics.contradiction import refuse_contradictions, started
-from geoloc.calibration.extrinsics.network import Network, State
+from geoloc.calibration.extrinsics.contradiction import first_state, refuse_contradictions
+from geoloc.calibration.extrinsics.network import Network, NetworkState
 from geoloc.calibration.extrinsics.observations import Pose, Sighting, Sigmas, Tag, TagPicture
-from geoloc.calibration.extrinsics.outliers import Cleaned, cleaned
+from geoloc.calibration.extrinsics.outliers import NetworkFit, fit_without_outliers
 from geoloc.calibration.extrinsics.solve import covariance_of
 from geoloc.calibration.extrinsics.tilted_floor import Floor
 from geoloc.cameras.base import CameraModel
@@ -58,7 +58,7 @@ class Extrinsics:
     Attributes
     ----------
     cameras : mapping of name to CameraPose
-    state : State
+    state : NetworkState
         Also of the tags and of cameras that were carried around.
     sightings : tuple of Sighting
     residual_px : float64 (n, 4, 2)
@@ -66,12 +66,12 @@ class Extrinsics:
         False for sightings left out as outliers.
     sigma_px : mapping of camera to float
         Of a corner's coordinate, from the residuals.
-    mistaped : mapping of tag to metres
+    misplaced : mapping of tag to metres
         Measured places that contradict the others, with how far they are off: left out.
     bumps : mapping of tag to metres
         Floor tags that do not lie on the floor, with their height: that they do was left out.
     swapped : tuple of pairs of tags
-        Those of `mistaped` of which each was found at the other one's place.
+        Those of `misplaced` of which each was found at the other one's place.
     floor : Floor or None
         A floor that leans was not used.
     scale, scale_sigma : float
@@ -81,12 +81,12 @@ class Extrinsics:
     """
 
     cameras: Mapping[str, CameraPose]
-    state: State
+    state: NetworkState
     sightings: tuple[Sighting, ...]
     residual_px: FloatArray
     used: BoolArray
     sigma_px: Mapping[str, float]
-    mistaped: Mapping[int, float]
+    misplaced: Mapping[int, float]
     bumps: Mapping[int, float]
     swapped: tuple[tuple[int, int], ...]
     floor: Floor | None
@@ -134,14 +134,14 @@ def calibrate_extrinsics(
     residuals over their redundancy.
     """
     stated = sigmas or Sigmas()
-    sightings, state = started(models, pictures, tags, nominal or {})
-    found = cleaned(sightings, tags, stated, state)
-    refuse_contradictions(found, sightings, models, pictures, tags, stated)
-    return _result(found, sightings, pictures)
+    sightings, state = first_state(models, pictures, tags, nominal or {})
+    fitted = fit_without_outliers(sightings, tags, stated, state)
+    refuse_contradictions(fitted, sightings, models, pictures, tags, stated)
+    return _result(fitted, sightings, pictures)
 
 
-def _result(found: Cleaned, sightings: Sequence[Sighting], pictures: Sequence[TagPicture]) -> Extrinsics:
-    network, state = found.network, found.state
+def _result(fitted: NetworkFit, sightings: Sequence[Sighting], pictures: Sequence[TagPicture]) -> Extrinsics:
+    network, state = fitted.network, fitted.state
     covariance = covariance_of(network, state)
     residual = np.full((len(sightings), 4, 2), np.nan)
     # What was left out everywhere has no pose any more, and no residual either.
@@ -158,8 +158,8 @@ def _result(found: Cleaned, sightings: Sequence[Sighting], pictures: Sequence[Ta
             rig_T_camera=state.views[name],
             covariance=covariance[columns, columns],
             n_sightings=int(mine.sum()),
-            n_outliers=int((mine & ~found.used).sum()),
-            rms_px=float(np.sqrt(np.mean(residual[mine & found.used] ** 2))),
+            n_outliers=int((mine & ~fitted.used).sum()),
+            rms_px=float(np.sqrt(np.mean(residual[mine & fitted.used] ** 2))),
         )
     places = {tag: network.tag_columns(tag) for tag in network.tag_ids}
     return Extrinsics(
@@ -167,12 +167,12 @@ def _result(found: Cleaned, sightings: Sequence[Sighting], pictures: Sequence[Ta
         state=state,
         sightings=tuple(sightings),
         residual_px=residual,
-        used=found.used,
+        used=fitted.used,
         sigma_px=network.corner_px,
-        mistaped=found.mistaped,
-        bumps=found.bumps,
-        swapped=found.swapped,
-        floor=found.floor,
+        misplaced=fitted.misplaced,
+        bumps=fitted.bumps,
+        swapped=fitted.swapped,
+        floor=fitted.floor,
         scale=state.scale,
         scale_sigma=float(np.sqrt(covariance[-1, -1])),
         tag_sigma_m={tag: np.sqrt(np.diag(covariance[at, at])[3:]) for tag, at in places.items()},

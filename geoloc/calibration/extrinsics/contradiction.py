@@ -10,11 +10,11 @@ import numpy as np
 
 from geoloc.arrays import FloatArray
 from geoloc.calibration.extrinsics.initial_guess import chained, laid_onto_rig
-from geoloc.calibration.extrinsics.network import Network, State
+from geoloc.calibration.extrinsics.network import Network, NetworkState
 from geoloc.calibration.extrinsics.observations import Pose, Sighting, Sigmas, Tag, TagPicture
-from geoloc.calibration.extrinsics.outliers import Cleaned, cleaned
+from geoloc.calibration.extrinsics.outliers import NetworkFit, fit_without_outliers
 from geoloc.calibration.extrinsics.rays import sightings_in
-from geoloc.calibration.extrinsics.solve import adjusted, angle_step, solved
+from geoloc.calibration.extrinsics.solve import adjust_network, angle_step, solve_network
 from geoloc.cameras.base import CameraModel
 from geoloc.errors import CalibrationError
 
@@ -36,12 +36,12 @@ _SURE = 4.0
 _LEAST_ANGLE, _MOST_ANGLE = 0.001, 0.2
 
 
-def started(
+def first_state(
     models: Mapping[str, CameraModel],
     pictures: Sequence[TagPicture],
     tags: Mapping[int, Tag],
     nominal: Mapping[str, Pose],
-) -> tuple[list[Sighting], State]:
+) -> tuple[list[Sighting], NetworkState]:
     """Sightings of all tags that can be placed, and a first guess of every pose.
 
     Raises
@@ -51,22 +51,22 @@ def started(
     """
     sightings = sightings_in(models, pictures, tags)
     groups = [laid_onto_rig(group, tags, nominal) for group in chained(sightings)]
-    state = State(
+    state = NetworkState(
         {name: pose for group in groups for name, pose in group.views.items()},
         {tag: pose for group in groups for tag, pose in group.tags.items()},
     )
     return [s for s in sightings if s.tag in state.tags], state
 
 
-def is_contradicted(found: Cleaned, tags: Mapping[int, Tag]) -> bool:
+def is_contradicted(fitted: NetworkFit, tags: Mapping[int, Tag]) -> bool:
     """Whether too many measured places fell out to be slips of the tape."""
-    measured = [tag for tag in found.state.tags if np.isfinite(tags[tag].places_m()).any()]
-    out = len(found.mistaped)
+    measured = [tag for tag in fitted.state.tags if np.isfinite(tags[tag].places_m()).any()]
+    out = len(fitted.misplaced)
     return out >= _FEWEST_OUT and out > _PART_OUT * len(measured)
 
 
 def refuse_contradictions(
-    found: Cleaned,
+    fitted: NetworkFit,
     sightings: Sequence[Sighting],
     models: Mapping[str, CameraModel],
     pictures: Sequence[TagPicture],
@@ -83,11 +83,11 @@ def refuse_contradictions(
         If pictures are exchanged, if measured places contradict the pictures as a whole, or if corners of a
         camera are off by more than a pixel.
     """
-    off_px, worst = max((px, camera) for camera, px in found.network.corner_px.items())
-    contradicted = is_contradicted(found, tags)
+    off_px, worst = max((px, camera) for camera, px in fitted.network.corner_px.items())
+    contradicted = is_contradicted(fitted, tags)
     if off_px <= FAIR_PX and not contradicted:
         return
-    exchanged = _exchanged(found, models, pictures, tags, sigmas)
+    exchanged = _exchanged(fitted, models, pictures, tags, sigmas)
     if exchanged is not None:
         first, second, now_px = exchanged
         raise CalibrationError(
@@ -97,23 +97,23 @@ def refuse_contradictions(
     if not contradicted and off_px <= MOST_PX:
         return
     what = (
-        f"The measured places contradict the pictures as a whole: {len(found.mistaped)} of them do not fit"
+        f"The measured places contradict the pictures as a whole: {len(fitted.misplaced)} of them do not fit"
         if contradicted
         else f"The layout does not fit the pictures: corners of {worst} are off by {off_px:.1f} px"
     )
-    reason = _heights(found, sightings, tags, sigmas) or _focal_lengths(found, sightings, tags, sigmas)
+    reason = _heights(fitted, sightings, tags, sigmas) or _focal_lengths(fitted, sightings, tags, sigmas)
     raise CalibrationError(f"{what}{reason or _ANY_REASON}.")
 
 
 def _exchanged(
-    found: Cleaned,
+    fitted: NetworkFit,
     models: Mapping[str, CameraModel],
     pictures: Sequence[TagPicture],
     tags: Mapping[int, Tag],
     sigmas: Sigmas,
 ) -> tuple[str, str, float] | None:
     """Two cameras of one picture size that fit clearly better with each other's pictures, and how well."""
-    before = found.network.corner_px
+    before = fitted.network.corner_px
     on_car = sorted({p.camera for p in pictures if p.on_car} & before.keys())
     best = None
     for first, second in combinations(on_car, 2):
@@ -122,8 +122,8 @@ def _exchanged(
             continue
         named = {first: second, second: first}
         renamed = [replace(p, camera=named.get(p.camera, p.camera)) for p in pictures]
-        sightings, state = started(models, renamed, tags, {})
-        after = adjusted(sightings, tags, sigmas, state, robust=True)[0].corner_px
+        sightings, state = first_state(models, renamed, tags, {})
+        after = adjust_network(sightings, tags, sigmas, state, robust=True)[0].corner_px
         now_px = max(after.get(first, np.inf), after.get(second, np.inf))
         if now_px < _CLEARLY * limit and (best is None or now_px < best[2]):
             best = first, second, now_px
@@ -131,18 +131,18 @@ def _exchanged(
 
 
 def _heights(
-    found: Cleaned, sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas
+    fitted: NetworkFit, sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas
 ) -> str | None:
     """What to say of the measured heights, if everything fits without them and the floor is level then."""
-    if found.floor is None or not found.floor.leans:
+    if fitted.floor is None or not fitted.floor.leans:
         return None
     flat = {number: _without_height(tag) for number, tag in tags.items()}
-    known = [s for s in sightings if s.view in found.state.views and s.tag in found.state.tags]
-    if not _is_mended(known, flat, sigmas, found.state):
+    known = [s for s in sightings if s.view in fitted.state.views and s.tag in fitted.state.tags]
+    if not _is_mended(known, flat, sigmas, fitted.state):
         return None
     return (
         ", but everything fits without heights, against which the floor leans by"
-        f" {found.floor.lean_deg:.1f}°: measure heights from"
+        f" {fitted.floor.lean_deg:.1f}°: measure heights from"
         " the ground below the rear axle, or find a level floor"
     )
 
@@ -153,17 +153,17 @@ def _without_height(tag: Tag) -> Tag:
 
 
 def _focal_lengths(
-    found: Cleaned, sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas
+    fitted: NetworkFit, sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas
 ) -> str | None:
     """What to say of the focal lengths, if other ones let everything fit."""
-    known = [s for s in sightings if s.view in found.state.views and s.tag in found.state.tags]
+    known = [s for s in sightings if s.view in fitted.state.views and s.tag in fitted.state.tags]
     free = {number: replace(tag, on_floor=False) for number, tag in tags.items()}
     cameras = sorted({s.camera for s in known})
-    angle, sigma, state = np.zeros(len(cameras)), np.zeros(len(cameras)), found.state
+    angle, sigma, state = np.zeros(len(cameras)), np.zeros(len(cameras)), fitted.state
     mended = known
     for _ in range(_ANGLE_ROUNDS):
         network = Network(mended, free, sigmas, dict.fromkeys(cameras, sigmas.corner_px))
-        state = solved(network, state)
+        state = solve_network(network, state)
         step, sigma = angle_step(network, state, cameras)
         angle += step
         by_camera = dict(zip(cameras, angle, strict=True))
@@ -185,10 +185,12 @@ def _focal_lengths(
     )
 
 
-def _is_mended(sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas, state: State) -> bool:
+def _is_mended(
+    sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas, state: NetworkState
+) -> bool:
     """Whether everything fits now."""
     try:
-        again = cleaned(sightings, tags, sigmas, state)
+        again = fit_without_outliers(sightings, tags, sigmas, state)
     except CalibrationError:
         return False
     level = again.floor is None or not again.floor.leans

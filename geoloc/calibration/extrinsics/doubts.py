@@ -7,7 +7,7 @@ import numpy as np
 from geoloc.calibration.extrinsics.bent_board import bends
 from geoloc.calibration.extrinsics.calibrate import CameraPose, Extrinsics
 from geoloc.calibration.extrinsics.contradiction import FAIR_PX
-from geoloc.calibration.extrinsics.outliers import MISTAPED_SIGMAS
+from geoloc.calibration.extrinsics.outliers import MISPLACED_SIGMAS
 
 OPEN_M, OPEN_DEG = 1.0, 2.0
 """Sigmas from which a part of a pose counts as not determined."""
@@ -38,7 +38,7 @@ def doubts(result: Extrinsics) -> tuple[str, ...]:
         What (which tag, camera, or the floor), how much, and the cure.
     """
     cameras = [*_lost_cameras(result), *_open_cameras(result), *_weak_cameras(result), *_blurred(result)]
-    tags = [*_misfits(result), *_bent(result), *_mistaped(result), *_scale(result), *_floor(result)]
+    tags = [*_misfits(result), *_bent(result), *_misplaced(result), *_scale(result), *_floor(result)]
     return (*cameras, *tags)
 
 
@@ -141,7 +141,7 @@ def _named(result: Extrinsics, tag: int) -> str:
     return name[0].upper() + name[1:]
 
 
-def _mistaped(result: Extrinsics) -> list[str]:
+def _misplaced(result: Extrinsics) -> list[str]:
     swapped = [
         f"{_named(result, first)} and {result.network.tags[second].name} are swapped: each stands where the"
         " layout has the other. Neither place was used: exchange their ids in the layout."
@@ -149,8 +149,8 @@ def _mistaped(result: Extrinsics) -> list[str]:
     ]
     slips = [
         f"{_named(result, tag)} stands {off_m:.3f} m from the place in the layout, more than"
-        f" {MISTAPED_SIGMAS:g} sigmas of that measurement: it was not used; measure it again."
-        for tag, off_m in result.mistaped.items()
+        f" {MISPLACED_SIGMAS:g} sigmas of that measurement: it was not used; measure it again."
+        for tag, off_m in result.misplaced.items()
         if not any(tag in pair for pair in result.swapped)
     ]
     return [*swapped, *slips]

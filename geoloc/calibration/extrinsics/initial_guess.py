@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration.extrinsics.network import State
+from geoloc.calibration.extrinsics.network import NetworkState
 from geoloc.calibration.extrinsics.observations import Pose, Sighting, Tag, by_view
 
 _WORST_RAD = 0.05
@@ -25,12 +25,12 @@ _MIN_SPREAD_M = 0.3
 """Measured places closer to one line than this do not settle a rotation."""
 
 
-def chained(sightings: Sequence[Sighting]) -> tuple[State, ...]:
+def chained(sightings: Sequence[Sighting]) -> tuple[NetworkState, ...]:
     """Poses of views and tags, in one frame for each group that tags tie together.
 
     Returns
     -------
-    tuple of State
+    tuple of NetworkState
         One a group, in the frame of that group's first view: the one with most tags.
     """
     of_view = by_view(list(sightings))
@@ -50,7 +50,7 @@ def chained(sightings: Sequence[Sighting]) -> tuple[State, ...]:
                 break
             views[best] = _placed_view(of_view[best], placed, candidates)
             waiting.discard(best)
-        groups.append(State(views, placed))
+        groups.append(NetworkState(views, placed))
     return tuple(groups)
 
 
@@ -62,8 +62,8 @@ def tag_poses(sighting: Sighting) -> tuple[Pose, ...]:
     """
     import cv2
 
-    ahead = _turned_ahead(sighting.ray.mean(axis=0))
-    turned = sighting.ray @ ahead
+    camera_R_ahead = _rotation_onto(sighting.ray.mean(axis=0))
+    turned = sighting.ray @ camera_R_ahead
     if (turned[:, 2] <= 1e-3).any():
         return ()
     plane = np.ascontiguousarray(turned[:, :2] / turned[:, 2:])
@@ -74,19 +74,19 @@ def tag_poses(sighting: Sighting) -> tuple[Pose, ...]:
     except cv2.error:  # four corners on one line
         return ()
     poses = [
-        Pose(ahead @ cv2.Rodrigues(r)[0], ahead @ np.asarray(t).ravel())
+        Pose(camera_R_ahead @ cv2.Rodrigues(r)[0], camera_R_ahead @ np.asarray(t).ravel())
         for r, t in zip(rotations, translations, strict=True)
         if found and np.isfinite(r).all() and np.isfinite(t).all() and np.asarray(t).ravel()[2] > 0.0
     ]
     return tuple(poses)
 
 
-def laid_onto_rig(group: State, tags: Mapping[int, Tag], nominal: Mapping[str, Pose]) -> State:
+def laid_onto_rig(group: NetworkState, tags: Mapping[int, Tag], nominal: Mapping[str, Pose]) -> NetworkState:
     """Turn and move a group so that it fits what was measured in the rig frame.
 
     Parameters
     ----------
-    group : State
+    group : NetworkState
         From `chained`.
     tags : mapping of id to Tag
     nominal : mapping of view to Pose
@@ -103,7 +103,7 @@ def laid_onto_rig(group: State, tags: Mapping[int, Tag], nominal: Mapping[str, P
     costs = np.array([s.cost for s in solved])
     best = int(np.flatnonzero(costs <= costs.min() * 1.01 + 1e-6)[0])
     frame = _pose(solved[best].x)
-    return State(
+    return NetworkState(
         {name: frame.after(pose) for name, pose in group.views.items()},
         {tag: frame.after(pose) for tag, pose in group.tags.items()},
     )
@@ -148,7 +148,7 @@ def _unlikeness(view: Pose, tag: Pose, sighting: Sighting) -> float:
     return float(np.minimum(np.linalg.norm(away - sighting.ray, axis=1), _WORST_RAD).sum())
 
 
-def _by_places(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
+def _by_places(group: NetworkState, tags: Mapping[int, Tag]) -> Iterable[Pose]:
     """Turn and shift that bring points to their measured places (Kabsch 1976), from three not on a line."""
     here, there = _measured(group, tags)
     whole = np.isfinite(there).all(axis=1)
@@ -164,20 +164,20 @@ def _by_places(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
     yield Pose(rotation, target - rotation @ middle)
 
 
-def _measured(group: State, tags: Mapping[int, Tag]) -> tuple[FloatArray, FloatArray]:
+def _measured(group: NetworkState, tags: Mapping[int, Tag]) -> tuple[FloatArray, FloatArray]:
     """Points of tags in the group's frame, and where they were measured (n, 3); NaN where not."""
     here = [tags[t].points_m() @ pose.R.T + pose.t_m for t, pose in group.tags.items()]
     there = [tags[t].places_m() for t in group.tags]
     return np.vstack([np.empty((0, 3)), *here]), np.vstack([np.empty((0, 3)), *there])
 
 
-def _by_nominal(group: State, nominal: Mapping[str, Pose]) -> Iterable[Pose]:
+def _by_nominal(group: NetworkState, nominal: Mapping[str, Pose]) -> Iterable[Pose]:
     for view, pose in group.views.items():
         if view in nominal:
             yield nominal[view].after(pose.inverse())
 
 
-def _by_floor(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
+def _by_floor(group: NetworkState, tags: Mapping[int, Tag]) -> Iterable[Pose]:
     """The floor tags' common up made the rig's up, with every yaw in steps."""
     floor = [pose for tag, pose in group.tags.items() if tags[tag].on_floor]
     if not floor:
@@ -190,7 +190,7 @@ def _by_floor(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
         yield Pose(rotation, -rotation @ middle)
 
 
-def _by_any_turn(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
+def _by_any_turn(group: NetworkState, tags: Mapping[int, Tag]) -> Iterable[Pose]:
     """Every turn of a cube onto itself, with the measured points' middle where it should be."""
     here, there = _measured(group, tags)
     known = np.isfinite(there)
@@ -203,7 +203,7 @@ def _by_any_turn(group: State, tags: Mapping[int, Tag]) -> Iterable[Pose]:
         yield Pose(turn, target - turn @ middle)
 
 
-def _misfit(vector: FloatArray, group: State, tags: Mapping[int, Tag]) -> FloatArray:
+def _misfit(vector: FloatArray, group: NetworkState, tags: Mapping[int, Tag]) -> FloatArray:
     """How far tags are from where they were measured, metres; the weak pull keeps an open frame in place."""
     frame = _pose(vector)
     here, there = _measured(group, tags)
@@ -218,7 +218,7 @@ def _misfit(vector: FloatArray, group: State, tags: Mapping[int, Tag]) -> FloatA
     return np.concatenate(parts)
 
 
-def _turned_ahead(ray: FloatArray) -> FloatArray:
+def _rotation_onto(ray: FloatArray) -> FloatArray:
     """Rotation whose third column is the ray's direction."""
     z = ray / np.linalg.norm(ray)
     x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)

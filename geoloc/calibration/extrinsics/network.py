@@ -23,7 +23,7 @@ WEAK_M, WEAK_RAD = 100.0, 30.0
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class NetworkState:
     """Everything that is estimated.
 
     Attributes
@@ -40,7 +40,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Equations:
+class NetworkEquations:
     """Weighted residuals of one state.
 
     Attributes
@@ -99,21 +99,21 @@ class Network:
         """Columns of a tag's pose, as `columns`."""
         return slice(self._tag_at[tag], self._tag_at[tag] + 6)
 
-    def moved(self, state: State, step: FloatArray) -> State:
+    def moved(self, state: NetworkState, step: FloatArray) -> NetworkState:
         """State after a step of the unknowns."""
         views = {name: _moved(state.views[name], step[self.columns(name)]) for name in self.view_names}
         tags = {tag: _moved(state.tags[tag], step[self.tag_columns(tag)]) for tag in self.tag_ids}
         return replace(state, views=views, tags=tags, scale=state.scale + float(step[-1]))
 
-    def corner_residuals_px(self, state: State) -> FloatArray:
+    def corner_residuals_px(self, state: NetworkState) -> FloatArray:
         """Residuals ``(n, 4, 2)`` of every sighting's corners, pixels."""
         return self._corners(state)[0]
 
-    def corners_by_tag(self, state: State) -> FloatArray:
+    def corners_by_tag(self, state: NetworkState) -> FloatArray:
         """Derivatives ``(n, 4, 2, 6)`` of `corner_residuals_px` by the pose of the tag."""
         return self._corners(state)[2]
 
-    def measured(self, tag: Tag, state: State) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def measured(self, tag: Tag, state: NetworkState) -> tuple[FloatArray, FloatArray, FloatArray]:
         """How far a tag's points are from where they were measured.
 
         Returns
@@ -130,7 +130,7 @@ class Network:
         by_pose = np.concatenate([-_cross_matrix(arms), straight], axis=2)
         return arms + pose.t_m - tag.places_m(), by_pose, turned
 
-    def equations(self, state: State) -> Equations:
+    def equations(self, state: NetworkState) -> NetworkEquations:
         """Residuals and Jacobian, both divided by the sigmas."""
         rows = _Rows()
         for tag_id in self.tag_ids:
@@ -142,12 +142,12 @@ class Network:
         )
         priors = rows.equations(self.n_unknowns)
         residual, jacobian = self._corner_equations(state)
-        return Equations(
+        return NetworkEquations(
             np.concatenate([residual, priors.residual]),
             sparse.csr_matrix(sparse.vstack([jacobian, priors.jacobian])),
         )
 
-    def _corner_equations(self, state: State) -> tuple[FloatArray, sparse.csr_matrix]:
+    def _corner_equations(self, state: NetworkState) -> tuple[FloatArray, sparse.csr_matrix]:
         residual, by_view, by_tag, by_scale = self._corners(state)
         n = len(self.sightings)
         columns = np.concatenate(
@@ -166,7 +166,7 @@ class Network:
         jacobian = sparse.csr_matrix((values.ravel(), place.ravel(), starts), shape=shape)
         return (self._weight[:, np.newaxis, np.newaxis] * residual).ravel(), jacobian
 
-    def _tag_priors(self, rows: _Rows, tag: Tag, state: State) -> None:
+    def _tag_priors(self, rows: _Rows, tag: Tag, state: NetworkState) -> None:
         pose, at = state.tags[tag.id], self._tag_at[tag.id]
         known = np.isfinite(tag.places_m())
         if known.any():
@@ -184,7 +184,7 @@ class Network:
             heights = arms[:, 2] + pose.t_m[2]
             rows.add(heights / self.sigmas.floor_m, (at, by_pose / self.sigmas.floor_m))
 
-    def _corners(self, state: State) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _corners(self, state: NetworkState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Residuals (n, 4, 2) in pixels, and their derivatives by view and tag (…, 6), and by scale."""
         view_R = np.stack([state.views[name].R for name in self.view_names])[self._view]
         view_t = np.stack([state.views[name].t_m for name in self.view_names])[self._view]
@@ -219,14 +219,14 @@ class _Rows:
         self._blocks += [(self._n, column, np.asarray(block)) for column, block in blocks]
         self._n += len(residual)
 
-    def equations(self, n_unknowns: int) -> Equations:
+    def equations(self, n_unknowns: int) -> NetworkEquations:
         """Everything that was added."""
         row = [np.repeat(top + np.arange(len(b)), b.shape[1]) for top, _, b in self._blocks]
         column = [np.tile(left + np.arange(b.shape[1]), len(b)) for _, left, b in self._blocks]
         value = [b.ravel() for _, _, b in self._blocks]
         entries = (np.concatenate(value), (np.concatenate(row), np.concatenate(column)))
         jacobian = sparse.csr_matrix(entries, shape=(self._n, n_unknowns))
-        return Equations(np.concatenate(self._residuals), jacobian)
+        return NetworkEquations(np.concatenate(self._residuals), jacobian)
 
 
 def _moved(pose: Pose, step: FloatArray) -> Pose:

@@ -10,15 +10,15 @@ import numpy as np
 
 from geoloc.arrays import BoolArray
 from geoloc.calibration.extrinsics.initial_guess import tag_poses
-from geoloc.calibration.extrinsics.network import Network, State
+from geoloc.calibration.extrinsics.network import Network, NetworkState
 from geoloc.calibration.extrinsics.observations import Sighting, Sigmas, Tag
-from geoloc.calibration.extrinsics.solve import adjusted, covariance_of
+from geoloc.calibration.extrinsics.solve import adjust_network, covariance_of
 from geoloc.calibration.extrinsics.tilted_floor import Floor, lean_of_floor
 from geoloc.errors import CalibrationError
 
 OUTLIER_SIGMAS = 6.0
 """A tag whose worst corner is further off, in a picture, is left out: a hand on the tag, a wrong id."""
-MISTAPED_SIGMAS = 5.0
+MISPLACED_SIGMAS = 5.0
 """A measured place that is further from where the pictures put the tag is a slip of the tape."""
 _ANY_SIZE = 0.2
 """Sigma of the tags' scale that lets the pictures say it."""
@@ -29,16 +29,16 @@ _LEAST_SPARE = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Cleaned:
+class NetworkFit:
     """The adjustment without what does not fit.
 
     Attributes
     ----------
     network : Network
-    state : State
+    state : NetworkState
     used : bool (n,)
         Of the sightings.
-    mistaped, bumps : mapping of tag to metres
+    misplaced, bumps : mapping of tag to metres
         As `Extrinsics` has them.
     swapped : tuple of pairs of tags
         Each was found where the other one was measured.
@@ -46,15 +46,17 @@ class Cleaned:
     """
 
     network: Network
-    state: State
+    state: NetworkState
     used: BoolArray
-    mistaped: Mapping[int, float]
+    misplaced: Mapping[int, float]
     bumps: Mapping[int, float]
     swapped: tuple[tuple[int, int], ...]
     floor: Floor | None
 
 
-def cleaned(sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas, state: State) -> Cleaned:
+def fit_without_outliers(
+    sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas, state: NetworkState
+) -> NetworkFit:
     """Leave out, one after the other, the measurement that fits worst.
 
     Where a tag's corners do not fit, what was measured of its place is suspected first; the picture only if
@@ -66,7 +68,7 @@ def cleaned(sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigm
     sightings : sequence of Sighting
     tags : mapping of id to Tag
     sigmas : Sigmas
-    state : State
+    state : NetworkState
         To start from.
 
     Raises
@@ -81,24 +83,24 @@ def cleaned(sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigm
     both = {tag for pair in swapped for tag in pair}
     rest = {number: _unmeasured(tag) if number in both else tag for number, tag in tags.items()}
     found = _without_misfits(sightings, rest, sigmas, state)
-    mistaped, _ = _contradictions(tags, both, found.state)
-    return replace(found, mistaped={**mistaped, **found.mistaped}, swapped=swapped)
+    misplaced, _ = _contradictions(tags, both, found.state)
+    return replace(found, misplaced={**misplaced, **found.misplaced}, swapped=swapped)
 
 
 def _without_misfits(
     sightings: Sequence[Sighting],
     tags: Mapping[int, Tag],
     sigmas: Sigmas,
-    state: State,
-) -> Cleaned:
+    state: NetworkState,
+) -> NetworkFit:
     used = np.ones(len(sightings), dtype=np.bool_)
     suspected: set[int] = set()
-    network, state = adjusted(sightings, tags, replace(sigmas, size=_ANY_SIZE), state, robust=True)
+    network, state = adjust_network(sightings, tags, replace(sigmas, size=_ANY_SIZE), state, robust=True)
     scale_sigma = float(np.sqrt(covariance_of(network, state)[-1, -1]))
-    if abs(state.scale) > max(MISTAPED_SIGMAS * scale_sigma, 3.0 * sigmas.size):
+    if abs(state.scale) > max(MISPLACED_SIGMAS * scale_sigma, 3.0 * sigmas.size):
         # Printed in another size than the layout says: the size is what the pictures tell.
         sigmas = replace(sigmas, size=_ANY_SIZE)
-    network, state = adjusted(sightings, tags, sigmas, state, robust=True)
+    network, state = adjust_network(sightings, tags, sigmas, state, robust=True)
     floor = lean_of_floor(network, state)
     if floor is not None and floor.leans:
         tags = {number: replace(tag, on_floor=False) for number, tag in tags.items()}
@@ -110,7 +112,7 @@ def _without_misfits(
             )
         now = {tag: _unmeasured(t) if tag in suspected else t for tag, t in tags.items()}
         state = _within(state, kept)
-        network, state = adjusted(kept, now, sigmas, state, robust=True)
+        network, state = adjust_network(kept, now, sigmas, state, robust=True)
         worst, strain = _worst_sighting(network, state)
         if strain > OUTLIER_SIGMAS:
             tag = kept[worst].tag
@@ -121,19 +123,19 @@ def _without_misfits(
                 used[np.flatnonzero(used)[worst]] = False
             continue
         worst_tag, strain = _worst_place(network, state)
-        if strain <= MISTAPED_SIGMAS:
+        if strain <= MISPLACED_SIGMAS:
             break
         suspected.add(worst_tag)
-    network, state = adjusted(kept, now, sigmas, state, robust=False)
-    mistaped, bumps = _contradictions(tags, suspected, state)
-    return Cleaned(network, state, used, mistaped, bumps, (), floor)
+    network, state = adjust_network(kept, now, sigmas, state, robust=False)
+    misplaced, bumps = _contradictions(tags, suspected, state)
+    return NetworkFit(network, state, used, misplaced, bumps, (), floor)
 
 
 def _swapped(
-    sightings: Sequence[Sighting], tags: Mapping[int, Tag], found: Cleaned
+    sightings: Sequence[Sighting], tags: Mapping[int, Tag], found: NetworkFit
 ) -> tuple[tuple[int, int], ...]:
     """Pairs of tags that do not fit, of which pictures show each near the other one's measured place."""
-    out = {s.tag for s, used in zip(sightings, found.used, strict=True) if not used} | found.mistaped.keys()
+    out = {s.tag for s, used in zip(sightings, found.used, strict=True) if not used} | found.misplaced.keys()
     here = {}
     for tag in sorted(t for t in out if np.isfinite(tags[t].centre_m).all()):
         mine = [s for s in sightings if s.tag == tag and s.view in found.state.views]
@@ -151,17 +153,17 @@ def _swapped(
 
 
 def _contradictions(
-    tags: Mapping[int, Tag], suspected: set[int], state: State
+    tags: Mapping[int, Tag], suspected: set[int], state: NetworkState
 ) -> tuple[dict[int, float], dict[int, float]]:
     """How far suspected tags are from where they were measured, and above the floor."""
     seen = sorted(suspected & state.tags.keys())
-    mistaped = {}
+    misplaced = {}
     for t in seen:
         here = tags[t].points_m() @ state.tags[t].R.T + state.tags[t].t_m
         if np.isfinite(tags[t].places_m()).any():
             off = np.nan_to_num(here - tags[t].places_m())
-            mistaped[t] = float(np.linalg.norm(off, axis=1).max())
-    return mistaped, {t: float(state.tags[t].t_m[2]) for t in seen if tags[t].on_floor}
+            misplaced[t] = float(np.linalg.norm(off, axis=1).max())
+    return misplaced, {t: float(state.tags[t].t_m[2]) for t in seen if tags[t].on_floor}
 
 
 def _is_measured(tag: Tag) -> bool:
@@ -173,14 +175,14 @@ def _unmeasured(tag: Tag) -> Tag:
     return replace(tag, centre_m=np.full(3, np.nan), mark_places_m=nowhere, on_floor=False)
 
 
-def _worst_sighting(network: Network, state: State) -> tuple[int, float]:
+def _worst_sighting(network: Network, state: NetworkState) -> tuple[int, float]:
     """The sighting with the worst corner, and how many sigmas that is off."""
     sigma_px = np.array([network.corner_px[s.camera] for s in network.sightings])
     off = np.abs(network.corner_residuals_px(state)).max(axis=(1, 2)) / sigma_px
     return int(off.argmax()), float(off.max())
 
 
-def _worst_place(network: Network, state: State) -> tuple[int, float]:
+def _worst_place(network: Network, state: NetworkState) -> tuple[int, float]:
     """The tag whose measured place, or place on the floor, contradicts the rest most, and by how many sigmas.
 
     Baarda's test: what is left between a measurement and the adjusted value, over the sigma that it should
@@ -203,7 +205,7 @@ def _worst_place(network: Network, state: State) -> tuple[int, float]:
     return worst, most
 
 
-def _within(state: State, kept: Sequence[Sighting]) -> State:
+def _within(state: NetworkState, kept: Sequence[Sighting]) -> NetworkState:
     views, tags = {s.view for s in kept}, {s.tag for s in kept}
     return replace(
         state,

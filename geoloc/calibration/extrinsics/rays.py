@@ -21,25 +21,25 @@ def sightings_in(
     CalibrationError
         If no camera on the car sees a tag, or a picture shows one twice.
     """
-    found = [s for p in pictures for s in _sightings_of(p, models[p.camera], tags)]
+    sightings = [s for p in pictures for s in _sightings_of(p, models[p.camera], tags)]
     on_car = {p.camera for p in pictures if p.on_car}
-    if not any(s.view in on_car for s in found):
+    if not any(s.view in on_car for s in sightings):
         raise CalibrationError(
             "No camera on the car sees a tag or a board of the layout: check the family (36h11), the ids, the"
             " board's description, and that the pictures are sharp; a board on the floor needs large markers."
         )
-    return found
+    return sightings
 
 
 def _sightings_of(picture: TagPicture, model: CameraModel, tags: Mapping[int, Tag]) -> list[Sighting]:
     ids = picture.tag_ids.tolist()
-    twice = sorted({tag for tag in ids if ids.count(tag) > 1}) if picture.points_m is None else []
-    if twice:
+    repeated = sorted({tag for tag in ids if ids.count(tag) > 1}) if picture.points_m is None else []
+    if repeated:
         raise CalibrationError(
-            f"{picture.name} shows tag {', '.join(map(str, twice))} twice: take one of them away, or print"
+            f"{picture.name} shows tag {', '.join(map(str, repeated))} twice: take one of them away, or print"
             " tags with different ids, and take the pictures again."
         )
-    found = []
+    sightings = []
     for i, tag in enumerate(ids):
         if tag not in tags:
             continue
@@ -47,7 +47,7 @@ def _sightings_of(picture: TagPicture, model: CameraModel, tags: Mapping[int, Ta
         if not rays.inside.all() or rays.by_u is None or rays.by_v is None:
             continue
         slopes = np.stack([np.stack(rays.by_u, axis=-1), np.stack(rays.by_v, axis=-1)], axis=-1)
-        found.append(
+        sightings.append(
             Sighting(
                 camera=picture.camera,
                 view=picture.camera if picture.on_car else f"{picture.camera}/{picture.name}",
@@ -58,4 +58,4 @@ def _sightings_of(picture: TagPicture, model: CameraModel, tags: Mapping[int, Ta
                 px_from_ray=np.asarray(np.linalg.pinv(slopes), dtype=np.float64),
             )
         )
-    return found
+    return sightings

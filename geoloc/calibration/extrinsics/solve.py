@@ -8,7 +8,7 @@ import numpy as np
 from scipy import sparse
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration.extrinsics.network import Equations, Network, State
+from geoloc.calibration.extrinsics.network import Network, NetworkEquations, NetworkState
 from geoloc.calibration.extrinsics.observations import Sighting, Sigmas, Tag
 
 _HUBER = 2.5
@@ -20,9 +20,14 @@ _LEAST_SIGMA_PX = 0.05
 """Rays are not known better than that: the error of the intrinsics is in every corner of a camera."""
 
 
-def adjusted(
-    sightings: Sequence[Sighting], tags: Mapping[int, Tag], sigmas: Sigmas, state: State, *, robust: bool
-) -> tuple[Network, State]:
+def adjust_network(
+    sightings: Sequence[Sighting],
+    tags: Mapping[int, Tag],
+    sigmas: Sigmas,
+    state: NetworkState,
+    *,
+    robust: bool,
+) -> tuple[Network, NetworkState]:
     """Solve with each camera's corner sigma made equal to what its residuals say.
 
     By their median if `robust`, so that a tag which does not fit cannot hide in the noise that it makes.
@@ -30,7 +35,7 @@ def adjusted(
     corner_px = {s.camera: sigmas.corner_px for s in sightings}
     for _ in range(_NOISE_ROUNDS):
         network = Network(sightings, tags, sigmas, corner_px)
-        state = solved(network, state)
+        state = solve_network(network, state)
         found = {
             camera: max(px, _LEAST_SIGMA_PX)
             for camera, px in _noise_px(network, state, robust=robust).items()
@@ -42,7 +47,7 @@ def adjusted(
     return Network(sightings, tags, sigmas, corner_px), state
 
 
-def solved(network: Network, state: State) -> State:
+def solve_network(network: Network, state: NetworkState) -> NetworkState:
     """Levenberg and Marquardt's method on the robust cost."""
     equations = network.equations(state)
     damping, cost = 1e-4, _cost(equations, network)
@@ -69,7 +74,9 @@ def solved(network: Network, state: State) -> State:
     return state
 
 
-def angle_step(network: Network, state: State, cameras: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+def angle_step(
+    network: Network, state: NetworkState, cameras: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
     """How much larger each camera's angles from its optical axis should be, all else free.
 
     One step of Gauss and Newton with a factor a camera beside the network's own unknowns: what a wrong
@@ -87,7 +94,7 @@ def angle_step(network: Network, state: State, cameras: Sequence[str]) -> tuple[
         at = slice(8 * row, 8 * row + 8)
         columns[at, cameras.index(sighting.camera)] = -slope.ravel() / network.corner_px[sighting.camera]
     whole = sparse.csr_matrix(sparse.hstack([equations.jacobian, sparse.csr_matrix(columns)]))
-    normal, gradient = _normal(Equations(equations.residual, whole), network)
+    normal, gradient = _normal(NetworkEquations(equations.residual, whole), network)
     covariance = np.linalg.inv(normal)
     n = len(cameras)
     return -(covariance @ gradient)[-n:], np.sqrt(np.diag(covariance)[-n:])
@@ -100,7 +107,7 @@ def _by_angle(ray: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(across, ray[:, 2:]) * np.hstack([ray[:, 2:] * outward, -across]))
 
 
-def _weights(equations: Equations, network: Network) -> FloatArray:
+def _weights(equations: NetworkEquations, network: Network) -> FloatArray:
     """Huber's weights of the corners by their distance in sigmas; priors count whole."""
     n = 8 * len(network.sightings)
     distance = np.linalg.norm(equations.residual[:n].reshape(-1, 2), axis=1)
@@ -108,20 +115,20 @@ def _weights(equations: Equations, network: Network) -> FloatArray:
     return np.concatenate([np.repeat(weight, 2), np.ones(len(equations.residual) - n)])
 
 
-def _cost(equations: Equations, network: Network) -> float:
+def _cost(equations: NetworkEquations, network: Network) -> float:
     n = 8 * len(network.sightings)
     distance = np.linalg.norm(equations.residual[:n].reshape(-1, 2), axis=1)
     robust = np.where(distance <= _HUBER, 0.5 * distance**2, _HUBER * (distance - 0.5 * _HUBER))
     return float(robust.sum() + 0.5 * (equations.residual[n:] ** 2).sum())
 
 
-def _normal(equations: Equations, network: Network) -> tuple[FloatArray, FloatArray]:
+def _normal(equations: NetworkEquations, network: Network) -> tuple[FloatArray, FloatArray]:
     weighted = sparse.diags_array(_weights(equations, network)) @ equations.jacobian
     normal = np.asarray((weighted.T @ equations.jacobian).todense())
     return normal, np.asarray(weighted.T @ equations.residual)
 
 
-def _noise_px(network: Network, state: State, *, robust: bool) -> dict[str, float]:
+def _noise_px(network: Network, state: NetworkState, *, robust: bool) -> dict[str, float]:
     """Sigma of a corner's coordinate in each camera: residuals over the redundancy that they have.
 
     The redundancy of corners is their number less the trace of ``J C J'``: what the unknowns took up.
@@ -145,7 +152,7 @@ def _noise_px(network: Network, state: State, *, robust: bool) -> dict[str, floa
     return found
 
 
-def covariance_of(network: Network, state: State) -> FloatArray:
+def covariance_of(network: Network, state: NetworkState) -> FloatArray:
     """Covariance of all unknowns (k, k), in the order of the network's columns."""
     normal, _ = _normal(network.equations(state), network)
     return np.asarray(np.linalg.inv(normal), dtype=np.float64)

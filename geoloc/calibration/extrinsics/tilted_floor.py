@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration.extrinsics.network import Network, State
-from geoloc.calibration.extrinsics.solve import covariance_of, solved
+from geoloc.calibration.extrinsics.network import Network, NetworkState
+from geoloc.calibration.extrinsics.solve import covariance_of, solve_network
 
 FLAT_DEG = 0.25
 """A floor that leans more is not used; 0.5° is enough to spoil an extrinsic calibration."""
@@ -32,7 +32,7 @@ class Floor:
         return self.lean_deg > max(FLAT_DEG, _SURE * self.sigma_deg)
 
 
-def lean_of_floor(network: Network, state: State) -> Floor | None:
+def lean_of_floor(network: Network, state: NetworkState) -> Floor | None:
     """Fit a plane to the floor tags when nothing says that they lie at z = 0.
 
     Returns
@@ -46,7 +46,7 @@ def lean_of_floor(network: Network, state: State) -> Floor | None:
     free = Network(
         network.sightings, network.tags, replace(network.sigmas, floor_m=_FREE_M), network.corner_px
     )
-    state = solved(free, state)
+    state = solve_network(free, state)
     place = np.array([state.tags[t].t_m for t in floor])
     if np.linalg.svd(place[:, :2] - place[:, :2].mean(axis=0), compute_uv=False)[1] < _MIN_SPREAD_M:
         return None

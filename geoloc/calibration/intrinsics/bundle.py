@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
-from geoloc.calibration.intrinsics.initial_guess import Poses
+from geoloc.calibration.intrinsics.initial_guess import BoardPoses
 from geoloc.calibration.intrinsics.lens import Lens
 from geoloc.calibration.intrinsics.views import Corners
 
@@ -27,14 +27,14 @@ _GATE = -2.0 * np.log(1e-4)
 _GATE_ROUNDS = 6
 
 
-class State(NamedTuple):
+class BundleState(NamedTuple):
     """Values of all unknowns."""
 
     lens: FloatArray
     """(p,)"""
     shape: FloatArray
     """(4,): see `SHAPE`."""
-    poses: Poses
+    poses: BoardPoses
 
 
 class Normal(NamedTuple):
@@ -78,7 +78,7 @@ class Bundle:
         shape = [n_lens + SHAPE.index(name) for name in self.free_shape]
         return np.array([*lens, *shape], dtype=np.int64)
 
-    def residuals(self, state: State) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    def residuals(self, state: BundleState) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
         """Expected minus seen (n, 2), its derivatives by common unknowns and by poses, and validity."""
         corners, rotation = self.corners, state.poses.rotation[self.corners.view]
         board, by_shape = shaped(corners, state.shape)
@@ -93,7 +93,7 @@ class Bundle:
         by_pose = np.concatenate([projection.by_point @ by_turn, projection.by_point], axis=-1)
         return projection.pixel_px - corners.pixel_px, by_common, by_pose, projection.valid
 
-    def normal(self, state: State, weight: FloatArray) -> Normal | None:
+    def normal(self, state: BundleState, weight: FloatArray) -> Normal | None:
         """Normal equations; None where a corner that counts is outside the lens's domain."""
         residual, by_common, by_pose, valid = self.residuals(state)
         if not valid[weight > 0.0].all():
@@ -111,22 +111,24 @@ class Bundle:
             float(weight @ np.sum(residual**2, axis=-1)),
         )
 
-    def moved(self, state: State, common: FloatArray, pose: FloatArray) -> State:
+    def moved(self, state: BundleState, common: FloatArray, pose: FloatArray) -> BundleState:
         """Move by a step of the common unknowns (g,) and of the poses (v, 6)."""
         whole = np.concatenate([state.lens, state.shape])
         whole[self.columns] += common
         n_lens = len(state.lens)
         rotation = _rotation(pose[:, :3]) @ state.poses.rotation
-        return State(whole[:n_lens], whole[n_lens:], Poses(rotation, state.poses.position_m + pose[:, 3:]))
+        return BundleState(
+            whole[:n_lens], whole[n_lens:], BoardPoses(rotation, state.poses.position_m + pose[:, 3:])
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Adjusted:
+class AdjustedBundle:
     """Where the unknowns came to rest.
 
     Attributes
     ----------
-    state : State
+    state : BundleState
     residual_px : float64 (n, 2)
         Expected minus seen; NaN outside the lens's domain.
     inlier : bool (n,)
@@ -137,7 +139,7 @@ class Adjusted:
     converged : bool
     """
 
-    state: State
+    state: BundleState
     residual_px: FloatArray
     inlier: BoolArray
     sigma_px: float
@@ -145,7 +147,7 @@ class Adjusted:
     converged: bool
 
 
-def adjust(bundle: Bundle, start: State) -> Adjusted:
+def adjust(bundle: Bundle, start: BundleState) -> AdjustedBundle:
     """Adjust robustly: Cauchy weights that narrow, then all corners inside a χ² gate in full.
 
     The normal matrix in the end is that of the corners used, scaled by their residuals.
@@ -170,12 +172,12 @@ def adjust(bundle: Bundle, start: State) -> Adjusted:
     return _result(bundle, state, inlier, converged)
 
 
-def adjust_poses(bundle: Bundle, start: State, weight: FloatArray) -> State:
+def adjust_poses(bundle: Bundle, start: BundleState, weight: FloatArray) -> BundleState:
     """Adjust the poses alone, corners weighing as given."""
     return minimise(replace(bundle, free_lens=False, free_shape=()), start, weight)[0]
 
 
-def minimise(bundle: Bundle, state: State, weight: FloatArray) -> tuple[State, bool]:
+def minimise(bundle: Bundle, state: BundleState, weight: FloatArray) -> tuple[BundleState, bool]:
     """Levenberg and Marquardt with fixed weights; whether it converged."""
     normal, damping = bundle.normal(state, weight), 1e-4
     if normal is None:
@@ -214,7 +216,7 @@ def _step(normal: Normal, damping: float) -> tuple[FloatArray, FloatArray]:
     return common, -pose_alone - np.einsum("vpa,a->vp", eliminated, common)
 
 
-def _result(bundle: Bundle, state: State, inlier: BoolArray, converged: bool) -> Adjusted:
+def _result(bundle: Bundle, state: BundleState, inlier: BoolArray, converged: bool) -> AdjustedBundle:
     residual, _, _, valid = bundle.residuals(state)
     residual = np.where(valid[:, np.newaxis], residual, np.nan)
     normal = bundle.normal(state, inlier.astype(np.float64))
@@ -226,7 +228,7 @@ def _result(bundle: Bundle, state: State, inlier: BoolArray, converged: bool) ->
         eliminated = np.linalg.solve(normal.pose, np.swapaxes(normal.mixed, -1, -2))
         reduced = normal.common - np.einsum("vap,vpb->ab", normal.mixed, eliminated)
         covariance = sigma**2 * _inverse(reduced)
-    return Adjusted(state, residual, inlier, sigma, covariance, converged and normal is not None)
+    return AdjustedBundle(state, residual, inlier, sigma, covariance, converged and normal is not None)
 
 
 def _inverse(normal: FloatArray) -> FloatArray:
@@ -238,7 +240,7 @@ def _inverse(normal: FloatArray) -> FloatArray:
         return np.full_like(normal, np.nan)
 
 
-def _squares(bundle: Bundle, state: State) -> FloatArray:
+def _squares(bundle: Bundle, state: BundleState) -> FloatArray:
     """Squared residuals (n,); infinite outside the lens's domain."""
     residual, _, _, valid = bundle.residuals(state)
     return np.where(valid, np.sum(residual**2, axis=-1), np.inf)

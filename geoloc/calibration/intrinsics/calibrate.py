@@ -20,7 +20,7 @@ from geoloc.calibration.intrinsics.faults import (
     view_faults,
 )
 from geoloc.calibration.intrinsics.fit import MODELS, Fit, fit, inlier_share, lenses
-from geoloc.calibration.intrinsics.initial_guess import Poses, first_guess
+from geoloc.calibration.intrinsics.initial_guess import BoardPoses, first_guess
 from geoloc.calibration.intrinsics.lens import Lens, RadialCurve
 from geoloc.calibration.intrinsics.radial_lenses import FThetaLens
 from geoloc.calibration.intrinsics.views import Corners, View, corners_of
@@ -109,25 +109,25 @@ def calibrate_intrinsics(
     """
     candidates = [lens for model in models for lens in lenses(model, width_px, height_px, linear=linear)]
     _check_on_image(views, width_px, height_px)
-    kept, left_out, curve, poses = _sound_views(_enough(views), width_px, height_px, linear=linear)
+    kept, left_out, curve, poses = _consistent_views(_enough(views), width_px, height_px, linear=linear)
     corners = corners_of(kept)
     progress("looking at the board's shape")
     shape = _shape(_first_lens(width_px, height_px, linear=linear), corners, curve, poses)
     compared = compare(candidates, corners, curve, poses, free_shape=shape, progress=progress)
-    made = best(compared).fit
-    if made is None:
+    fitted = best(compared).fit
+    if fitted is None:
         raise CalibrationError("No camera model fits these views.")
-    coverage = coverage_of(corners, made.adjusted.inlier, width_px, height_px)
-    sigma_deg = _sigma_deg(made, coverage)
+    coverage = coverage_of(corners, fitted.adjusted.inlier, width_px, height_px)
+    sigma_deg = _sigma_deg(fitted, coverage)
     names = tuple(view.name for view in kept)
     faults = [
-        *misfit_faults(made, names),
-        *shape_faults(made),
-        *distance_faults(made, names, distances_m or {}),
-        *view_faults(made, coverage, sigma_deg),
-        *domain_fault(made),
+        *misfit_faults(fitted, names),
+        *shape_faults(fitted),
+        *distance_faults(fitted, names, distances_m or {}),
+        *view_faults(fitted, coverage, sigma_deg),
+        *domain_fault(fitted),
     ]
-    return Intrinsics(made.camera, made, compared, names, left_out, coverage, sigma_deg, tuple(faults))
+    return Intrinsics(fitted.camera, fitted, compared, names, left_out, coverage, sigma_deg, tuple(faults))
 
 
 def _check_on_image(views: Sequence[View], width_px: int, height_px: int) -> None:
@@ -153,20 +153,20 @@ def _first_lens(width_px: int, height_px: int, *, linear: bool) -> Lens:
     return FThetaLens(width_px, height_px, 5, linear)
 
 
-def _sound_views(
+def _consistent_views(
     views: Sequence[View], width_px: int, height_px: int, *, linear: bool
-) -> tuple[Sequence[View], dict[str, str], RadialCurve, Poses]:
+) -> tuple[Sequence[View], dict[str, str], RadialCurve, BoardPoses]:
     """Views whose corners mostly agree with the others', why not the rest, and where to start from."""
     lens = _first_lens(width_px, height_px, linear=linear)
     left_out: dict[str, str] = {}
     while True:
         corners = corners_of(views)
         curve, poses = first_guess(corners, width_px, height_px)
-        made = fit(lens, corners, curve, poses)
-        share = inlier_share(corners, made.adjusted.inlier)
+        fitted = fit(lens, corners, curve, poses)
+        share = inlier_share(corners, fitted.adjusted.inlier)
         good = share >= _BAD_VIEW
         if good.all():
-            return views, left_out, made.curve(), made.adjusted.state.poses
+            return views, left_out, fitted.curve(), fitted.adjusted.state.poses
         for view, part in zip(views, share, strict=True):
             if part < _BAD_VIEW:
                 left_out[view.name] = (
@@ -176,7 +176,7 @@ def _sound_views(
         views = _enough([view for view, keep in zip(views, good, strict=True) if keep])
 
 
-def _shape(lens: Lens, corners: Corners, curve: RadialCurve, poses: Poses) -> tuple[str, ...]:
+def _shape(lens: Lens, corners: Corners, curve: RadialCurve, poses: BoardPoses) -> tuple[str, ...]:
     """Unknowns of the board's shape that the views are sure of; none if they cannot tell."""
     free: tuple[str, ...] = SHAPE
     before: tuple[str, ...] = ()
@@ -191,12 +191,12 @@ def _shape(lens: Lens, corners: Corners, curve: RadialCurve, poses: Poses) -> tu
     return free
 
 
-def _sigma_deg(made: Fit, coverage: Coverage) -> FloatArray:
+def _sigma_deg(fitted: Fit, coverage: Coverage) -> FloatArray:
     """Longer axis of the rays' one-sigma ellipses in the middles of covered cells; NaN elsewhere."""
     rows, columns = np.nonzero(coverage.covered)
     pixel = CELL_PX * (np.column_stack([columns, rows]) + 0.5) - 0.5
     pixel = np.minimum(pixel, (coverage.width_px - 1.0, coverage.height_px - 1.0))
-    covariance = made.ray_covariance(pixel)
+    covariance = fitted.ray_covariance(pixel)
     known = np.isfinite(covariance).all(axis=(1, 2))
     largest = np.full(len(pixel), np.nan)
     largest[known] = np.linalg.eigvalsh(covariance[known])[:, -1]

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
-from geoloc.calibration.intrinsics.bundle import Bundle, State, adjust_poses, minimise
+from geoloc.calibration.intrinsics.bundle import Bundle, BundleState, adjust_poses, minimise
 from geoloc.calibration.intrinsics.fit import Fit, angular_residuals, fit, label
-from geoloc.calibration.intrinsics.initial_guess import Poses
+from geoloc.calibration.intrinsics.initial_guess import BoardPoses
 from geoloc.calibration.intrinsics.lens import Lens, RadialCurve
 from geoloc.calibration.intrinsics.views import Corners
 from geoloc.errors import CalibrationError
@@ -56,7 +56,7 @@ def compare(
     lenses: Sequence[Lens],
     corners: Corners,
     curve: RadialCurve,
-    poses: Poses,
+    poses: BoardPoses,
     *,
     free_shape: Sequence[str] = (),
     progress: Progress = lambda _text: None,
@@ -125,13 +125,13 @@ def _judged(lens: Lens, fitted: Fit | CalibrationError, inlier: BoolArray) -> Ca
     return Candidate(label(lens), lens.name, n_parameters, fitted, rms, np.degrees(1.0) ** 2 * square, reason)
 
 
-def held_out(made: Fit, inlier: BoolArray) -> FloatArray:
+def held_out(fitted: Fit, inlier: BoolArray) -> FloatArray:
     """Mean squares (v,) of the angles, rad², view by view: each by a camera fitted to other views.
 
     In a view that was left out, the board's pose alone is adjusted. Infinite where a corner has no ray, or
     the other views alone fit no camera.
     """
-    corners, adjusted, poses = made.bundle.corners, made.adjusted, made.adjusted.state.poses
+    corners, adjusted, poses = fitted.bundle.corners, fitted.adjusted, fitted.adjusted.state.poses
     weight = inlier.astype(np.float64)
     views = np.arange(corners.n_views)
     square = np.full(corners.n_views, np.inf)
@@ -139,18 +139,18 @@ def held_out(made: Fit, inlier: BoolArray) -> FloatArray:
         # Neighbours in a film look alike: every fold takes views from all over it.
         out = views[fold :: min(_FOLDS, corners.n_views)]
         kept = np.setdiff1d(views, out)
-        start = State(adjusted.state.lens, adjusted.state.shape, _some(poses, kept))
-        others = replace(made.bundle, corners=corners.of(kept))
+        start = BundleState(adjusted.state.lens, adjusted.state.shape, _some(poses, kept))
+        others = replace(fitted.bundle, corners=corners.of(kept))
         state, converged = minimise(others, start, weight[np.isin(corners.view, kept)])
         if not converged:
             continue
-        bundle = replace(made.bundle, corners=corners.of(out))
-        start = State(state.lens, state.shape, _some(poses, out))
-        square[out] = _squares(made.lens, bundle, start, weight[np.isin(corners.view, out)])
+        bundle = replace(fitted.bundle, corners=corners.of(out))
+        start = BundleState(state.lens, state.shape, _some(poses, out))
+        square[out] = _squares(fitted.lens, bundle, start, weight[np.isin(corners.view, out)])
     return square
 
 
-def _squares(lens: Lens, bundle: Bundle, start: State, weight: FloatArray) -> FloatArray:
+def _squares(lens: Lens, bundle: Bundle, start: BundleState, weight: FloatArray) -> FloatArray:
     """Mean squares of the angles view by view, the poses adjusted."""
     state = adjust_poses(bundle, start, weight)
     angle = angular_residuals(lens.camera(state.lens), bundle, state)
@@ -159,5 +159,5 @@ def _squares(lens: Lens, bundle: Bundle, start: State, weight: FloatArray) -> Fl
     return np.asarray(np.add.reduceat(square, first) / np.add.reduceat(weight, first))
 
 
-def _some(poses: Poses, views: IntArray) -> Poses:
-    return Poses(poses.rotation[views], poses.position_m[views])
+def _some(poses: BoardPoses, views: IntArray) -> BoardPoses:
+    return BoardPoses(poses.rotation[views], poses.position_m[views])

@@ -9,7 +9,7 @@ import numpy as np
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.calibration.intrinsics.bundle import adjust_poses
 from geoloc.calibration.intrinsics.fit import Fit, fit
-from geoloc.calibration.intrinsics.initial_guess import Poses
+from geoloc.calibration.intrinsics.initial_guess import BoardPoses
 from geoloc.calibration.intrinsics.views import Corners
 from geoloc.errors import CalibrationError
 
@@ -49,26 +49,26 @@ class TwoCameras:
     shift_px: FloatArray
 
 
-def alikeness(made: Fit) -> float:
+def alikeness(fitted: Fit) -> float:
     """Correlation of the residuals of neighbouring corners: 0 for noise, near 1 where the model is wrong.
 
     Neighbours are the next corners in a row or column of the same view (Moran's I, whose mean is known to be
     nil; Moran 1950, doi:10.1093/biomet/37.1-2.17). NaN with fewer than 100 pairs.
     """
-    first, second = _neighbours(made.bundle.corners)
-    used = made.adjusted.inlier[first] & made.adjusted.inlier[second]
+    first, second = _neighbours(fitted.bundle.corners)
+    used = fitted.adjusted.inlier[first] & fitted.adjusted.inlier[second]
     if used.sum() < _LEAST_PAIRS:
         return float("nan")
-    a, b = made.adjusted.residual_px[first[used]], made.adjusted.residual_px[second[used]]
+    a, b = fitted.adjusted.residual_px[first[used]], fitted.adjusted.residual_px[second[used]]
     return float(2.0 * np.sum(a * b) / max(float(np.sum(a * a) + np.sum(b * b)), 1e-300))
 
 
-def unlike_noise(made: Fit) -> bool:
+def unlike_noise(fitted: Fit) -> bool:
     """Whether neighbouring corners have residuals so alike that the model must be wrong somewhere."""
-    return alikeness(made) > _ALIKE
+    return alikeness(fitted) > _ALIKE
 
 
-def two_cameras(made: Fit) -> TwoCameras | None:
+def two_cameras(fitted: Fit) -> TwoCameras | None:
     """Find views of another camera or zoom, or turned ones; None if one camera is as good for all.
 
     Every view gets a zoom and a principal point of its own. Where one of these falls into two groups, the
@@ -76,58 +76,58 @@ def two_cameras(made: Fit) -> TwoCameras | None:
     others' changes against it are what is found. A model that does not fit the lens leaves other residuals
     at other places: those stay.
     """
-    core = _core(own_cameras(made, made.adjusted.state.poses))
+    core = _core(own_cameras(fitted, fitted.adjusted.state.poses))
     if core is None:
         return None
     try:
-        left_px = _left_px(made, _alone(made, core))
+        left_px = _left_px(fitted, _alone(fitted, core))
         like = left_px < _EXPLAINED * np.median(left_px[core])
         like = like if 2 * like.sum() >= len(like) else ~like
         other = np.flatnonzero(~like)
         if not _LEAST_VIEWS <= len(other) <= len(like) - _LEAST_VIEWS:
             return None
-        alone = _alone(made, np.flatnonzero(like))
+        alone = _alone(fitted, np.flatnonzero(like))
     except CalibrationError:
         return None
     less = _LESS if unlike_noise(alone) else _LESS_AND_NOISE
-    if alone.adjusted.sigma_px > less * made.adjusted.sigma_px:
+    if alone.adjusted.sigma_px > less * fitted.adjusted.sigma_px:
         return None
-    whole = replace(alone, bundle=made.bundle)
-    change = np.median(own_cameras(whole, made.adjusted.state.poses)[other], axis=0)
+    whole = replace(alone, bundle=fitted.bundle)
+    change = np.median(own_cameras(whole, fitted.adjusted.state.poses)[other], axis=0)
     return TwoCameras(other, 1.0 + float(change[0]), change[1:])
 
 
-def _alone(made: Fit, views: IntArray) -> Fit:
+def _alone(fitted: Fit, views: IntArray) -> Fit:
     """Fit some of the views."""
-    state = made.adjusted.state
+    state = fitted.adjusted.state
     return fit(
-        made.lens,
-        made.bundle.corners.of(views),
-        made.curve(),
-        Poses(state.poses.rotation[views], state.poses.position_m[views]),
-        free_shape=made.bundle.free_shape,
+        fitted.lens,
+        fitted.bundle.corners.of(views),
+        fitted.curve(),
+        BoardPoses(state.poses.rotation[views], state.poses.position_m[views]),
+        free_shape=fitted.bundle.free_shape,
         shape=state.shape,
     )
 
 
-def _left_px(made: Fit, alone: Fit) -> FloatArray:
+def _left_px(fitted: Fit, alone: Fit) -> FloatArray:
     """Medians (v,) of the residuals' lengths that another fit's camera leaves, the poses adjusted."""
-    state = alone.adjusted.state._replace(poses=made.adjusted.state.poses)
-    corners = made.bundle.corners
-    state = adjust_poses(made.bundle, state, made.adjusted.inlier.astype(np.float64))
-    residual, _, _, valid = made.bundle.residuals(state)
+    state = alone.adjusted.state._replace(poses=fitted.adjusted.state.poses)
+    corners = fitted.bundle.corners
+    state = adjust_poses(fitted.bundle, state, fitted.adjusted.inlier.astype(np.float64))
+    residual, _, _, valid = fitted.bundle.residuals(state)
     length = np.where(valid, np.linalg.norm(residual, axis=1), np.inf)
     return np.array([np.median(length[corners.view == view]) for view in range(corners.n_views)])
 
 
-def own_cameras(made: Fit, poses: Poses) -> FloatArray:
+def own_cameras(fitted: Fit, poses: BoardPoses) -> FloatArray:
     """Each view's own zoom, as a part, and shift of the principal point in pixels (v, 3).
 
     The lens stays; a view's picture is enlarged about the principal point and shifted, and the view's pose is
     adjusted with that (Gauss and Newton, all corners in full).
     """
-    bundle = replace(made.bundle, free_lens=False, free_shape=())
-    corners, centre, state = bundle.corners, made.values[:2], made.adjusted.state._replace(poses=poses)
+    bundle = replace(fitted.bundle, free_lens=False, free_shape=())
+    corners, centre, state = bundle.corners, fitted.values[:2], fitted.adjusted.state._replace(poses=poses)
     change = np.zeros((corners.n_views, 3))
     for _ in range(_STEPS):
         residual, _, by_pose, valid = bundle.residuals(state)

@@ -63,7 +63,7 @@ def _two_cameras(found: TwoCameras, names: Sequence[str]) -> CalibrationError:
     )
 
 
-def misfit_faults(made: Fit, names: Sequence[str]) -> list[Doubt]:
+def misfit_faults(fit: Fit, names: Sequence[str]) -> list[Doubt]:
     """Residuals that are no noise: the model does not fit; `names` are those of the views.
 
     Raises
@@ -71,22 +71,22 @@ def misfit_faults(made: Fit, names: Sequence[str]) -> list[Doubt]:
     CalibrationError
         If the views are two cameras', or the residuals larger than half a pixel.
     """
-    if not unlike_noise(made):
+    if not unlike_noise(fit):
         return []
-    found = two_cameras(made)
+    found = two_cameras(fit)
     if found is not None:
         raise _two_cameras(found, names)
-    sigma, alike = made.adjusted.sigma_px, alikeness(made)
+    sigma, alike = fit.adjusted.sigma_px, alikeness(fit)
     if sigma > _NO_CAMERA_PX:
         raise CalibrationError(
-            f"The views do not fit one camera: the best model, {made.label}, leaves {sigma:.2f} px a corner, "
+            f"The views do not fit one camera: the best model, {fit.label}, leaves {sigma:.2f} px a corner, "
             f"and neighbouring corners are off alike (correlation {alike:.2f}). See that all pictures are of "
             "one camera with fixed zoom and focus, not scaled or cropped, and of one flat board."
         )
     return [
         Doubt(
             ViewFault.MISFIT,
-            f"The model {made.label} does not fit: it leaves {sigma:.3f} px a corner, and neighbouring "
+            f"The model {fit.label} does not fit: it leaves {sigma:.3f} px a corner, and neighbouring "
             f"corners are off alike (correlation {alike:.2f}; noise has 0). The error bars are too small; "
             "try --model auto, a fixed focus and a flatter board.",
         )
@@ -107,11 +107,11 @@ def _sure(value: float, sigma: float) -> bool:
     return abs(value) > max(_SURE * sigma, _SMALLEST_PART)
 
 
-def shape_faults(made: Fit) -> list[Doubt]:
+def shape_faults(fit: Fit) -> list[Doubt]:
     """Sentences about the shape that was adjusted with the camera."""
-    faults, half_m, found = [], made.bundle.corners.half_size_m, shape_findings(made)
+    faults, half_m, found = [], fit.bundle.corners.half_size_m, shape_findings(fit)
     if "bend" in found:
-        bend, sigma = _bend(made)
+        bend, sigma = _bend(fit)
         size = _plus_minus(1e3 * half_m * abs(bend), 1e3 * half_m * sigma)
         faults.append(
             Doubt(
@@ -122,7 +122,7 @@ def shape_faults(made: Fit) -> list[Doubt]:
             )
         )
     if "stretch" in found:
-        stretch, sigma = made.shape["stretch"]
+        stretch, sigma = fit.shape["stretch"]
         faults.append(
             Doubt(
                 ViewFault.STRETCHED_BOARD,
@@ -141,9 +141,9 @@ def _plus_minus(value: float, sigma: float) -> str:
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
-def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Doubt]:
+def view_faults(fit: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Doubt]:
     """Few views, poor coverage, rays that stay uncertain; `sigma_deg` is that of rays in covered cells."""
-    faults, n_views = [], made.bundle.corners.n_views
+    faults, n_views = [], fit.bundle.corners.n_views
     if n_views < ENOUGH_VIEWS:
         faults.append(
             Doubt(
@@ -175,9 +175,9 @@ def view_faults(made: Fit, coverage: Coverage, sigma_deg: FloatArray) -> list[Do
     return faults
 
 
-def domain_fault(made: Fit) -> list[Doubt]:
+def domain_fault(fit: Fit) -> list[Doubt]:
     """Pixels of the image for which the model has no ray, because its function stops rising."""
-    camera = made.camera
+    camera = fit.camera
     u, v = np.meshgrid(np.arange(0.0, camera.width_px, 16.0), np.arange(0.0, camera.height_px, 16.0))
     part = float((~camera.camera_ray_from_pixel(np.stack([u, v], axis=-1))[1]).mean())
     if part == 0.0:
@@ -185,20 +185,20 @@ def domain_fault(made: Fit) -> list[Doubt]:
     return [
         Doubt(
             ViewFault.NO_RAYS,
-            f"The model {made.label} has no rays in {100 * part:.1f} % of the image, outside of all boards: "
+            f"The model {fit.label} has no rays in {100 * part:.1f} % of the image, outside of all boards: "
             "it does not rise there; show the board nearer to the corners.",
         )
     ]
 
 
-def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, float]) -> list[Doubt]:
+def distance_faults(fit: Fit, names: tuple[str, ...], measured_m: Mapping[str, float]) -> list[Doubt]:
     """Compare measured distances (camera to the middle of the board) with those of the views' poses.
 
     A wrong square size scales all distances and leaves the camera's parameters as they are: only a distance
     that was measured tells.
     """
-    middle = np.append(made.bundle.corners.middle_m, 0.0)
-    poses = made.adjusted.state.poses
+    middle = np.append(fit.bundle.corners.middle_m, 0.0)
+    poses = fit.adjusted.state.poses
     distance = np.linalg.norm(poses.position_m + poses.rotation @ middle, axis=-1)
     found = [
         (distance[names.index(name)], metres, name) for name, metres in measured_m.items() if name in names
@@ -207,7 +207,7 @@ def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, 
     if not wrong:
         return []
     seen, metres, name = wrong[0]
-    square = square_m(made.bundle.corners)
+    square = square_m(fit.bundle.corners)
     return [
         Doubt(
             ViewFault.WRONG_SQUARE_SIZE,
@@ -217,13 +217,13 @@ def distance_faults(made: Fit, names: tuple[str, ...], measured_m: Mapping[str, 
     ]
 
 
-def _bend(made: Fit) -> tuple[float, float]:
+def _bend(fit: Fit) -> tuple[float, float]:
     """Largest curvature of the board and its sigma: depth of the edges in half sizes."""
     names = ("bend_xx", "bend_xy", "bend_yy")
-    xx, xy, yy = (made.shape[name][0] for name in names)
+    xx, xy, yy = (fit.shape[name][0] for name in names)
     values, axes = np.linalg.eigh(np.array([[xx, 0.5 * xy], [0.5 * xy, yy]]))
     x, y = axes[:, int(np.abs(values).argmax())]
     slope = np.array([x * x, x * y, y * y])
-    first = len(made.lens.parameters) + made.bundle.free_shape.index("bend_xx")
-    covariance = made.adjusted.covariance[first : first + 3, first : first + 3]
+    first = len(fit.lens.parameters) + fit.bundle.free_shape.index("bend_xx")
+    covariance = fit.adjusted.covariance[first : first + 3, first : first + 3]
     return float(values[np.abs(values).argmax()]), float(np.sqrt(slope @ covariance @ slope))

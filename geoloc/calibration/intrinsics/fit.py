@@ -8,8 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.calibration.intrinsics.bundle import NO_SHAPE, SHAPE, Adjusted, Bundle, State, adjust, shaped
-from geoloc.calibration.intrinsics.initial_guess import Poses, angle_between
+from geoloc.calibration.intrinsics.bundle import (
+    NO_SHAPE,
+    SHAPE,
+    AdjustedBundle,
+    Bundle,
+    BundleState,
+    adjust,
+    shaped,
+)
+from geoloc.calibration.intrinsics.initial_guess import BoardPoses, angle_between
 from geoloc.calibration.intrinsics.lens import Lens, PinholeLens, RadialCurve
 from geoloc.calibration.intrinsics.radial_lenses import FisheyeLens, FThetaLens, OcamLens
 from geoloc.calibration.intrinsics.views import Corners
@@ -31,13 +39,13 @@ class Fit:
     lens : Lens
     camera : CameraModel
     bundle : Bundle
-    adjusted : Adjusted
+    adjusted : AdjustedBundle
     """
 
     lens: Lens
     camera: CameraModel
     bundle: Bundle
-    adjusted: Adjusted
+    adjusted: AdjustedBundle
 
     @property
     def label(self) -> str:
@@ -122,7 +130,7 @@ def fit(
     lens: Lens,
     corners: Corners,
     curve: RadialCurve,
-    poses: Poses,
+    poses: BoardPoses,
     *,
     free_shape: Sequence[str] = (),
     shape: FloatArray = NO_SHAPE,
@@ -136,7 +144,7 @@ def fit(
     """
     bundle = Bundle(lens, corners, free_shape=tuple(free_shape))
     try:
-        adjusted = adjust(bundle, State(lens.start(curve), shape, poses))
+        adjusted = adjust(bundle, BundleState(lens.start(curve), shape, poses))
     except np.linalg.LinAlgError:
         adjusted = None
     if adjusted is None or not adjusted.converged or not np.isfinite(adjusted.covariance).all():
@@ -146,7 +154,7 @@ def fit(
     return Fit(lens, lens.camera(adjusted.state.lens), bundle, adjusted)
 
 
-def angular_residuals(camera: CameraModel, bundle: Bundle, state: State) -> FloatArray:
+def angular_residuals(camera: CameraModel, bundle: Bundle, state: BundleState) -> FloatArray:
     """Angles (n,) between the rays of the pixels seen and the corners of the posed boards; NaN if no ray."""
     view = bundle.corners.view
     board, _ = shaped(bundle.corners, state.shape)

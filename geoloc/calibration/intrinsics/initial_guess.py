@@ -18,7 +18,7 @@ _SAMPLES = 60
 _WIDEST_RAD = 0.95 * math.pi
 
 
-class Poses(NamedTuple):
+class BoardPoses(NamedTuple):
     """The board in the camera frame, view by view."""
 
     rotation: FloatArray
@@ -27,7 +27,7 @@ class Poses(NamedTuple):
     """(v, 3)"""
 
 
-def first_guess(corners: Corners, width_px: int, height_px: int) -> tuple[RadialCurve, Poses]:
+def first_guess(corners: Corners, width_px: int, height_px: int) -> tuple[RadialCurve, BoardPoses]:
     """Radius proportional to the angle, about the image's middle: the focal length at which boards are flat.
 
     Every focal length of a scan turns corners into rays; a flat board then has a pose whose rays are those,
@@ -58,7 +58,7 @@ def rays_at(offset_px: FloatArray, radius_px: FloatArray, theta_rad: FloatArray)
     return np.column_stack([across[:, np.newaxis] * offset_px, np.cos(theta_rad)])
 
 
-def planar_poses(corners: Corners, rays: FloatArray) -> Poses:
+def planar_poses(corners: Corners, rays: FloatArray) -> BoardPoses:
     """Pose of each view's board from rays (n, 3) to its corners: direct linear transformation.
 
     A corner (x, y) of the board lies on its ray d: d × (h1 x + h2 y + h3) = 0, with h1 and h2 the board's
@@ -78,7 +78,7 @@ def planar_poses(corners: Corners, rays: FloatArray) -> Poses:
         first_two = u @ v
         rotation[number] = np.column_stack([first_two, np.cross(first_two[:, 0], first_two[:, 1])])
         position[number] = axes[:, 2] / scale - first_two @ middle
-    return Poses(rotation, position)
+    return BoardPoses(rotation, position)
 
 
 def _homography(plane: FloatArray, rays: FloatArray) -> FloatArray:
@@ -94,7 +94,7 @@ def _homography(plane: FloatArray, rays: FloatArray) -> FloatArray:
     return np.asarray(matrix if np.median(ahead) > 0.0 else -matrix)
 
 
-def angles_off(corners: Corners, poses: Poses, rays: FloatArray) -> FloatArray:
+def angles_off(corners: Corners, poses: BoardPoses, rays: FloatArray) -> FloatArray:
     """Angles (n,) between rays and the corners of the posed boards, in radians."""
     board = np.column_stack([corners.board_m, np.zeros(len(corners.board_m))])
     turned = np.einsum("nij,nj->ni", poses.rotation[corners.view], board)
@@ -107,7 +107,7 @@ def angle_between(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
-def check_not_mirrored(corners: Corners, poses: Poses) -> None:
+def check_not_mirrored(corners: Corners, poses: BoardPoses) -> None:
     """Refuse boards that are seen from behind.
 
     Raises

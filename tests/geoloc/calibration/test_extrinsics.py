@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from geoloc.calibration.extrinsics.calibrate import Extrinsics, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts
 from geoloc.calibration.extrinsics.initial_guess import tag_poses
-from geoloc.calibration.extrinsics.network import Network, State
+from geoloc.calibration.extrinsics.network import Network, NetworkState
 from geoloc.calibration.extrinsics.observations import Pose, Sigmas, Tag, TagPicture
 from geoloc.errors import CalibrationError
 from geoloc.simulation.car import simulated_rig
@@ -82,7 +82,7 @@ def test_jacobian_equals_finite_differences():
     tags = {s.tag: yard.tags[s.tag] for s in sightings}
     tags[max(yard.tags)] = yard.tags[max(yard.tags)]
     network = Network(sightings, tags, Sigmas(), dict.fromkeys(MODELS, 0.1))
-    state = State(
+    state = NetworkState(
         {name: found.state.views[name] for name in network.view_names},
         {tag: found.state.tags[tag] for tag in network.tag_ids},
         scale=0.002,
@@ -159,9 +159,9 @@ def test_slip_of_the_tape_is_named_and_left_out():
     slip = yard.tags[3].centre_m + np.array([0.1, 0.0, 0.0])
     tags = {**yard.tags, 3: replace(yard.tags[3], centre_m=slip)}
     found = calibrate_extrinsics(MODELS, pictures_of(yard), tags)
-    assert list(found.mistaped) == [3]
-    assert found.mistaped[3] == pytest.approx(0.1, abs=0.01)
-    assert any(text.startswith(f"Tag 3 stands {found.mistaped[3]:.3f} m") for text in doubts(found))
+    assert list(found.misplaced) == [3]
+    assert found.misplaced[3] == pytest.approx(0.1, abs=0.01)
+    assert any(text.startswith(f"Tag 3 stands {found.misplaced[3]:.3f} m") for text in doubts(found))
     assert np.abs(off(found, WIDE)[:3]).max() < 0.03
 
 

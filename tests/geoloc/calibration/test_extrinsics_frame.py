@@ -106,8 +106,8 @@ def test_slip_of_the_tape_at_a_corner_is_named() -> None:
     tags = {**yard.tags, 3: replace(tag, marks_m=corner, mark_places_m=wrong)}
     pictures = [seen_tags(yard, camera, np.random.default_rng(4)) for camera in RIG.cameras.values()]
     found = calibrate_extrinsics(MODELS, pictures, tags)
-    assert list(found.mistaped) == [3]
-    assert found.mistaped[3] == pytest.approx(0.1, abs=0.01)
+    assert list(found.misplaced) == [3]
+    assert found.misplaced[3] == pytest.approx(0.1, abs=0.01)
 
 
 def test_single_coordinates_need_no_rough_pose() -> None:
@@ -124,7 +124,7 @@ def test_single_coordinates_need_no_rough_pose() -> None:
     turn, shift = off(found, WIDE)
     assert np.abs(turn).max() < 0.1
     assert np.abs(shift).max() < 0.02
-    assert found.mistaped == {}
+    assert found.misplaced == {}
 
 
 def test_tags_alike_are_told_as_weak() -> None:

@@ -13,23 +13,23 @@ from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
 from geoloc.calibration.extrinsics.observations import Sigmas
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import draw_yard, seen_tags
-from twin.calibrate.extrinsics.layout import Layout
+from twin.calibrate.extrinsics.layout import YardLayout
 from twin.calibrate.extrinsics.picture import extrinsics_figure
 
-MISTAPED = 8
+MISPLACED = 8
 
 
 @pytest.fixture(scope="module")
 def figure() -> Figure:
     """A yard in which one tag's place was measured 12 cm wrong."""
     yard, rig = draw_yard(np.random.default_rng(31)), simulated_rig()
-    tag = yard.tags[MISTAPED]
-    tags = {**yard.tags, MISTAPED: replace(tag, centre_m=tag.centre_m + np.array([0.12, 0.0, 0.0]))}
+    tag = yard.tags[MISPLACED]
+    tags = {**yard.tags, MISPLACED: replace(tag, centre_m=tag.centre_m + np.array([0.12, 0.0, 0.0]))}
     pictures = [seen_tags(yard, camera, np.random.default_rng(1)) for camera in rig.cameras.values()]
     models = {name: camera.model for name, camera in rig.cameras.items()}
     found = calibrate_extrinsics(models, pictures, tags)
-    assert list(found.mistaped) == [MISTAPED]
-    made = extrinsics_figure(found, Layout(tags, {}, Sigmas()))
+    assert list(found.misplaced) == [MISPLACED]
+    made = extrinsics_figure(found, YardLayout(tags, {}, Sigmas()))
     made.canvas.draw()
     return made
 
@@ -44,10 +44,10 @@ def test_no_two_texts_of_a_view_lie_over_each_other(figure: Figure) -> None:
 
 
 def test_side_view_numbers_doubtful_tags_alone(figure: Figure) -> None:
-    """Tags hide each other from the side: only the mistaped one is numbered there, red as from above."""
+    """Tags hide each other from the side: only the misplaced one is numbered there, red as from above."""
     plan, side, _ = figure.axes
     (number,) = (text for text in side.texts if text.get_text().isdigit())
-    assert number.get_text() == str(MISTAPED)
+    assert number.get_text() == str(MISPLACED)
     red = {text.get_text() for text in plan.texts if text.get_color() == number.get_color()}
-    assert red == {str(MISTAPED)}
+    assert red == {str(MISPLACED)}
     assert sum(text.get_text().isdigit() for text in plan.texts) > 15

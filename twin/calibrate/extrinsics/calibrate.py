@@ -26,7 +26,7 @@ from twin.calibrate.boards.detect import detect
 from twin.calibrate.boards.pictures import IMAGE_SUFFIXES, pictures
 from twin.calibrate.camera_files import RIG_NAME, file_name
 from twin.calibrate.extrinsics.given_rig import GivenRig, read_given_rig
-from twin.calibrate.extrinsics.layout import Layout, read_layout
+from twin.calibrate.extrinsics.layout import YardLayout, read_layout
 from twin.calibrate.extrinsics.picture import draw_extrinsics
 from twin.calibrate.extrinsics.tag_corners import TagsFound, find_tags
 from twin.calibrate.mounting_files import drive_tables, kalibr_rig, opencv_mounted
@@ -149,10 +149,10 @@ def calibrate_rig(
     shown, notes = _tag_pictures(files, models, layout, progress)
     found = calibrate_extrinsics(models, shown, layout.tags, nominal=given.nominal, sigmas=layout.sigmas)
     document = given.document
-    doubtful = doubts(found)
+    sentences = doubts(found)
     settled = [name for name, camera in found.cameras.items() if is_determined(camera)]
     if not settled:
-        raise CalibrationError(f"No camera was calibrated, and nothing is written. {' '.join(doubtful)}")
+        raise CalibrationError(f"No camera was calibrated, and nothing is written. {' '.join(sentences)}")
     for name in settled:
         pose = found.cameras[name].rig_T_camera
         document = with_extrinsics(document, name, pose.R, pose.t_m, given.rig.source)
@@ -160,7 +160,7 @@ def calibrate_rig(
     names = (RIG_NAME, *texts, REPORT_NAME, PICTURE_NAME)
     report = ExtrinsicsReport(
         cameras=tuple(_found(found, name, given) for name in found.cameras),
-        doubts=doubtful,
+        doubts=sentences,
         notes=(*given.warnings, *strangers, *notes, *_left_alone(given, settled)),
         n_pictures=len(shown),
         files=tuple(Path(out) / name for name in names),
@@ -259,7 +259,7 @@ def _by_camera(folder: Path, rig: Rig, hand: bool) -> tuple[list[_PictureFile], 
 def _tag_pictures(
     files: Sequence[_PictureFile],
     models: Mapping[str, CameraModel],
-    layout: Layout,
+    layout: YardLayout,
     progress: Progress | None,
 ) -> tuple[list[TagPicture], list[str]]:
     found, notes = [], []
@@ -292,7 +292,7 @@ def _tag_pictures(
     return found, notes
 
 
-def _tag_notes(name: str, tags: TagsFound, layout: Layout) -> list[str]:
+def _tag_notes(name: str, tags: TagsFound, layout: YardLayout) -> list[str]:
     notes = []
     if tags.n_small:
         notes.append(f"{name}: {tags.n_small} tags are too small or too blurred and were left out.")

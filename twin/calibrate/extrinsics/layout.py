@@ -54,7 +54,7 @@ _LARGEST_M = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class YardLayout:
     """What stands around the car.
 
     Attributes
@@ -70,7 +70,7 @@ class Layout:
     sigmas: Sigmas
 
 
-def read_layout(content: bytes, where: str) -> Layout:
+def read_layout(content: bytes, where: str) -> YardLayout:
     """Read ``layout.toml``.
 
     Raises
@@ -101,7 +101,7 @@ def read_layout(content: bytes, where: str) -> Layout:
     if not tags:
         raise LayoutError(f"{where} names no tag: list them under [[tag]], floor or free.")
     floor_m = _number(document, "floor_sigma_m", where, 1.0, default=_FLOOR_SIGMA_M)
-    return Layout(tags, boards, Sigmas(floor_m=floor_m))
+    return YardLayout(tags, boards, Sigmas(floor_m=floor_m))
 
 
 def _add(tags: dict[int, Tag], tag: Tag, where: str) -> None:

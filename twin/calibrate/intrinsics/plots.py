@@ -27,9 +27,9 @@ _ARROW_PART = 0.02
 _COLOURS = ("#1f5fa8", "#d98c21", "#3f8f4f", "#8a4fa3", "#7a7a7a", "#c8452e")
 
 
-def residual_picture(made: Intrinsics) -> bytes:
+def residual_picture(result: Intrinsics) -> bytes:
     """Draw every corner's residual as an arrow, its angle as a colour, over the image (PNG)."""
-    fit = made.fit
+    fit = result.fit
     figure, axes = _image_axes(fit.camera)
     adjusted, pixel = fit.adjusted, fit.bundle.corners.pixel_px
     used = adjusted.inlier
@@ -51,7 +51,7 @@ def residual_picture(made: Intrinsics) -> bytes:
     figure.colorbar(arrows, ax=axes, label="angle [°]", fraction=0.03, pad=0.02)
     length = _ARROW_PART * fit.camera.width_px / scale
     axes.set_title(
-        f"Residuals: {used.sum():,} corners, {len(made.views)} views; arrows {scale:,.4g} times enlarged, "
+        f"Residuals: {used.sum():,} corners, {len(result.views)} views; arrows {scale:,.4g} times enlarged, "
         f"{length:.3f} px is {_ARROW_PART:.0%} of the width",
         loc="left",
         fontsize=9,
@@ -67,19 +67,19 @@ def _round(value: float) -> float:
     return float(ten * min((1.0, 2.0, 5.0, 10.0), key=lambda step: abs(np.log(value / ten / step))))
 
 
-def coverage_picture(made: Intrinsics) -> bytes:
+def coverage_picture(result: Intrinsics) -> bytes:
     """Draw one sigma of the rays where boards were seen; grey is what is not vouched for (PNG)."""
-    camera = made.camera
+    camera = result.camera
     figure, axes = _image_axes(camera)
-    rows, columns = made.coverage.covered.shape
+    rows, columns = result.coverage.covered.shape
     extent = (-0.5, columns * CELL_PX - 0.5, rows * CELL_PX - 0.5, -0.5)
     axes.set_facecolor(_OUTSIDE)
-    shown = axes.imshow(made.sigma_deg, extent=extent, cmap="viridis_r", vmin=0.0, interpolation="nearest")
-    axes.plot(*made.fit.bundle.corners.pixel_px.T, ".", color="black", ms=1.2, alpha=0.5)
+    shown = axes.imshow(result.sigma_deg, extent=extent, cmap="viridis_r", vmin=0.0, interpolation="nearest")
+    axes.plot(*result.fit.bundle.corners.pixel_px.T, ".", color="black", ms=1.2, alpha=0.5)
     axes.set(xlim=(-0.5, camera.width_px - 0.5), ylim=(camera.height_px - 0.5, -0.5))
     figure.colorbar(shown, ax=axes, label="one sigma of a ray [°]", fraction=0.03, pad=0.02)
     axes.set_title(
-        f"Coverage: {made.coverage.fraction:.0%} of the image lies inside a board's outline; grey is not "
+        f"Coverage: {result.coverage.fraction:.0%} of the image lies inside a board's outline; grey is not "
         "vouched for",
         loc="left",
         fontsize=9,
@@ -87,21 +87,21 @@ def coverage_picture(made: Intrinsics) -> bytes:
     return _png(figure)
 
 
-def curve_picture(made: Intrinsics) -> bytes:
+def curve_picture(result: Intrinsics) -> bytes:
     """Draw θ(r) of the chosen model, and how far every other model that fits is from it (PNG)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.4, 5.2), facecolor="white", layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-    radius, theta = _curve(made.camera, made.fit.values[:2])
-    seen = made.fit.bundle.corners.pixel_px[made.fit.adjusted.inlier] - made.fit.values[:2]
+    radius, theta = _curve(result.camera, result.fit.values[:2])
+    seen = result.fit.bundle.corners.pixel_px[result.fit.adjusted.inlier] - result.fit.values[:2]
     farthest = float(np.linalg.norm(seen, axis=1).max())
-    upper.plot(radius, theta, color=_COLOURS[0], lw=2, label=f"{made.fit.label} (chosen)")
+    upper.plot(radius, theta, color=_COLOURS[0], lw=2, label=f"{result.fit.label} (chosen)")
     upper.plot(radius, radius * theta[1] / radius[1], color="#999999", lw=1, ls=":", label="proportional")
     upper.set_ylabel("angle from the axis θ [°]")
-    others = [c.fit for c in made.candidates if c.fit is not None and c.fit is not made.fit]
+    others = [c.fit for c in result.candidates if c.fit is not None and c.fit is not result.fit]
     for colour, other in zip(_COLOURS[1:], others, strict=False):
-        apart = _difference_deg(made.fit, other, radius)
+        apart = _difference_deg(result.fit, other, radius)
         lower.plot(radius, apart, lw=1.3, color=colour, label=other.label)
     lower.set(xlabel="radius r from the principal point [px]", ylabel="from the chosen [°]")
     lower.axhline(0.0, color="#888888", lw=0.8)

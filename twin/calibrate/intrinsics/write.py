@@ -29,13 +29,13 @@ from twin.store.folders import make_folder
 
 
 def write_calibration(
-    made: Calibrated, out: Path, camera: str, rig: Path | None = None, *, add: bool = False
+    calibrated: Calibrated, out: Path, camera: str, rig: Path | None = None, *, add: bool = False
 ) -> list[Path]:
     """Write the rig, and the camera's files, report and pictures in a folder of its own.
 
     Parameters
     ----------
-    made : Calibrated
+    calibrated : Calibrated
     out : Path
         Folder for ``rig.json``; made if it does not exist. The camera's own files go into its sub-folder of
         the camera's name, so that several cameras share one rig.
@@ -60,8 +60,8 @@ def write_calibration(
         If the folder cannot be written, or its ``rig.json`` holds other cameras and is not the rig given.
     """
     check_rig(out, camera, rig, add=add)
-    text = _rig_text(made, camera, rig, add)
-    files = _contents(made, camera)
+    text = _rig_text(calibrated, camera, rig, add)
+    files = _contents(calibrated, camera)
     folder = make_folder(out)
     own = folder / file_name(camera)
     with replacing(own, list(files)) as staging:
@@ -110,9 +110,9 @@ def _intrinsics_of(document: Mapping[str, Any]) -> dict[str, object]:
     return {name: sensors[name].get("properties") for name in cameras_of(document)}
 
 
-def _rig_text(made: Calibrated, camera: str, rig: Path | None, add: bool) -> str:
+def _rig_text(calibrated: Calibrated, camera: str, rig: Path | None, add: bool) -> str:
     """Write the rig with the calibrated camera."""
-    model = made.intrinsics.camera
+    model = calibrated.intrinsics.camera
     if rig is None:
         return rig_text(new_rig_document({camera: model}))
     return rig_text(rig_with_camera(_rig_document(rig), str(rig), camera, model, add=add))
@@ -127,15 +127,15 @@ def _rig_document(rig: Path) -> dict[str, object]:
     return dict(json_document(content, str(rig)))
 
 
-def _contents(made: Calibrated, camera: str) -> dict[str, bytes]:
+def _contents(calibrated: Calibrated, camera: str) -> dict[str, bytes]:
     """File name → content."""
     pictures = {
-        "residuals.png": residual_picture(made.intrinsics),
-        "coverage.png": coverage_picture(made.intrinsics),
-        "curve.png": curve_picture(made.intrinsics),
+        "residuals.png": residual_picture(calibrated.intrinsics),
+        "coverage.png": coverage_picture(calibrated.intrinsics),
+        "curve.png": curve_picture(calibrated.intrinsics),
     }
-    others = other_formats(made.intrinsics.candidates, camera)
-    report = intrinsics_report(made, camera)
+    others = other_formats(calibrated.intrinsics.candidates, camera)
+    report = intrinsics_report(calibrated, camera)
     models = {name: candidate.label for name, (_, candidate) in others.items()}
     document = report.document({RIG_NAME: report.model, **models})
     texts = {
