@@ -23,11 +23,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geoloc.arrays import ByteArray
-from geoloc.calibration.intrinsics.calibrate import Intrinsics, calibrate_intrinsics
-from geoloc.calibration.intrinsics.fit import Fit, fit
-from geoloc.calibration.intrinsics.initial_guess import angle_between
+from geoloc.calibration.intrinsics import Fit, Intrinsics, View, angle_between, calibrate_intrinsics
+from geoloc.calibration.intrinsics.fit import fit
 from geoloc.calibration.intrinsics.radial_lenses import FThetaLens
-from geoloc.calibration.intrinsics.views import View, corners_of
+from geoloc.calibration.intrinsics.views import corners_of
 from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera
 from geoloc.rig.rig import read_rig
 from geoloc.simulation.car import CAMERAS

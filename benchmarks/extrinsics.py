@@ -22,8 +22,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
-from geoloc.calibration.extrinsics.observations import TagPicture
+from geoloc.calibration.extrinsics import TagPicture, calibrate_extrinsics
 from geoloc.rig.rig import Rig, read_rig
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import draw_yard, yard_picture

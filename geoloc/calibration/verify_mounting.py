@@ -229,11 +229,10 @@ def _turn(
     rays = camera.model.rays(pixel_px[:, 0], pixel_px[:, 1], slopes=True)
     away = (rig_point_m - camera.rig_t_camera_m) @ camera.rig_R_camera
     use = rays.inside & np.isfinite(away).all(axis=1)
-    if use.sum() < MIN_SIGHTINGS or rays.by_u is None or rays.by_v is None:
+    if use.sum() < MIN_SIGHTINGS:
         return None
     seen = np.stack(rays.ray, axis=-1)[use]
-    slopes = np.stack([np.stack(rays.by_u, axis=-1), np.stack(rays.by_v, axis=-1)], axis=-1)[use]
-    px_from_ray = np.asarray(np.linalg.pinv(slopes), dtype=np.float64)
+    px_from_ray = np.asarray(np.linalg.pinv(rays.by_pixel()[use]), dtype=np.float64)
     expected = away[use] / np.linalg.norm(away[use], axis=1, keepdims=True)
     turn = np.zeros(3)
     for _ in range(_ROUNDS):

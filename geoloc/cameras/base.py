@@ -94,6 +94,12 @@ class PixelRays(NamedTuple):
     inside: BoolArray
     """True inside the model's domain and on the image."""
 
+    def by_pixel(self) -> FloatArray:
+        """Return the derivatives by column and row, ``(..., 3, 2)``; only where they were asked for."""
+        if self.by_u is None or self.by_v is None:
+            raise ValueError("rays were asked for without their slopes")
+        return np.stack([np.stack(self.by_u, axis=-1), np.stack(self.by_v, axis=-1)], axis=-1)
+
 
 @runtime_checkable
 class CameraModel(Protocol):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from checkout import REAL
 
-from geoloc.calibration_files.read import calibration_kind, read_cameras
+from geoloc.calibration_files import calibration_kind, read_cameras
 from geoloc.cameras import CameraModel, FisheyeCamera, OcamCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 

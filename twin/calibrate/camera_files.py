@@ -5,14 +5,12 @@ from __future__ import annotations
 import copy
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from geoloc.calibration.intrinsics.comparison import Candidate
-from geoloc.calibration_files.kalibr import kalibr_text
-from geoloc.calibration_files.ocamcalib import ocamcalib_text
-from geoloc.calibration_files.opencv_file import opencv_text
-from geoloc.cameras import CameraModel, FThetaCamera, OcamCamera
+from geoloc.calibration.intrinsics import Candidate
+from geoloc.calibration_files import kalibr_text, ocamcalib_text, opencv_text
+from geoloc.cameras import CameraModel, FThetaCamera
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import model_properties
 from geoloc.rig.rig import looks_like_rig, rig_from_document
@@ -23,8 +21,13 @@ _INTRINSIC_KEYS = frozenset(
     | {"xi", "alpha", "beta", "omega", "c", "d", "e", "linear-c", "linear-d", "linear-e"}
     | {"distortion", "poly", "polynomial", "polynomial-type", "bw-poly"}
 )
-_FORMATS = {"opencv.yaml": ("fisheye", "pinhole"), "kalibr.yaml": ("fisheye",), "ocamcalib.txt": ("ocam",)}
-"""Files beside the rig, and the models that each can hold."""
+_Writer = Callable[[Any, str], str]
+_FORMATS: Mapping[str, tuple[tuple[str, ...], _Writer]] = {
+    "opencv.yaml": (("fisheye", "pinhole"), opencv_text),
+    "kalibr.yaml": (("fisheye",), lambda camera, _name: kalibr_text([camera])),
+    "ocamcalib.txt": (("ocam",), lambda camera, _name: ocamcalib_text(camera)),
+}
+"""Files beside the rig, the models that each can hold, and how a camera of a name is written."""
 
 
 def new_rig_document(cameras: Mapping[str, CameraModel]) -> dict[str, Any]:
@@ -140,19 +143,9 @@ def other_formats(candidates: Sequence[Candidate], name: str) -> dict[str, tuple
     Each format takes the best of the models that it can hold.
     """
     files = {}
-    for file, models in _FORMATS.items():
-        able = [c for c in candidates if c.model in models and c.fit is not None]
-        if not able:
-            continue
-        candidate = min(able, key=lambda c: c.held_out_deg)
-        files[file] = (_text(file, candidate, name), candidate)
+    for file, (models, write) in _FORMATS.items():
+        able = [(c, c.fit) for c in candidates if c.model in models and c.fit is not None]
+        if able:
+            candidate, fit = min(able, key=lambda pair: pair[0].held_out_deg)
+            files[file] = (write(fit.camera, name), candidate)
     return files
-
-
-def _text(file: str, candidate: Candidate, name: str) -> str:
-    camera = candidate.fit.camera if candidate.fit is not None else None
-    if isinstance(camera, OcamCamera):
-        return ocamcalib_text(camera)
-    if camera is None:
-        raise CalibrationError(f"There is no camera to write to {file}.")
-    return kalibr_text([camera]) if file.startswith("kalibr") else opencv_text(camera, name)

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration_files.kalibr import kalibr_text
-from geoloc.calibration_files.opencv_file import opencv_text
+from geoloc.calibration_files import kalibr_text, opencv_text
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
+from geoloc.rig.edit import with_rotation_correction
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
 from twin.drives.folder.drive_toml import CameraSettings
+from twin.store.atomic_files import replace_file
+from twin.store.folders import make_folder
 
 _DIGITS = 5
 """Of degrees and metres: 0.2 mm at 1 km, and a hundredth of a millimetre."""
@@ -43,6 +47,33 @@ def drive_tables(rig: Rig, cameras: Iterable[str], tables: Mapping[str, CameraSe
         if before.mask is not None:
             lines.append(f"mask = {json.dumps(before.mask, ensure_ascii=False)}")
     return "".join(f"{line}\n" for line in lines)
+
+
+def write_corrected_rig(
+    path: Path, document: Mapping[str, Any], rotations: Mapping[str, FloatArray], source: str
+) -> Path:
+    """Write a rig file again with ``correction_sensor_R_FLU`` of some cameras; all else stays as it is.
+
+    Parameters
+    ----------
+    path : Path
+    document : mapping
+        The rig file that is corrected.
+    rotations : mapping of camera to float64 (3, 3)
+        Their new ``rig_R_camera``.
+    source : str
+        The document's name, for messages.
+
+    Raises
+    ------
+    RefusedError
+        If the file cannot be written.
+    """
+    for name, rotation in rotations.items():
+        document = with_rotation_correction(document, name, rotation, source)
+    make_folder(path.parent)
+    replace_file(path, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
+    return path
 
 
 def kalibr_rig(rig: Rig, cameras: Iterable[str]) -> str | None:

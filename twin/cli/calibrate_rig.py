@@ -113,7 +113,8 @@ def example_yard(
     json_output: JsonOption = False,
 ) -> None:
     """Render a yard with AprilTags to try `extrinsics` on, with a drawn rig and the true one."""
-    from twin.calibrate.extrinsics.example import DRAWN_RIG, LAYOUT, PICTURES, write_yard
+    from twin.calibrate.extrinsics.example import DRAWN_RIG, LAYOUT, write_yard
+    from twin.calibrate.intrinsics.example import PICTURES
 
     with bar(quiet=json_output) as progress:
         files = write_yard(out, seed=seed, floor_lean_deg=floor_lean, progress=progress)

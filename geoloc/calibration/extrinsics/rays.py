@@ -44,9 +44,8 @@ def _sightings_of(picture: TagPicture, model: CameraModel, tags: Mapping[int, Ta
         if tag not in tags:
             continue
         rays = model.rays(picture.corners_px[i, :, 0], picture.corners_px[i, :, 1], slopes=True)
-        if not rays.inside.all() or rays.by_u is None or rays.by_v is None:
+        if not rays.inside.all():
             continue
-        slopes = np.stack([np.stack(rays.by_u, axis=-1), np.stack(rays.by_v, axis=-1)], axis=-1)
         sightings.append(
             Sighting(
                 camera=picture.camera,
@@ -55,7 +54,7 @@ def _sightings_of(picture: TagPicture, model: CameraModel, tags: Mapping[int, Ta
                 picture=picture.name,
                 points_m=tags[tag].corners_m() if picture.points_m is None else picture.points_m[i],
                 ray=np.stack(rays.ray, axis=-1),
-                px_from_ray=np.asarray(np.linalg.pinv(slopes), dtype=np.float64),
+                px_from_ray=np.asarray(np.linalg.pinv(rays.by_pixel()), dtype=np.float64),
             )
         )
     return sightings

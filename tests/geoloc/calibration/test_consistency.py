@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geoloc.calibration.intrinsics.calibrate import calibrate_intrinsics
+from geoloc.calibration.intrinsics import Fit, View, calibrate_intrinsics
 from geoloc.calibration.intrinsics.consistency import alikeness, two_cameras
-from geoloc.calibration.intrinsics.fit import Fit, fit, lenses
+from geoloc.calibration.intrinsics.fit import fit, lenses
 from geoloc.calibration.intrinsics.initial_guess import first_guess
-from geoloc.calibration.intrinsics.views import View, corners_of
+from geoloc.calibration.intrinsics.views import corners_of
 from geoloc.cameras import FThetaCamera
 from geoloc.errors import CalibrationError
 from geoloc.simulation.pictures.board_views import draw_board_poses

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geoloc.calibration.extrinsics.calibrate import Extrinsics, calibrate_extrinsics
+from geoloc.calibration.extrinsics import Extrinsics, Pose, Sigmas, Tag, TagPicture, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts
 from geoloc.calibration.extrinsics.initial_guess import tag_poses
 from geoloc.calibration.extrinsics.network import Network, NetworkState
-from geoloc.calibration.extrinsics.observations import Pose, Sigmas, Tag, TagPicture
 from geoloc.errors import CalibrationError
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import Yard, draw_yard, seen_tags

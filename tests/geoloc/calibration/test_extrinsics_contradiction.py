@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
+from geoloc.calibration.extrinsics import Tag, TagPicture, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts
-from geoloc.calibration.extrinsics.observations import Tag, TagPicture
 from geoloc.cameras import CameraModel, FThetaCamera
 from geoloc.errors import CalibrationError
 from geoloc.simulation.car import simulated_rig

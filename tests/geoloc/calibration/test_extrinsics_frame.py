@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geoloc.calibration.extrinsics.calibrate import Extrinsics, calibrate_extrinsics
+from geoloc.calibration.extrinsics import Extrinsics, Pose, Tag, TagPicture, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts
-from geoloc.calibration.extrinsics.observations import Pose, Tag, TagPicture
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import RigCamera
 from geoloc.simulation.car import simulated_rig

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geoloc.calibration.intrinsics import Intrinsics, View, angle_between, calibrate_intrinsics
 from geoloc.calibration.intrinsics.bundle import shaped
-from geoloc.calibration.intrinsics.calibrate import Intrinsics, calibrate_intrinsics
 from geoloc.calibration.intrinsics.comparison import best
 from geoloc.calibration.intrinsics.fit import fit
-from geoloc.calibration.intrinsics.initial_guess import angle_between, first_guess
+from geoloc.calibration.intrinsics.initial_guess import first_guess
 from geoloc.calibration.intrinsics.radial_lenses import FThetaLens
-from geoloc.calibration.intrinsics.views import Corners, View, corners_of
+from geoloc.calibration.intrinsics.views import Corners, corners_of
 from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera, OcamCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 from geoloc.simulation.pictures.board_views import draw_board_poses

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoloc.calibration.intrinsics.selection import alike, sharp, spread
-from geoloc.calibration.intrinsics.views import View
+from geoloc.calibration.intrinsics import View, alike, sharp, spread
 
 BOARD = np.argwhere(np.ones((5, 4))).astype(np.float64) * 0.1
 

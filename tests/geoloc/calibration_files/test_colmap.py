@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoloc.calibration_files.read import calibration_kind, read_cameras
+from geoloc.calibration_files import calibration_kind, read_cameras
 from geoloc.cameras import FisheyeCamera, OmniCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 

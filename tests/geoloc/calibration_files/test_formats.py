@@ -33,12 +33,16 @@ from calibration_samples import (
     SPHERES,
 )
 
+from geoloc.calibration_files import (
+    CALIBRATION_KINDS,
+    calibration_kind,
+    kalibr_text,
+    ocamcalib_text,
+    opencv_text,
+    opensfm_text,
+    read_cameras,
+)
 from geoloc.calibration_files.document import MAX_BYTES, MAX_YAML_BYTES
-from geoloc.calibration_files.kalibr import kalibr_text
-from geoloc.calibration_files.ocamcalib import ocamcalib_text
-from geoloc.calibration_files.opencv_file import opencv_text
-from geoloc.calibration_files.opensfm import opensfm_text
-from geoloc.calibration_files.read import CALIBRATION_KINDS, calibration_kind, read_cameras
 from geoloc.cameras import (
     CameraModel,
     FisheyeCamera,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from calibration_samples import FISHEYE624, FOV
 
-from geoloc.calibration_files.read import read_cameras
+from geoloc.calibration_files import read_cameras
 from geoloc.cameras import CameraModel, Fisheye624Camera, FisheyeCamera, FovCamera, PinholeCamera
 from geoloc.errors import CalibrationError
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from geoloc.calibration.intrinsics.views import View
+from geoloc.calibration.intrinsics import View
 from geoloc.cameras import CameraModel
 from geoloc.errors import CalibrationError
 from geoloc.simulation.pictures.board_views import draw_board_poses

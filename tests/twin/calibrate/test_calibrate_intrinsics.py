@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
-from geoloc.calibration.intrinsics.initial_guess import angle_between
-from geoloc.calibration_files.read import read_cameras
+from geoloc.calibration.intrinsics import angle_between
+from geoloc.calibration_files import read_cameras
 from geoloc.cameras import FThetaCamera
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import read_rig

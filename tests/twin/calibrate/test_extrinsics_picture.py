@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from geoloc.calibration.extrinsics.calibrate import calibrate_extrinsics
-from geoloc.calibration.extrinsics.observations import Sigmas
+from geoloc.calibration.extrinsics import Sigmas, calibrate_extrinsics
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import draw_yard, seen_tags
 from twin.calibrate.extrinsics.layout import YardLayout

@@ -15,9 +15,7 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 
-from geoloc.calibration_files.kalibr import kalibr_text
-from geoloc.calibration_files.opencv_file import opencv_text
-from geoloc.calibration_files.read import read_cameras
+from geoloc.calibration_files import kalibr_text, opencv_text, read_cameras
 from geoloc.cameras import FisheyeCamera, PinholeCamera
 from geoloc.earth.geodesy import rotation_from_rpy
 from geoloc.rig.rig import FLU_R_RDF, RigCamera, read_rig

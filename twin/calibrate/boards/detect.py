@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import ByteArray, FloatArray, IntArray
-from geoloc.calibration.intrinsics.views import MIN_CORNERS, View
+from geoloc.calibration.intrinsics import MIN_CORNERS, View
 from twin.calibrate.boards.boards import Board
 from twin.calibrate.boards.saddle import refined
 

@@ -16,12 +16,10 @@ from scipy.spatial.transform import Rotation
 from geoloc.arrays import FloatArray
 from geoloc.calibration.verify_mounting import mounting_part
 from geoloc.locate.error_budget import ErrorBudget
-from geoloc.rig.edit import with_rotation_correction
 from geoloc.rig.rig import Rig, rig_from_document
+from twin.calibrate.mounting_files import write_corrected_rig
 from twin.errors import ConfigError
 from twin.store import schema
-from twin.store.atomic_files import replace_file
-from twin.store.folders import make_folder
 from twin.store.store import Store
 
 AXES = ("pitch", "yaw", "roll")
@@ -256,14 +254,12 @@ def _moves(history: CameraHistory) -> list[str]:
 
 
 def _apply(newest: _StoredDrive, cameras: Sequence[CameraHistory], path: Path) -> Path:
-    document: Mapping[str, Any] = newest.document
-    for history in cameras:
-        turn = Rotation.from_rotvec(np.radians(history.certain_deg)).as_matrix()
-        rotation = newest.rig.camera(history.camera).rig_R_camera @ turn
-        document = with_rotation_correction(document, history.camera, rotation, newest.rig.source)
-    make_folder(path.parent)
-    replace_file(path, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
-    return path
+    rotations = {
+        history.camera: newest.rig.camera(history.camera).rig_R_camera
+        @ Rotation.from_rotvec(np.radians(history.certain_deg)).as_matrix()
+        for history in cameras
+    }
+    return write_corrected_rig(path, newest.document, rotations, newest.rig.source)
 
 
 def _three(values: FloatArray) -> tuple[float, float, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from twin.calibrate.drives.history import AXES, DriveTurn, Histories
 from twin.calibrate.drives.verify import Verification
+from twin.calibrate.figures import png
 from twin.errors import ConfigError
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
@@ -94,18 +94,14 @@ def tick_labels(drives: Sequence[DriveTurn]) -> list[str]:
 
 
 def _figure(path: Path, n: int) -> tuple[Figure, int]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     if Path(path).suffix.lower() != ".png":
         raise ConfigError(f"The picture is a PNG, and {path} is not called one: name it {path}.png.")
     figure = Figure(figsize=(4.2 * max(n, 1), 4.2), dpi=120, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
     return figure, max(n, 1)
 
 
 def _save(figure: Figure, path: Path) -> None:
-    image = io.BytesIO()
-    figure.savefig(image, format="png", metadata={"Software": None})
     make_folder(Path(path).parent)
-    replace_file(Path(path), image.getvalue())
+    replace_file(Path(path), png(figure))

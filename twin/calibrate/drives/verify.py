@@ -31,11 +31,10 @@ from geoloc.earth.geodesy import (
 )
 from geoloc.locate.accuracy import RANGE_EDGES_M
 from geoloc.locate.error_budget import ErrorBudget
-from geoloc.rig.edit import with_rotation_correction
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin.calibrate.drives.known_objects import check_near, most_misplaced
-from twin.calibrate.mounting_files import drive_tables
+from twin.calibrate.mounting_files import drive_tables, write_corrected_rig
 from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, read_settings
 from twin.drives.read import read_drive
@@ -43,7 +42,6 @@ from twin.errors import RefusedError, TruthError
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.reports.evaluate import Truth, read_truth
 from twin.store.atomic_files import replace_file
-from twin.store.folders import make_folder
 
 _FEW_OBJECTS = 5
 LEAST_DEG = 0.02
@@ -394,10 +392,5 @@ def _apply(drive: Drive, turns: Mapping[str, CameraTurn], path: Path, doubt: str
         raise RefusedError(f"{path} is not written. {doubt}")
     document = json.loads(drive.rig_document.removeprefix("\ufeff"))
     corrected = rig_turned(drive.rig, turns)
-    for name in turns:
-        document = with_rotation_correction(
-            document, name, corrected.cameras[name].rig_R_camera, drive.rig.source
-        )
-    make_folder(path.parent)
-    replace_file(path, (json.dumps(document, indent=2, ensure_ascii=False) + "\n").encode())
-    return path
+    rotations = {name: corrected.cameras[name].rig_R_camera for name in turns}
+    return write_corrected_rig(path, document, rotations, drive.rig.source)

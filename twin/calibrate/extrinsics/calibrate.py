@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,18 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration.extrinsics.calibrate import Extrinsics, calibrate_extrinsics
+from geoloc.calibration.extrinsics import Extrinsics, TagPicture, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts, is_determined
-from geoloc.calibration.extrinsics.observations import TagPicture
-from geoloc.calibration_files.read import read_cameras
-from geoloc.cameras.base import CameraModel
+from geoloc.calibration_files import read_cameras
+from geoloc.cameras import CameraModel
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
 from geoloc.rig.edit import with_extrinsics
 from geoloc.rig.rig import FLU_R_RDF, Rig, rig_from_document
 from twin.calibrate.boards.boards import Board
 from twin.calibrate.boards.detect import detect
-from twin.calibrate.boards.pictures import IMAGE_SUFFIXES, pictures
+from twin.calibrate.boards.pictures import IMAGE_SUFFIXES, Progress, pictures
 from twin.calibrate.camera_files import RIG_NAME, file_name
 from twin.calibrate.extrinsics.given_rig import GivenRig, read_given_rig
 from twin.calibrate.extrinsics.layout import YardLayout, read_layout
@@ -33,8 +32,6 @@ from twin.calibrate.mounting_files import drive_tables, kalibr_rig, opencv_mount
 from twin.drives.folder.sensor_names import named_in
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
-
-Progress = Callable[[str, int, int | None], None]
 
 HAND = "hand"
 """Name of the camera that is carried around the car."""
@@ -359,8 +356,6 @@ def _three(values: FloatArray) -> tuple[float, float, float]:
 
 def _document(report: ExtrinsicsReport, found: Extrinsics) -> dict[str, Any]:
     """The report as JSON: poses with their full covariances, tags, doubts."""
-    from dataclasses import asdict
-
     cameras = [
         {**asdict(camera), "covariance_rad_m": found.cameras[camera.camera].covariance.tolist()}
         for camera in report.cameras

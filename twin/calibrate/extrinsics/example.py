@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,11 +11,15 @@ import numpy as np
 from geoloc.rig.rig import Rig, rig_document
 from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import TAG_M, Yard, draw_yard, turned_camera, yard_picture
-from twin.calibrate.intrinsics.example import example_camera
-from twin.errors import RefusedError
-from twin.store.folders import make_folder
+from twin.calibrate.boards.pictures import Progress
+from twin.calibrate.intrinsics.example import (
+    TRUE_RIG,
+    example_camera,
+    picture_folder,
+    write_picture,
+)
 
-PICTURES, LAYOUT, DRAWN_RIG, TRUE_RIG = "pictures", "layout.toml", "drawn_rig.json", "true_rig.json"
+LAYOUT, DRAWN_RIG = "layout.toml", "drawn_rig.json"
 SURVEY_M = 0.001
 _DRAWN_DEG, _DRAWN_M = 1.0, 0.03
 """How far a drawing is from the car that was built: one sigma of each axis."""
@@ -27,7 +30,7 @@ def write_yard(
     *,
     seed: int = 0,
     floor_lean_deg: float = 0.0,
-    progress: Callable[[str, int, int | None], None] = lambda _what, _done, _total: None,
+    progress: Progress = lambda _what, _done, _total: None,
 ) -> list[Path]:
     """Write a picture of every camera of the simulated car, the layout, the drawn and the true rig.
 
@@ -45,18 +48,12 @@ def write_yard(
     RefusedError
         If the folder holds something.
     """
-    import cv2
-
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise RefusedError(f"{out} is not an empty folder: name a new one, or remove what it holds.")
-    folder, rng = make_folder(out / PICTURES), np.random.default_rng(seed)
+    folder, rng = picture_folder(out), np.random.default_rng(seed)
     yard, rig = draw_yard(rng, sigma_m=SURVEY_M, floor_lean_deg=floor_lean_deg), example_rig()
     files = []
     for done, camera in enumerate(rig.cameras.values()):
         progress("rendering", done, len(rig.cameras))
-        path = folder / f"{camera.name}.png"
-        path.write_bytes(cv2.imencode(".png", yard_picture(yard, camera, rng))[1].tobytes())
-        files.append(path)
+        files.append(write_picture(folder / f"{camera.name}.png", yard_picture(yard, camera, rng)))
     progress("rendering", len(rig.cameras), len(rig.cameras))
     texts = {
         LAYOUT: layout_text(yard),

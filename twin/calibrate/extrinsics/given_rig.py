@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from geoloc.calibration.extrinsics.observations import Pose
-from geoloc.calibration_files.document import json_document
-from geoloc.calibration_files.read import calibration_kind, read_cameras
+from geoloc.calibration.extrinsics import Pose
+from geoloc.calibration_files import HEAD_BYTES, calibration_kind, json_document, read_cameras
 from geoloc.rig.edit import with_unknown_poses
 from geoloc.rig.rig import Rig, rig_from_document
 from twin.calibrate.camera_files import new_rig_document
@@ -24,7 +23,6 @@ from twin.drives.rig.driveworks import find_rig
 from twin.drives.rig.rig_files import rig_of_folder
 from twin.errors import ConfigError
 
-_HEAD_BYTES = 65_536
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
@@ -78,7 +76,7 @@ def read_given_rig(path: Path | str) -> GivenRig:
             f"The rig {path} cannot be read ({error.strerror}): give a rig file, a calibration file or a"
             " drive folder."
         ) from error
-    if calibration_kind(content[:_HEAD_BYTES]) == "driveworks":
+    if calibration_kind(content[:HEAD_BYTES]) == "driveworks":
         document = with_unknown_poses(json_document(content, path.name))
     else:
         cameras = read_cameras(content, path.name)
@@ -128,7 +126,7 @@ def _placed(folder: DriveFolder, settings: DriveSettings) -> DriveSettings:
 
 def _rig_file(folder: DriveFolder) -> str | None:
     """The folder's rig file, if it has one."""
-    kinds = {calibration_kind(folder.head(name, _HEAD_BYTES)) for name in folder.names(".json")}
+    kinds = {calibration_kind(folder.head(name, HEAD_BYTES)) for name in folder.names(".json")}
     return find_rig(folder) if "driveworks" in kinds else None
 
 

@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration.extrinsics.observations import Sigmas, Tag
+from geoloc.calibration.extrinsics import Sigmas, Tag
 from twin.calibrate.boards.boards import Board, board_from_text
 from twin.errors import ConfigError, LayoutError
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration.extrinsics.calibrate import Extrinsics
-from geoloc.calibration.extrinsics.observations import Pose
+from geoloc.calibration.extrinsics import Extrinsics, Pose
 from twin.calibrate.extrinsics.layout import FIRST_BOARD, YardLayout, board_size_m, outline_m
+from twin.calibrate.figures import png
 from twin.store.atomic_files import replace_file
 
 if TYPE_CHECKING:
@@ -34,9 +33,7 @@ _LYING = 0.7
 
 def draw_extrinsics(result: Extrinsics, layout: YardLayout, path: Path) -> None:
     """Write `extrinsics_figure` as a PNG."""
-    image = io.BytesIO()
-    extrinsics_figure(result, layout).savefig(image, format="png", metadata={"Software": None})
-    replace_file(path, image.getvalue())
+    replace_file(path, png(extrinsics_figure(result, layout)))
 
 
 def extrinsics_figure(result: Extrinsics, layout: YardLayout) -> Figure:
@@ -46,11 +43,9 @@ def extrinsics_figure(result: Extrinsics, layout: YardLayout) -> Figure:
     numbers; top right from the side, where one tag hides another, with the numbers of rejected tags alone;
     below it the corners' residuals in pixels. What was left out, or is not where it was measured, is red.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=_SIZE_IN, dpi=120, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
     grid = figure.add_gridspec(2, 2, width_ratios=[1.0, 1.0], height_ratios=[1.0, 1.5])
     plan, side = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
     rejected = _rejected(result)

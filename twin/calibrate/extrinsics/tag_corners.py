@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from geoloc.arrays import ByteArray, FloatArray, IntArray
-from geoloc.cameras.base import CameraModel
+from geoloc.cameras import CameraModel
 
 CELLS = 8
 """Cells across the black square of a 36h11 tag."""
@@ -167,10 +167,9 @@ def _pixels(model: CameraModel, rays: FloatArray, near_px: FloatArray) -> FloatA
     pixel = near_px
     for _ in range(_PROJECTION_ROUNDS):
         here = model.rays(pixel[:, 0], pixel[:, 1], slopes=True)
-        if not here.inside.all() or here.by_u is None or here.by_v is None:
+        if not here.inside.all():
             return None
         ray = np.stack(here.ray, axis=-1)
-        slopes = np.stack([np.stack(here.by_u, axis=-1), np.stack(here.by_v, axis=-1)], axis=-1)
         away = direction * np.sign((direction * ray).sum(axis=1))[:, np.newaxis] - ray
-        pixel = pixel + np.einsum("nij,nj->ni", np.linalg.pinv(slopes), away)
+        pixel = pixel + np.einsum("nij,nj->ni", np.linalg.pinv(here.by_pixel()), away)
     return np.asarray(pixel, dtype=np.float64)

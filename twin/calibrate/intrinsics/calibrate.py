@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from geoloc.calibration.intrinsics.calibrate import MIN_VIEWS, Intrinsics
-from geoloc.calibration.intrinsics.calibrate import calibrate_intrinsics as calibrate_views
-from geoloc.calibration.intrinsics.faults import ENOUGH_VIEWS, some
-from geoloc.calibration.intrinsics.fit import MODELS
-from geoloc.calibration.intrinsics.selection import alike, sharp, spread
+from geoloc.calibration.intrinsics import (
+    ENOUGH_VIEWS,
+    MIN_VIEWS,
+    MODELS,
+    Intrinsics,
+    alike,
+    sharp,
+    some,
+    spread,
+)
+from geoloc.calibration.intrinsics import calibrate_intrinsics as calibrate_views
 from geoloc.doubts import Doubt
 from geoloc.errors import CalibrationError
 from twin.calibrate.boards.boards import Board, board_from_text
 from twin.calibrate.boards.detect import BLURRED_PX, DetectedBoard, detect
-from twin.calibrate.boards.pictures import count, files_of, pictures
+from twin.calibrate.boards.pictures import Progress, count, files_of, pictures
 from twin.calibrate.intrinsics.no_board import PictureFault, PicturesWithoutBoard
 from twin.errors import ConfigError
 
 MAX_VIEWS = 60
 _MARKER_TOLERANCE = 0.06
-
-Progress = Callable[[str, int, int | None], None]
-"""What is being done, how much of it is done, and how much there is."""
 
 
 @dataclass(frozen=True, slots=True)

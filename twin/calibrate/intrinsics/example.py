@@ -14,8 +14,8 @@ from geoloc.simulation.car import CAMERAS
 from geoloc.simulation.pictures.board_views import draw_board_poses
 from geoloc.simulation.pictures.render import Plane, render_planes
 from twin.calibrate.boards.boards import Board, board_from_text
+from twin.calibrate.boards.pictures import Progress
 from twin.calibrate.camera_files import new_rig_document, rig_text
-from twin.calibrate.intrinsics.calibrate import Progress
 from twin.errors import ConfigError, RefusedError
 from twin.store.folders import make_folder
 
@@ -72,22 +72,38 @@ def write_example(
     ConfigError, RefusedError
         If the car has no such camera, or the folder holds something.
     """
-    import cv2
-
     model = example_camera(camera)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise RefusedError(f"{out} is not an empty folder: name a new one, or remove what it holds.")
-    folder = make_folder(out / PICTURES)
+    folder = picture_folder(out)
     board, rng = board_from_text(EXAMPLE_BOARD), np.random.default_rng(seed)
     files = []
     for number, picture in enumerate(rendered(model, board, n_pictures, rng)):
-        path = folder / f"board_{number + 1:02d}.png"
-        path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
-        files.append(path)
+        files.append(write_picture(folder / f"board_{number + 1:02d}.png", picture))
         progress("rendering", number + 1, n_pictures)
     rig = out / TRUE_RIG
     rig.write_text(rig_text(new_rig_document({camera: model})), encoding="utf-8")
     return [*files, rig]
+
+
+def picture_folder(out: Path) -> Path:
+    """Make the folder of an example's pictures in a new or an empty folder.
+
+    Raises
+    ------
+    RefusedError
+        If the folder holds something.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise RefusedError(f"{out} is not an empty folder: name a new one, or remove what it holds.")
+    return make_folder(out / PICTURES)
+
+
+def write_picture(path: Path, grey: ByteArray) -> Path:
+    """Write a grey picture as PNG, and return its path."""
+    import cv2
+
+    # Not imwrite: on Windows it cannot write names outside of ASCII.
+    path.write_bytes(cv2.imencode(".png", grey)[1].tobytes())
+    return path
 
 
 def rendered(

@@ -8,8 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from geoloc.arrays import ByteArray
-from geoloc.calibration.intrinsics.calibrate import MIN_VIEWS
-from geoloc.calibration.intrinsics.faults import some
+from geoloc.calibration.intrinsics import MIN_VIEWS, some
 from geoloc.doubts import Doubt
 from twin.calibrate.boards.boards import Board
 from twin.calibrate.boards.detect import BLURRED_PX, detect

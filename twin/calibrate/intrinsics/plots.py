@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoloc.calibration.intrinsics.calibrate import Intrinsics
-from geoloc.calibration.intrinsics.coverage import CELL_PX
-from geoloc.calibration.intrinsics.fit import Fit
-from geoloc.calibration.intrinsics.initial_guess import angle_between
+from geoloc.arrays import FloatArray
+from geoloc.calibration.intrinsics import CELL_PX, Fit, Intrinsics, angle_between
 from geoloc.cameras import CameraModel
+from twin.calibrate.figures import png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-
-_DPI = 100
 _USED, _REJECTED, _OUTSIDE = "#1f5fa8", "#c8452e", "#d9d9d9"
 _ARROW_PART = 0.02
 """Length of the arrow of a usual residual, as part of the image's width."""
@@ -58,7 +52,7 @@ def residual_picture(result: Intrinsics) -> bytes:
     )
     if not used.all():
         figure.legend(fontsize=8, loc="outside lower left")
-    return _png(figure)
+    return png(figure)
 
 
 def _round(value: float) -> float:
@@ -84,7 +78,7 @@ def coverage_picture(result: Intrinsics) -> bytes:
         loc="left",
         fontsize=9,
     )
-    return _png(figure)
+    return png(figure)
 
 
 def curve_picture(result: Intrinsics) -> bytes:
@@ -114,7 +108,7 @@ def curve_picture(result: Intrinsics) -> bytes:
         axes.margins(x=0.0)
         axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.4)
     upper.set_title("The lens: angle over radius; grey: beyond all corners", loc="left", fontsize=9.5)
-    return _png(figure)
+    return png(figure)
 
 
 def _curve(camera: CameraModel, centre_px: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -148,12 +142,3 @@ def _image_axes(camera: CameraModel) -> tuple[Figure, Axes]:
     axes.set(xlim=(-0.5, camera.width_px - 0.5), ylim=(camera.height_px - 0.5, -0.5), aspect="equal")
     axes.tick_params(labelsize=7.5)
     return figure, axes
-
-
-def _png(figure: Figure) -> bytes:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    FigureCanvasAgg(figure)
-    image = io.BytesIO()
-    figure.savefig(image, format="png", dpi=_DPI, metadata={"Software": None})
-    return image.getvalue()

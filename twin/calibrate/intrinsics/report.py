@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from geoloc.calibration.intrinsics.faults import some
-from geoloc.calibration.intrinsics.fit import Fit
-from geoloc.calibration.intrinsics.initial_guess import angle_between
+from geoloc.calibration.intrinsics import Fit, angle_between, some
 from geoloc.doubts import Doubt
 from geoloc.rig.intrinsics import model_properties
 from twin.calibrate.intrinsics.calibrate import Calibrated

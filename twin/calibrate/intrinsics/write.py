@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from geoloc.calibration_files.document import json_document
+from geoloc.calibration_files import json_document
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import looks_like_rig
 from twin.calibrate.camera_files import (

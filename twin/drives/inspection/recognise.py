@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
-from geoloc.calibration_files.read import CALIBRATION_KINDS, calibration_kind
+from geoloc.calibration_files import CALIBRATION_KINDS, calibration_kind
 from geoloc.rig.rig import looks_like_rig
 from twin.drives.annotations.find import annotation_folders
 from twin.drives.annotations.formats.coco import looks_like_coco

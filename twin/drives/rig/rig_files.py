@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.calibration_files.read import CalibratedCamera, read_cameras
+from geoloc.calibration_files import CalibratedCamera, read_cameras
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import model_properties
 from geoloc.rig.rig import Rig, looks_like_rig, rig_from_document, without_template_masks

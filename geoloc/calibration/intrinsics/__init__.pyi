@@ -1,0 +1,17 @@
+from .calibrate import MIN_VIEWS as MIN_VIEWS
+from .calibrate import Intrinsics as Intrinsics
+from .calibrate import calibrate_intrinsics as calibrate_intrinsics
+from .comparison import Candidate as Candidate
+from .coverage import CELL_PX as CELL_PX
+from .coverage import Coverage as Coverage
+from .faults import ENOUGH_VIEWS as ENOUGH_VIEWS
+from .faults import ViewFault as ViewFault
+from .faults import some as some
+from .fit import MODELS as MODELS
+from .fit import Fit as Fit
+from .initial_guess import angle_between as angle_between
+from .selection import alike as alike
+from .selection import sharp as sharp
+from .selection import spread as spread
+from .views import MIN_CORNERS as MIN_CORNERS
+from .views import View as View

@@ -1,0 +1,10 @@
+from .document import CalibratedCamera as CalibratedCamera
+from .document import json_document as json_document
+from .kalibr import kalibr_text as kalibr_text
+from .ocamcalib import ocamcalib_text as ocamcalib_text
+from .opencv_file import opencv_text as opencv_text
+from .opensfm import opensfm_text as opensfm_text
+from .read import CALIBRATION_KINDS as CALIBRATION_KINDS
+from .read import HEAD_BYTES as HEAD_BYTES
+from .read import calibration_kind as calibration_kind
+from .read import read_cameras as read_cameras

@@ -1,0 +1,16 @@
+from .drives.history import Histories as Histories
+from .drives.history import cameras_from_drives as cameras_from_drives
+from .drives.plots import draw_histories as draw_histories
+from .drives.plots import draw_verification as draw_verification
+from .drives.verify import Verification as Verification
+from .drives.verify import verify_drive as verify_drive
+from .extrinsics.calibrate import ExtrinsicsReport as ExtrinsicsReport
+from .extrinsics.calibrate import calibrate_rig as calibrate_rig
+from .extrinsics.example import write_yard as write_yard
+from .intrinsics.calibrate import Calibrated as Calibrated
+from .intrinsics.calibrate import calibrate_intrinsics as calibrate_intrinsics
+from .intrinsics.example import write_example as write_example
+from .intrinsics.report import IntrinsicsReport as IntrinsicsReport
+from .intrinsics.report import intrinsics_report as intrinsics_report
+from .intrinsics.write import check_rig as check_rig
+from .intrinsics.write import write_calibration as write_calibration
