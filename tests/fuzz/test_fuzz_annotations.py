@@ -12,10 +12,10 @@ from mutate import Draw, either, fuzzed, mutated, mutated_json, real_files
 
 from geoloc.cameras import PinholeCamera
 from geoloc.rig.rig import Rig, RigCamera
-from twin.drives.annotations.find import read_annotation_json
 from twin.drives.annotations.formats.labelme_xml import looks_like_labelme_xml, read_labelme_xml
 from twin.drives.annotations.formats.plain_csv import looks_like_annotations_csv, read_annotations_csv
-from twin.drives.annotations.formats.shapes import AnnotationFile
+from twin.drives.annotations.formats.shapes import AnnotationFile, Hints
+from twin.drives.annotations.formats.table import read_annotation_json
 from twin.drives.annotations.formats.yolo import YoloClasses, looks_like_yolo, read_yolo, read_yolo_classes
 from twin.drives.annotations.gather import gather
 from twin.drives.annotations.labels import read_label_map
@@ -177,7 +177,7 @@ def check(file: AnnotationFile | None) -> None:
 def test_json_readers_raise_nothing_but_drive_errors(content: bytes) -> None:
     """COCO, Label Studio, labelme, Datumaro and Vistas: a DriveError, or shapes."""
     try:
-        file = read_annotation_json(content, "labels/a_12.json", ["fundament"])
+        file = read_annotation_json(content, "labels/a_12.json", Hints(["fundament"]))
     except DriveError:
         return
     check(file)
@@ -210,7 +210,7 @@ def test_csv_reader_raises_nothing_but_drive_errors(content: bytes) -> None:
 def test_yolo_reader_raises_nothing(classes: YoloClasses | None, content: bytes) -> None:
     """Lines that are no labels are counted, whatever their bytes."""
     looks_like_yolo(content)
-    check(read_yolo(content, "labels/a_12.txt", classes))
+    check(read_yolo(content, "labels/a_12.txt", Hints(classes=classes)))
 
 
 @pytest.mark.parametrize("name", ["data.yaml", "obj.names"])
@@ -222,7 +222,7 @@ def test_yolo_class_reader_raises_nothing_but_drive_errors(name: str, content: b
     except DriveError:
         return
     assert all(isinstance(number, int) for number in classes.labels)
-    check(read_yolo(YOLO[1], "a_12.txt", classes))
+    check(read_yolo(YOLO[1], "a_12.txt", Hints(classes=classes)))
 
 
 @fuzzed(mutated([LABELS]))

@@ -7,9 +7,9 @@ from collections import Counter
 import pytest
 from checkout import REAL
 
-from twin.drives.annotations.find import read_annotation_json
 from twin.drives.annotations.formats.labelme_xml import looks_like_labelme_xml, read_labelme_xml
-from twin.drives.annotations.formats.shapes import AnnotationFile
+from twin.drives.annotations.formats.shapes import AnnotationFile, Hints
+from twin.drives.annotations.formats.table import ONE_IMAGE, read_annotation_json
 from twin.drives.annotations.formats.yolo import looks_like_yolo, read_yolo, read_yolo_classes
 from twin.drives.annotations.labels import default_label_map
 
@@ -55,7 +55,7 @@ def test_real_coco_instances_are_boxes() -> None:
 def test_real_coco_keypoints_without_names_are_left_out() -> None:
     """Three keypoints that the categories do not name: none can be said to be the foot."""
     file = of_json("coco/person_keypoints_val.json")
-    assert file.shapes == ()
+    assert file.shapes == []
     assert left_out(file) == {"a crowd, not one object": 1, "keypoints, none of them named foot": 1}
 
 
@@ -95,7 +95,7 @@ def test_real_labelme_rectangles_are_boxes() -> None:
         ("person", "2011_000003.jpg", (500, 338))
     ] * 2
     assert file.shapes[1].box_px == (364.5, 82.5, 499.5, 332.5)
-    assert file.is_one_image
+    assert file.tool in ONE_IMAGE
 
 
 def test_real_labelme_primitives_are_told_apart() -> None:
@@ -130,7 +130,7 @@ def test_real_yolo_rows_are_fractions_until_the_camera_is_known() -> None:
     assert looks_like_yolo(content("yolo/1.txt"))
     classes = read_yolo_classes(content("yolo/obj.names"), "obj.names")
     assert classes.labels == {k: f"label_{k}" for k in range(10)}
-    file = read_yolo(content("yolo/1.txt"), "1.txt", classes)
+    file = read_yolo(content("yolo/1.txt"), "1.txt", Hints(classes=classes))
     assert [s.label for s in file.shapes] == ["label_2", "label_4"]
     assert [s.pixel_px for s in file.shapes] == [
         pytest.approx((0.133333, 0.3)),
@@ -143,7 +143,7 @@ def test_real_yolo_pose_without_names_is_left_out() -> None:
     """Three keypoints without names: none can be said to be the foot."""
     classes = read_yolo_classes(content("yolo/pose_data.yaml"), "pose_data.yaml")
     assert (classes.labels, classes.n_keypoints, classes.n_values) == ({0: "skeleton_label"}, 3, 3)
-    file = read_yolo(content("yolo/pose_1.txt"), "pose_1.txt", classes)
+    file = read_yolo(content("yolo/pose_1.txt"), "pose_1.txt", Hints(classes=classes))
     assert left_out(file) == {"keypoints, none of them named foot": 1}
 
 
@@ -164,7 +164,7 @@ def test_real_datumaro_skeleton_has_the_foot_that_labels_toml_names() -> None:
     assert left_out(of_json("datumaro/skeleton.json")) == {
         "skeleton with 3 points, none of them named foot": 1
     }
-    file = read_annotation_json(content("datumaro/skeleton.json"), "skeleton.json", ["point3-label"])
+    file = read_annotation_json(content("datumaro/skeleton.json"), "skeleton.json", Hints(["point3-label"]))
     assert file is not None
     (shape,) = file.shapes
     assert (shape.kind, shape.label, shape.image) == ("foot", "skeleton-label", "100.jpg")
@@ -174,7 +174,7 @@ def test_real_datumaro_skeleton_has_the_foot_that_labels_toml_names() -> None:
 def test_real_vistas_polygons_without_width_are_counted() -> None:
     """Five polygons one pixel wide: their corners enclose nothing."""
     file = of_json("mapillary/vistas_v2_polygons.json")
-    assert file.shapes == ()
+    assert file.shapes == []
     assert left_out(file) == {"box without area": 5}
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,22 @@ from twin.drives.folder.notes import Skipped
 
 if TYPE_CHECKING:
     from twin.drives.frames.find import Pictures
+
+
+class Annotation(NamedTuple):
+    """One row of :class:`Annotations`."""
+
+    camera: str
+    frame: int
+    object: str
+    has_id: bool
+    label: str
+    skiltnummer: str
+    text: str
+    kind: str
+    pixel_px: tuple[float, float]
+    box_px: tuple[float, float, float, float]
+    file: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +79,19 @@ class Annotations:
     pixel_px: FloatArray
     box_px: FloatArray
     file: NDArray[np.str_]
+
+    @classmethod
+    def of(cls, rows: Sequence[Annotation]) -> Self:
+        """Return rows as columns."""
+        shapes = {"pixel_px": (-1, 2), "box_px": (-1, 4)}
+        kinds = {"frame": np.int64, "has_id": np.bool_, "pixel_px": np.float64, "box_px": np.float64}
+        columns = zip(*rows, strict=True) if rows else ((),) * len(Annotation._fields)
+        return cls(
+            **{
+                name: np.array(column, kinds.get(name, np.str_)).reshape(shapes.get(name, (-1,)))
+                for name, column in zip(Annotation._fields, columns, strict=True)
+            }
+        )
 
 
 @dataclass(frozen=True, slots=True)

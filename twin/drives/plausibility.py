@@ -174,12 +174,12 @@ def check_span(
     DriveError
     """
     cameras = np.unique(annotations.camera).tolist()
-    epochs = {c: epochs_of(annotations, stamps, c)[annotations.camera == c] + offset_ns for c in cameras}
-    if not epochs:
+    if not cameras:
         return []
+    epoch_ns = epochs_of(annotations, stamps) + offset_ns
+    epochs = {camera: epoch_ns[annotations.camera == camera] for camera in cameras}
     span = track.span_ns()
-    outside = {c: _outside(epoch_ns, span) for c, epoch_ns in epochs.items()}
-    epoch_ns = np.concatenate(list(epochs.values()))
+    outside = {camera: _outside(epochs[camera], span) for camera in cameras}
     what = "poses" if track.poses is not None else "GNSS fixes"
     if all(outside[c] == len(epochs[c]) for c in cameras):
         hint = clock_hint(_span(epoch_ns), span)

@@ -7,71 +7,41 @@ folder itself, a folder in it, or one that ``drive.toml`` names. Such a folder c
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import PurePosixPath
 
-from twin.drives.annotations.formats.coco import looks_like_coco, read_coco
-from twin.drives.annotations.formats.cvat import is_cvat, read_cvat, root_tag
-from twin.drives.annotations.formats.datumaro import looks_like_datumaro, read_datumaro
-from twin.drives.annotations.formats.json_values import parse_json
-from twin.drives.annotations.formats.labelme import looks_like_labelme, read_labelme
-from twin.drives.annotations.formats.labelme_xml import looks_like_labelme_xml, read_labelme_xml
-from twin.drives.annotations.formats.labelstudio import looks_like_labelstudio, read_labelstudio
-from twin.drives.annotations.formats.plain_csv import (
-    lacking,
-    looks_like_annotations_csv,
-    read_annotations_csv,
+from twin.drives.annotations.formats import cvat, plain_csv, yolo
+from twin.drives.annotations.formats.cvat import root_tag
+from twin.drives.annotations.formats.plain_csv import lacking
+from twin.drives.annotations.formats.shapes import NO_HINTS, AnnotationFile, Hints, merged
+from twin.drives.annotations.formats.table import (
+    FORMATS,
+    JSON,
+    NAMES,
+    ONE_IMAGE,
+    SUFFIXES,
+    format_of,
+    read_annotation_json,
 )
-from twin.drives.annotations.formats.shapes import AnnotationFile, merged
-from twin.drives.annotations.formats.vistas import looks_like_vistas, read_vistas
-from twin.drives.annotations.formats.yolo import (
-    NAME_FILES,
-    YoloClasses,
-    looks_like_yolo,
-    read_yolo,
-    read_yolo_classes,
-)
+from twin.drives.annotations.formats.yolo import NAME_FILES, YoloClasses, looks_like_yolo, read_yolo_classes
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes, SkipKind, skipped_annotations
 from twin.errors import DriveError
 
-FORMATS = "CVAT XML 1.1, COCO, Label Studio, labelme, YOLO, Datumaro, Mapillary Vistas or CSV"
-_SUFFIXES = (".xml", ".json", ".csv", ".txt")
 _ANNOTATING = re.compile(
     rb'"(?:shapes|imageData|imagePath|images|annotations|categories|items|completions|objects|result)"\s*:'
 )
+_OF_NAMED_CSV, _OF_OTHER_NAMED = (
+    next(one for one in FORMATS if one.tool == tool) for tool in (plain_csv.TOOL, cvat.TOOL)
+)
+"""Readers of files that ``drive.toml`` names and no format recognises: they say what is wrong."""
 _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tar.gz", ".tgz")
 _UNPACK = "if it holds annotations of this drive, unpack it in the drive folder"
 _EMPTY_BYTES = 64
 _MOST_NAMES = 5
 _DEEPER = ("annotations", "labels")
-LARGEST_JSON_BYTES = 200_000_000
-"""JSON takes some ten times its size in memory: a million boxes stay below this."""
-
-
-def read_annotation_json(content: bytes, where: str, feet: Collection[str] = ()) -> AnnotationFile | None:
-    """Read a JSON export of whichever tool wrote it; None if it is none that twin knows.
-
-    Raises
-    ------
-    DriveError
-        If it is larger than an export may be, or is not JSON.
-    """
-    if len(content) > LARGEST_JSON_BYTES:
-        raise DriveError(
-            f"{where} is {len(content) / 1e6:.0f} MB, more than the {LARGEST_JSON_BYTES / 1e6:.0f} MB that a"
-            " JSON of annotations may have: export it in parts."
-        )
-    document = parse_json(content, where)
-    readers: tuple[tuple[Callable[[object], bool], Callable[[], AnnotationFile]], ...] = (
-        (looks_like_labelme, lambda: read_labelme(document, where)),
-        (looks_like_coco, lambda: read_coco(document, where, feet)),
-        (looks_like_datumaro, lambda: read_datumaro(document, where, feet)),
-        (looks_like_labelstudio, lambda: read_labelstudio(document, where)),
-        (looks_like_vistas, lambda: read_vistas(document, where)),
-    )
-    return next((read() for looks_like, read in readers if looks_like(document)), None)
 
 
 def annotation_folders(folder: DriveFolder) -> list[str]:
@@ -79,15 +49,15 @@ def annotation_folders(folder: DriveFolder) -> list[str]:
 
     So tools lay out their exports: Datumaro's and COCO's are ``annotations/default.json``.
     """
-    found = []
+    folders = []
     for name in folder.folders():
         deeper = folder.folders(name)
-        found += [name, *(one for one in deeper if PurePosixPath(one).name.lower() in _DEEPER)]
-    return found
+        folders += [name, *(one for one in deeper if PurePosixPath(one).name.lower() in _DEEPER)]
+    return folders
 
 
 def find_annotations(
-    folder: DriveFolder, notes: ReadingNotes, feet: Collection[str] = ()
+    folder: DriveFolder, notes: ReadingNotes, hints: Hints = NO_HINTS
 ) -> list[AnnotationFile]:
     """Read every annotation file of the drive folder and of `annotation_folders`.
 
@@ -96,28 +66,28 @@ def find_annotations(
     DriveError
         If one in the drive folder itself is damaged.
     """
-    found = _read_files(folder, "", notes, feet)
+    files = _read_files(folder, "", notes, hints)
     archives = folder.names(*_ARCHIVES)
     for name in annotation_folders(folder):
-        found += _read_files(folder, f"{name}/", notes, feet)
+        files += _read_files(folder, f"{name}/", notes, hints)
         archives += folder.names_in(name, *_ARCHIVES)
     notes.warn(
         DriveDoubt.ANNOTATIONS,
         *(f"{name} is an archive, which is not read: {_UNPACK}." for name in archives),
     )
-    tools = {file.tool for file in found}
+    tools = {file.tool for file in files}
     if len(tools) > 1:
-        listed = ", ".join(f"{file.where} ({file.tool})" for file in found)
+        listed = ", ".join(f"{file.where} ({file.tool})" for file in files)
         notes.warn(
             DriveDoubt.ANNOTATIONS,
             f"The annotations come from more than one tool, and all are read: {listed}. If they show the same"
             f" signs, name those that count under [annotations] in {SETTINGS_FILE}.",
         )
-    return found
+    return files
 
 
 def named_annotations(
-    folder: DriveFolder, names: Sequence[str], notes: ReadingNotes, feet: Collection[str] = ()
+    folder: DriveFolder, names: Sequence[str], notes: ReadingNotes, hints: Hints = NO_HINTS
 ) -> list[AnnotationFile]:
     """Read the annotation files, or folders of them, that ``drive.toml`` names for one camera.
 
@@ -126,61 +96,63 @@ def named_annotations(
     DriveError
         If one is absent, damaged, or holds no annotations that twin knows.
     """
-    found: list[AnnotationFile] = []
+    files: list[AnnotationFile] = []
     for name in names:
         if folder.is_folder(name):
             inside = "" if name in {".", "./"} else name.rstrip("/") + "/"
-            files = _read_files(folder, inside, notes, feet, is_named=True)
+            read = _read_files(folder, inside, notes, hints, is_named=True)
         elif name.lower().endswith(_ARCHIVES) and folder.has(name):
             raise DriveError(f"{name} is an archive: {_UNPACK}, and name what comes out of it.")
         else:
-            one = _read_file(folder, name, _classes(folder, name) or YoloClasses({}), feet, is_named=True)
-            files = [] if one is None else [one]
-        if not files:
+            classes = _classes(folder, name) or YoloClasses({})
+            file = _read_file(folder, name, replace(hints, classes=classes), is_named=True)
+            read = [] if file is None else [file]
+        if not read:
             raise DriveError(
-                f"{name} holds no annotations that twin reads: export them as {FORMATS}, or correct"
+                f"{name} holds no annotations that twin reads: export them as {NAMES}, or correct"
                 f" [annotations] in {SETTINGS_FILE}."
             )
-        found += files
-    return _together(found, "./")
+        files += read
+    return _together(files, "./")
 
 
 def _together(files: Sequence[AnnotationFile], where: str) -> list[AnnotationFile]:
     """Bring files of one image each together, by tool."""
     images: dict[str, list[AnnotationFile]] = {}
     for file in files:
-        if file.is_one_image:
+        if file.tool in ONE_IMAGE:
             images.setdefault(file.tool, []).append(file)
-    whole = [file for file in files if not file.is_one_image]
-    return whole + [merged(of_tool, where) for _, of_tool in sorted(images.items())]
+    exports = [file for file in files if file.tool not in ONE_IMAGE]
+    return exports + [merged(of_tool, where) for _, of_tool in sorted(images.items())]
 
 
 def _read_files(
-    folder: DriveFolder, inside: str, notes: ReadingNotes, feet: Collection[str], *, is_named: bool = False
+    folder: DriveFolder, inside: str, notes: ReadingNotes, hints: Hints, *, is_named: bool = False
 ) -> list[AnnotationFile]:
     """Read the annotations directly in one folder; files of one image each are brought together by tool."""
-    names = folder.names_in(inside, *_SUFFIXES) if inside else folder.names(*_SUFFIXES)
+    names = folder.names_in(inside, *SUFFIXES) if inside else folder.names(*SUFFIXES)
     is_txt = any(name.lower().endswith(".txt") for name in names)
     classes = _classes(folder, inside) if is_txt else None
     if classes is None and is_named:
         classes = YoloClasses({})
-    found: list[AnnotationFile] = []
+    hints = replace(hints, classes=classes)
+    files: list[AnnotationFile] = []
     damaged: list[str] = []
     for name in names:
         try:
-            file = _read_file(folder, name, classes, feet)
+            file = _read_file(folder, name, hints)
         except DriveError as error:
             if not inside:
                 raise
             damaged.append(str(error))
             continue
         if file is not None:
-            found.append(file)
+            files.append(file)
         elif not inside and name.lower().endswith(".xml"):
             root = root_tag(folder.head(name))
             what = f"no export of annotations (it begins with <{root:.40}>)" if root else "empty or no XML"
             notes.warn(DriveDoubt.ANNOTATIONS, f"{name} is {what}, so it is not read: export it again.")
-    contents = {b"", b"{}", b"[]"} if any(file.is_one_image for file in found) else {b""}
+    contents = {b"", b"{}", b"[]"} if any(file.tool in ONE_IMAGE for file in files) else {b""}
     _tell_of_empty([name for name in names if _is_json_of(folder, name, contents)], inside, notes)
     if damaged:
         notes.skipped.append(skipped_annotations(SkipKind.DAMAGED_FILE, inside, len(damaged)))
@@ -188,18 +160,13 @@ def _read_files(
             DriveDoubt.ANNOTATIONS,
             f"{len(damaged)} of the files in {inside} are left out, as damaged: {damaged[0]}",
         )
-    return _together(found, inside or "./")
+    return _together(files, inside or "./")
 
 
 def _read_file(
-    folder: DriveFolder,
-    name: str,
-    classes: YoloClasses | None,
-    feet: Collection[str],
-    *,
-    is_named: bool = False,
+    folder: DriveFolder, name: str, hints: Hints, *, is_named: bool = False
 ) -> AnnotationFile | None:
-    """Read one file; None if it is none of the formats. `classes` is None where YOLO is not expected."""
+    """Read one file; None if it is none of the formats. Without names of classes YOLO is not expected."""
     suffix = PurePosixPath(name).suffix.lower()
     try:
         head = folder.head(name) if folder.has(name) else b""
@@ -207,19 +174,20 @@ def _read_file(
         if is_named or suffix == ".xml":
             raise
         return None  # a link that leads out of the folder: of interest only if it is asked for
-    reader: Callable[[bytes], AnnotationFile | None] | None = None
-    if suffix == ".json" and (is_named or _ANNOTATING.search(head)):
-        document = read_annotation_json(folder.peek(name), name, feet)
-        reader = None if document is None else (lambda _content: document)
-    elif suffix == ".csv" and (is_named or looks_like_annotations_csv(head)):
-        reader = lambda content: read_annotations_csv(content, name)  # noqa: E731
-    elif suffix == ".txt" and classes is not None and _is_labels(name) and looks_like_yolo(head):
-        reader = lambda content: read_yolo(content, name, classes, feet)  # noqa: E731
-    elif looks_like_labelme_xml(head):
-        reader = lambda content: read_labelme_xml(content, name)  # noqa: E731
-    elif is_named or (suffix == ".xml" and is_cvat(head)):
-        reader = lambda content: read_cvat(content, name, feet)  # noqa: E731
-    return None if reader is None else reader(folder.content(name))
+    if suffix == JSON:
+        if not is_named and not _ANNOTATING.search(head):
+            return None
+        content = folder.peek(name)
+        file = read_annotation_json(content, name, hints)
+        if file is not None:
+            folder.enter(name, content)
+        return file
+    its = format_of(suffix if suffix in SUFFIXES or not is_named else ".xml", head)
+    if its is not None and its.tool == yolo.TOOL and (hints.classes is None or not _is_labels(name)):
+        its = None
+    if its is None and is_named:  # refused by its reader, who says what is wrong
+        its = _OF_NAMED_CSV if suffix == ".csv" else _OF_OTHER_NAMED
+    return None if its is None else its.read(folder.content(name), name, hints)
 
 
 def _tell_of_empty(empty: Sequence[str], inside: str, notes: ReadingNotes) -> None:

@@ -27,10 +27,9 @@ What it is
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import PurePosixPath
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +42,7 @@ from twin.drives.annotations.formats.shapes import AnnotationFile, Shape
 from twin.drives.annotations.frame_numbers import NOT_AMONG_PICTURES, frame_of, is_numbered
 from twin.drives.annotations.labels import LabelMap, Meanings, codes_from_attribute
 from twin.drives.annotations.left_out import NOT_AMONG, FileReading, all_left_out, left_out
-from twin.drives.drive import Annotations
+from twin.drives.drive import Annotation, Annotations
 from twin.drives.folder.notes import SkipKind, Skipped, skipped_annotations
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.errors import DriveError
@@ -53,25 +52,6 @@ TEXT_ATTRIBUTES = ("text", "tekst")
 _HIGHEST_FRAME = 2**62
 _LONGEST_TEXT = 200
 """Texts are kept in arrays of one width: a single long one would take its length in every row."""
-
-
-class _Row(NamedTuple):
-    """One annotation before its object id is settled."""
-
-    camera: str
-    frame: int
-    object: str
-    """Value of the attribute ``object``, or ""."""
-    track: str
-    """Track id, or the id of a single shape, unique in its file."""
-    has_id: bool
-    file: str
-    label: str
-    skiltnummer: str
-    text: str
-    kind: str
-    pixel_px: tuple[float, float]
-    box_px: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +113,7 @@ def gather(
     DriveError
         If a camera is unclear, not in the rig, or of another image size than the annotations.
     """
-    rows: list[_Row] = []
+    rows: list[tuple[Annotation, str]] = []
     cameras: set[str] = set()
     unsized: set[str] = set()
     skipped: list[Skipped] = []
@@ -157,7 +137,7 @@ def gather(
         where = ", ".join(sorted({row.file for row in named}))
         skipped.append(skipped_annotations(SkipKind.REPEATED, where, len(named) - len(unique)))
     return AnnotationsRead(
-        _arrays(unique),
+        Annotations.of(unique),
         tuple(sorted(cameras)),
         tuple(skipped),
         meanings.other_objects(),
@@ -183,31 +163,30 @@ def stamped(
     DriveError
         If none of a camera's annotated frames has one.
     """
-    keep = np.zeros(len(annotations.frame), dtype=np.bool_)
+    keep = epochs_of(annotations, frame_epoch_ns) != NO_STAMP
     skipped = []
-    for camera in np.unique(annotations.camera):
-        mine = annotations.camera == camera
-        has_stamp = epochs_of(annotations, frame_epoch_ns, str(camera))[mine] != NO_STAMP
-        keep[mine] = has_stamp
-        frames = annotations.frame[mine]
+    for camera in np.unique(annotations.camera).tolist():
+        has_stamp = keep[annotations.camera == camera]
         if not has_stamp.any():
-            known = np.flatnonzero(frame_epoch_ns[str(camera)] != NO_STAMP)
+            frames = annotations.frame[annotations.camera == camera]
+            stamped_frames = np.flatnonzero(frame_epoch_ns[camera] != NO_STAMP)
             raise DriveError(
                 f"The annotated frames {frames.min()}–{frames.max()} of {camera} are none of the frames"
-                f" {known[0]}–{known[-1]} in {sources[str(camera)]}: give the annotations of this recording."
+                f" {stamped_frames[0]}–{stamped_frames[-1]} in {sources[camera]}: give the annotations of"
+                " this recording."
             )
         if not has_stamp.all():
             lost = int(np.count_nonzero(~has_stamp))
-            skipped.append(skipped_annotations(SkipKind.NO_TIME, sources[str(camera)], lost, str(camera)))
+            skipped.append(skipped_annotations(SkipKind.NO_TIME, sources[camera], lost, camera))
     return only(annotations, keep), tuple(skipped)
 
 
-def epochs_of(annotations: Annotations, frame_epoch_ns: Mapping[str, IntArray], camera: str) -> IntArray:
-    """Host stamp of each annotation of one camera; `NO_STAMP` for other cameras and unknown frames."""
-    stamps = frame_epoch_ns[camera]
-    known = (annotations.camera == camera) & (annotations.frame < len(stamps))
+def epochs_of(annotations: Annotations, frame_epoch_ns: Mapping[str, IntArray]) -> IntArray:
+    """Host stamp of each annotation; `NO_STAMP` for unknown frames, and cameras that are not given."""
     epoch_ns = np.full(len(annotations.frame), NO_STAMP, dtype=np.int64)
-    epoch_ns[known] = stamps[annotations.frame[known]]
+    for camera, stamps in frame_epoch_ns.items():
+        stamped_rows = (annotations.camera == camera) & (annotations.frame < len(stamps))
+        epoch_ns[stamped_rows] = stamps[annotations.frame[stamped_rows]]
     return epoch_ns
 
 
@@ -216,7 +195,10 @@ def only(annotations: Annotations, keep: NDArray[np.bool_]) -> Annotations:
     return Annotations(**{f.name: getattr(annotations, f.name)[keep] for f in fields(Annotations)})
 
 
-def _rows(file: AnnotationFile, chooser: CameraChooser, context: FileReading) -> Iterable[_Row]:
+def _rows(
+    file: AnnotationFile, chooser: CameraChooser, context: FileReading
+) -> Iterator[tuple[Annotation, str]]:
+    """Yield annotations, named only by their attribute ``object``, and their tracks, unique in the file."""
     inherited = _track_attributes(file.shapes)
     singles: Counter[tuple[str, int]] = Counter()
     for drawn in file.shapes:
@@ -241,20 +223,20 @@ def _rows(file: AnnotationFile, chooser: CameraChooser, context: FileReading) ->
         if not track:
             singles[camera.name, frame] += 1
             track = f"f{frame}.{singles[camera.name, frame]}"
-        yield _Row(
-            camera=camera.name,
-            frame=frame,
-            object=name,
-            track=track,
-            has_id=has_id,
-            file=file.where,
-            label=label,
-            skiltnummer=meaning.codes,
-            text=_text(attributes),
-            kind=shape.kind,
-            pixel_px=shape.pixel_px,
-            box_px=shape.box_px,
+        row = Annotation(
+            camera.name,
+            frame,
+            name,
+            has_id,
+            label,
+            meaning.codes,
+            _text(attributes),
+            shape.kind,
+            shape.pixel_px,
+            shape.box_px,
+            file.where,
         )
+        yield row, track
 
 
 def _text(attributes: Mapping[str, str]) -> str:
@@ -274,13 +256,13 @@ def _filled(shape: Shape) -> dict[str, str]:
 
 def _track_attributes(shapes: Sequence[Shape]) -> dict[tuple[str, str], dict[str, str]]:
     """First value of each attribute in a track: exports may write it on one row only."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
+    attributes: dict[tuple[str, str], dict[str, str]] = {}
     for shape in shapes:
         if shape.track:
-            track = found.setdefault((shape.task, shape.track), {})
+            track = attributes.setdefault((shape.task, shape.track), {})
             for name, text in _filled(shape).items():
                 track.setdefault(name, text)
-    return found
+    return attributes
 
 
 def _codes(attribute: str, codeless: Counter[str]) -> str:
@@ -315,45 +297,25 @@ def _unusable(shape: Shape, frame: int, camera: RigCamera) -> str:
     return ""
 
 
-def _named(rows: list[_Row]) -> list[_Row]:
-    """Settle the object ids (see the module's text) and sort."""
+def _named(rows: Sequence[tuple[Annotation, str]]) -> list[Annotation]:
+    """Settle the object ids of annotations and their tracks (see the module's text), and sort."""
     files_of: dict[str, set[str]] = {}
-    for row in rows:
+    for row, _ in rows:
         files_of.setdefault(row.camera, set()).add(row.file)
-    alone = (
-        len(files_of) == 1 and len({row.file for row in rows}) == 1 and not any(row.object for row in rows)
-    )
+    n_files = len({row.file for row, _ in rows})
+    alone = len(files_of) == 1 and n_files == 1 and not any(row.object for row, _ in rows)
 
-    def name(row: _Row) -> str:
+    def name(row: Annotation, track: str) -> str:
         if row.object or alone:
-            return row.object or row.track
+            return row.object or track
         if len(files_of[row.camera]) > 1:
-            return f"{row.camera}/{_without_suffix(row.file)}:{row.track}"
-        return f"{row.camera}:{row.track}"
+            return f"{row.camera}/{_without_suffix(row.file)}:{track}"
+        return f"{row.camera}:{track}"
 
-    named = [row._replace(object=name(row)) for row in rows]
+    named = [row._replace(object=name(row, track)) for row, track in rows]
     return sorted(named, key=lambda r: (r.camera, r.frame, r.object, r.kind, r.pixel_px))
 
 
 def _without_suffix(file: str) -> str:
     path = PurePosixPath(file)
     return str(path.with_suffix("")) if path.name else file
-
-
-def _arrays(rows: list[_Row]) -> Annotations:
-    def text(values: Iterable[str]) -> NDArray[np.str_]:
-        return np.array(list(values), dtype=np.str_)
-
-    return Annotations(
-        camera=text(row.camera for row in rows),
-        frame=np.array([row.frame for row in rows], dtype=np.int64),
-        object=text(row.object for row in rows),
-        has_id=np.array([row.has_id for row in rows], dtype=np.bool_),
-        label=text(row.label for row in rows),
-        skiltnummer=text(row.skiltnummer for row in rows),
-        text=text(row.text for row in rows),
-        kind=text(row.kind for row in rows),
-        pixel_px=np.array([row.pixel_px for row in rows], dtype=np.float64).reshape(-1, 2),
-        box_px=np.array([row.box_px for row in rows], dtype=np.float64).reshape(-1, 4),
-        file=text(row.file for row in rows),
-    )

@@ -8,8 +8,9 @@ from pathlib import Path
 from geoloc.doubts import Doubt
 from geoloc.rig.rig import Rig
 from twin.drives.annotations.drawn_size import reach_warnings
-from twin.drives.annotations.find import FORMATS, find_annotations, named_annotations, nearly_annotations
-from twin.drives.annotations.formats.shapes import AnnotationFile
+from twin.drives.annotations.find import find_annotations, named_annotations, nearly_annotations
+from twin.drives.annotations.formats.shapes import AnnotationFile, Hints
+from twin.drives.annotations.formats.table import NAMES
 from twin.drives.annotations.gather import AnnotationsRead, gather
 from twin.drives.annotations.labels import LABELS_FILE, LabelMap, read_label_map, unknown_codes_warning
 from twin.drives.folder.drive_toml import DriveSettings
@@ -48,13 +49,13 @@ def read_annotations(
     label_map = read_drive_labels(folder, labels)
     label_file = LABELS_FILE if labels is None else labels.name
     notes.warn(DriveDoubt.LABELS, *unknown_codes_warning(label_map, label_file))
-    feet = label_map.foot_keypoints
+    hints = Hints(label_map.foot_keypoints)
     files: list[tuple[AnnotationFile, str | None]] = []
     if settings.annotations is None:
-        files += ((file, None) for file in find_annotations(folder, notes, feet))
+        files += ((file, None) for file in find_annotations(folder, notes, hints))
     for camera, names in (settings.annotations or {}).items():
         check_camera(rig, camera, "[annotations]")
-        files += ((file, camera) for file in named_annotations(folder, names, notes, feet))
+        files += ((file, camera) for file in named_annotations(folder, names, notes, hints))
     found = gather(files, rig, label_map, image_frames, settings.first_frame or 0)
     notes.skipped += found.skipped
     notes.warnings += _warnings(folder, [file.where for file, _ in files], found)
@@ -90,7 +91,7 @@ def _warnings(folder: DriveFolder, files: list[str], found: AnnotationsRead) -> 
     if not files:
         nearly = "".join(f" {one}." for one in nearly_annotations(folder))
         none = (
-            f"{folder.root.name} holds no annotations ({FORMATS}), so the drive has a track but no sightings."
+            f"{folder.root.name} holds no annotations ({NAMES}), so the drive has a track but no sightings."
         )
         return doubts(DriveDoubt.NO_ANNOTATION_FILES, none + nearly)
     if not len(found.annotations.frame):

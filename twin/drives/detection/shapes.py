@@ -11,6 +11,8 @@ from twin.drives.annotations.formats.shapes import AnnotationFile, Shape
 from twin.drives.detection.tracker import tracks
 from twin.drives.detection.yolo_output import Detections
 
+TOOL = "detector"
+
 
 class Looked(NamedTuple):
     """What was found in one picture.
@@ -58,22 +60,10 @@ def annotation_file(
         classes, which = np.unique(found.class_index[rows], return_inverse=True)
         best = int(classes[np.argmax(np.bincount(which, weights=found.score[rows]))])
         shapes += _shapes(frame[rows].tolist(), found.box_px[rows].tolist(), f"d{number + 1}", name_of(best))
-    file = AnnotationFile(where=where, source=(), tasks={}, shapes=tuple(shapes), skipped=())
-    return file, int(np.count_nonzero(track < 0))
+    return AnnotationFile(where, TOOL, shapes), int(np.count_nonzero(track < 0))
 
 
 def _shapes(frames: list[int], boxes: list[list[float]], track: str, label: str) -> Iterator[Shape]:
     for frame, (left, top, right, bottom) in zip(frames, boxes, strict=True):
-        yield Shape(
-            frame=int(frame),
-            image="",
-            image_id=-1,
-            task="",
-            track=track,
-            label=label,
-            attributes={},
-            kind="box",
-            pixel_px=((left + right) / 2.0, (top + bottom) / 2.0),
-            box_px=(left, top, right, bottom),
-            size_px=None,
-        )
+        middle = ((left + right) / 2.0, (top + bottom) / 2.0)
+        yield Shape("box", middle, (left, top, right, bottom), label=label, track=track, frame=frame)

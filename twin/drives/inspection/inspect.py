@@ -273,7 +273,7 @@ def _sensors(
         spans.append(frames_span(camera, epoch_ns, file))
         notes = None if found is None else found.annotations
         if notes is not None and np.any(notes.camera == camera):
-            epochs = epochs_of(notes, {camera: epoch_ns}, camera)[notes.camera == camera]
+            epochs = epochs_of(notes, {camera: epoch_ns})[notes.camera == camera]
             spans.append(annotations_span(camera, epochs, ""))
     return tuple(span for span in spans if span is not None)
 

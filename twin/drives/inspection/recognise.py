@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from geoloc.calibration_files import CALIBRATION_KINDS, calibration_kind
 from geoloc.rig.rig import looks_like_rig
 from twin.drives.annotations.find import annotation_folders
-from twin.drives.annotations.formats.coco import looks_like_coco
-from twin.drives.annotations.formats.cvat import is_cvat
-from twin.drives.annotations.formats.datumaro import looks_like_datumaro
 from twin.drives.annotations.formats.json_values import parse_json
-from twin.drives.annotations.formats.labelme import looks_like_labelme
-from twin.drives.annotations.formats.labelme_xml import looks_like_labelme_xml
-from twin.drives.annotations.formats.labelstudio import looks_like_labelstudio
-from twin.drives.annotations.formats.plain_csv import looks_like_annotations_csv
-from twin.drives.annotations.formats.vistas import looks_like_vistas
-from twin.drives.annotations.formats.yolo import NAME_FILES, looks_like_yolo
+from twin.drives.annotations.formats.table import FORMATS, JSON, format_of
+from twin.drives.annotations.formats.yolo import NAME_FILES
 from twin.drives.annotations.labels import LABELS_FILE
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.files import DriveFolder
@@ -46,17 +39,9 @@ _BY_SUFFIX = (
     | dict.fromkeys((".zip", ".7z", ".rar", ".tar", ".gz", ".tgz"), "archive, not opened")
 )
 _STAMPS = re.compile(rb"\s*(?:frame\s*,\s*time_ns|time_ns\s*,\s*frame|\d{1,9}\s+\d{13,19}\s*$)", re.MULTILINE)
-_JSON_TOOLS: Mapping[str, Callable[[object], bool]] = {
-    "DriveWorks rig": looks_like_rig,
-    "annotations, labelme": looks_like_labelme,
-    "annotations, COCO": looks_like_coco,
-    "annotations, Datumaro": looks_like_datumaro,
-    "annotations, Label Studio": looks_like_labelstudio,
-    "annotations, Mapillary Vistas": looks_like_vistas,
-}
 _MOST_JSON_BYTES = 50_000_000
 """Larger JSON is told by its size alone: parsing it to say what it is would take its tenfold in memory."""
-_GROUPED = ("image", "annotations, labelme", "annotations, LabelMe XML", "annotations, YOLO")
+_GROUPED = ("image", *(f"annotations, {one.name}" for one in FORMATS if one.is_one_image))
 """Kinds of which tools write one file for each picture: one line for all of a folder."""
 
 
@@ -124,10 +109,10 @@ def kind_of(folder: DriveFolder, name: str) -> str:
         if suffix in _BY_SUFFIX:
             return _BY_SUFFIX[suffix]
         head = folder.head(name)
-        track = None if suffix == ".json" and calibration_kind(head) else track_format(folder, name)
+        track = None if suffix == JSON and calibration_kind(head) else track_format(folder, name)
         if track:
             return _TRACKS[track]
-        return _json_kind(folder, name, head) if suffix == ".json" else _text_kind(name, suffix, head)
+        return _json_kind(folder, name, head) if suffix == JSON else _text_kind(name, suffix, head)
     except DriveError as error:
         return f"unreadable: {error}"
 
@@ -142,24 +127,25 @@ def _json_kind(folder: DriveFolder, name: str, head: bytes) -> str:
         document = parse_json(folder.peek(name), name)
     except DriveError:
         return "damaged JSON"
-    return next((kind for kind, looks_like in _JSON_TOOLS.items() if looks_like(document)), UNKNOWN)
+    return "DriveWorks rig" if looks_like_rig(document) else _annotations(JSON, document)
 
 
 def _text_kind(name: str, suffix: str, head: bytes) -> str:
     calibration = calibration_kind(head)
     if calibration is not None:
         return _calibration(calibration)
-    tests: tuple[tuple[str, bool], ...] = (
-        ("frame times", _STAMPS.match(head) is not None or names_images(head)),
-        ("annotations, CVAT XML", is_cvat(head)),
-        ("annotations, LabelMe XML", looks_like_labelme_xml(head)),
-        ("annotations, CSV", suffix == ".csv" and looks_like_annotations_csv(head)),
-        ("parts of a ROS 2 recording", PurePosixPath(name).name == ROS2_METADATA),
-        ("names of classes", name.lower().endswith(NAME_FILES)),
-        ("annotations, YOLO", suffix == ".txt" and looks_like_yolo(head)),
-        ("detector (ONNX)", suffix == ".onnx"),
-    )
-    return next((kind for kind, is_it in tests if is_it), UNKNOWN)
+    if _STAMPS.match(head) or names_images(head):
+        return "frame times"
+    if PurePosixPath(name).name == ROS2_METADATA:
+        return "parts of a ROS 2 recording"
+    if name.lower().endswith(NAME_FILES):
+        return "names of classes"
+    return "detector (ONNX)" if suffix == ".onnx" else _annotations(suffix, head)
+
+
+def _annotations(suffix: str, beginning: object) -> str:
+    its = format_of(suffix, beginning)
+    return UNKNOWN if its is None else f"annotations, {its.name}"
 
 
 def _calibration(kind: str) -> str:

@@ -173,12 +173,7 @@ def _sightings(notes: Annotations) -> Sightings:
 
 def _epochs(drive: Drive) -> IntArray:
     """Epoch of exposure of each annotation."""
-    notes = drive.annotations
-    epoch = np.zeros(notes.frame.size, dtype=np.int64)
-    for camera in np.unique(notes.camera).tolist():
-        mine = notes.camera == camera
-        epoch[mine] = epochs_of(notes, drive.frame_epoch_ns, camera)[mine] + drive.camera_offset_ns
-    return epoch
+    return epochs_of(drive.annotations, drive.frame_epoch_ns) + drive.camera_offset_ns
 
 
 def _labels(notes: Annotations) -> NDArray[np.str_]:

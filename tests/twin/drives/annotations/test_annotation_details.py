@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from twin.drives.annotations.find import read_annotation_json
 from twin.drives.annotations.formats.coco import read_coco
 from twin.drives.annotations.formats.datumaro import read_datumaro
 from twin.drives.annotations.formats.labelme import read_labelme
 from twin.drives.annotations.formats.labelme_xml import read_labelme_xml
 from twin.drives.annotations.formats.labelstudio import read_labelstudio
 from twin.drives.annotations.formats.plain_csv import read_annotations_csv
-from twin.drives.annotations.formats.shapes import AnnotationFile, foot_of
+from twin.drives.annotations.formats.shapes import AnnotationFile, Hints, foot_of
+from twin.drives.annotations.formats.table import read_annotation_json
 from twin.drives.annotations.formats.vistas import read_vistas
 from twin.drives.annotations.formats.yolo import YoloClasses, read_yolo, read_yolo_classes
 from twin.errors import DriveError
@@ -51,7 +51,7 @@ def test_coco_annotation_that_cannot_be_used_is_counted() -> None:
         {"segmentation": [[1, 2, 3]]},
         {"bbox": [1, 1, 5, 5], "iscrowd": 1},
     )
-    assert file.shapes == ()
+    assert file.shapes == []
     assert left_out(file) == {
         "image that is not listed": 1,
         "box without area": 2,
@@ -139,7 +139,7 @@ def test_label_studio_image_that_was_turned_is_left_out() -> None:
     """Its coordinates are of another picture than the camera's."""
     turned = result("keypoint", x=1, y=1) | {"image_rotation": 90}
     file = label_studio(turned)
-    assert file.shapes == ()
+    assert file.shapes == []
     assert "turned in Label Studio" in next(iter(left_out(file)))
 
 
@@ -262,7 +262,7 @@ def test_yolo_row_that_is_no_label_is_counted() -> None:
         "0 nan 0 1 1",
     ]
     file = read_yolo("\n".join(rows).encode(), "12.txt")
-    assert file.shapes == ()
+    assert file.shapes == []
     assert left_out(file) == {
         "row of 4 numbers": 1,
         "row of 8 numbers: key points need kpt_shape = [points, 2 or 3] in data.yaml": 1,
@@ -315,7 +315,7 @@ def test_yolo_class_file_that_is_none_is_refused(text: bytes, message: str) -> N
 def test_yolo_pose_with_two_values_a_point_is_read() -> None:
     """``kpt_shape: [2, 2]``: no visibility."""
     classes = YoloClasses({0: "202"}, 2, 2, ("top", "foot"))
-    (shape,) = read_yolo(b"0 0.5 0.5 0.1 0.1 0.4 0.2 0.4 0.6\n", "12.txt", classes).shapes
+    (shape,) = read_yolo(b"0 0.5 0.5 0.1 0.1 0.4 0.2 0.4 0.6\n", "12.txt", Hints(classes=classes)).shapes
     assert (shape.kind, shape.pixel_px) == ("foot", pytest.approx((0.4, 0.6)))
 
 

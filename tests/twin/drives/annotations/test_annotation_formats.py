@@ -6,7 +6,9 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,9 @@ import pytest
 from checkout import ROOT
 
 from geoloc.rig.rig import Rig, rig_from_document
+from twin.drives.annotations import formats
 from twin.drives.annotations.find import find_annotations, named_annotations
+from twin.drives.annotations.formats.table import FORMATS
 from twin.drives.annotations.gather import AnnotationsRead, gather
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import ReadingNotes
@@ -373,3 +377,12 @@ def test_documented_csv_is_read(tmp_path: Path, rig: Rig) -> None:
     notes = read(tmp_path, {"signs.csv": example}, rig).annotations
     assert notes.kind.tolist() == ["foot", "box"]
     assert notes.skiltnummer.tolist() == ["362.50", "362.50"]
+
+
+def test_every_module_of_a_format_stands_in_the_table() -> None:
+    """A reader that nobody asks would read nothing."""
+    modules = [
+        import_module(f"{formats.__name__}.{module.name}") for module in iter_modules(formats.__path__)
+    ]
+    tools = [module.TOOL for module in modules if hasattr(module, "TOOL")]
+    assert sorted(tools) == sorted(one.tool for one in FORMATS)

@@ -37,7 +37,7 @@ def test_sample_is_recognised_whole(sample: Path) -> None:
     kinds = {file.name: file.kind for file in found.files}
     assert kinds["rig.json"] == "DriveWorks rig"
     assert kinds["gnss50_vehicle.bin"] == "GNSS, NMEA 0183"
-    assert kinds["C3_tricam120.xml"] == "annotations, CVAT XML"
+    assert kinds["C3_tricam120.xml"] == "annotations, CVAT XML 1.1"
     assert kinds["C1_front60Single.h264.timestamps"] == "frame times"
     assert all(file.used for file in found.files)
 

@@ -8,14 +8,15 @@ first pixel. Tracks, which COCO does not know, stand in ``track_id`` of an annot
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, size_px, text, texts, whole
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
-    Place,
+    Hints,
+    Shape,
     UnusableShapeError,
     box_around,
     box_at,
@@ -30,11 +31,11 @@ TOOL = "COCO"
 
 def looks_like_coco(document: object) -> bool:
     """Whether a JSON document is a COCO export: images and annotations side by side."""
-    found = mapping(document)
-    return isinstance(found.get("images"), list) and isinstance(found.get("annotations"), list)
+    top = mapping(document)
+    return isinstance(top.get("images"), list) and isinstance(top.get("annotations"), list)
 
 
-def read_coco(document: object, where: str, feet: Collection[str] = ()) -> AnnotationFile:
+def read_coco(document: object, where: str, hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read one COCO document.
 
     Parameters
@@ -43,42 +44,35 @@ def read_coco(document: object, where: str, feet: Collection[str] = ()) -> Annot
         Parsed JSON.
     where : str
         File name, for messages.
-    feet : collection of str
-        Further names of keypoints that are the foot.
+    hints : Hints
     """
-    found = mapping(document)
-    images = {
-        key(mapping(image).get("id")): _place(mapping(image)) for image in sequence(found.get("images"))
-    }
-    categories = {key(mapping(c).get("id")): mapping(c) for c in sequence(found.get("categories"))}
-    gathering = Gathering(where, TOOL)
-    for annotation in map(mapping, sequence(found.get("annotations"))):
-        place = images.get(key(annotation.get("image_id")))
-        category = categories.get(key(annotation.get("category_id")), {})
-        if place is None:
-            gathering.leave_out(UnusableShapeError("image that is not listed"))
-            continue
-        try:
-            drawn = _drawn(annotation, category, feet)
-        except UnusableShapeError as error:
-            gathering.leave_out(error)
-            continue
-        attributes = texts(annotation.get("attributes"))
-        track = key(annotation.get("track_id")) or attributes.get("track_id", "")
-        gathering.add(place._replace(track=track), text(category.get("name")), drawn, attributes)
-    return gathering.file()
+    file, top = AnnotationFile(where, TOOL), mapping(document)
+    images = {key(image.get("id")): image for image in map(mapping, sequence(top.get("images")))}
+    categories = {key(one.get("id")): one for one in map(mapping, sequence(top.get("categories")))}
+    for annotation in map(mapping, sequence(top.get("annotations"))):
+        with file.counting():
+            image = images.get(key(annotation.get("image_id")))
+            category = categories.get(key(annotation.get("category_id")), {})
+            if image is None:
+                raise UnusableShapeError("image that is not listed")
+            shape = _shape(annotation, category, hints.feet)
+            attributes = texts(annotation.get("attributes"))
+            number = whole(image.get("id"))
+            file.shapes.append(
+                replace(
+                    shape,
+                    label=text(category.get("name")),
+                    attributes=attributes,
+                    track=key(annotation.get("track_id")) or attributes.get("track_id", ""),
+                    image=text(image.get("file_name")),
+                    image_id=-1 if number is None else number,
+                    size_px=size_px(image.get("width"), image.get("height")),
+                )
+            )
+    return file
 
 
-def _place(image: Mapping[str, Any]) -> Place:
-    number = whole(image.get("id"))
-    return Place(
-        image=text(image.get("file_name")),
-        image_id=-1 if number is None else number,
-        size_px=size_px(image.get("width"), image.get("height")),
-    )
-
-
-def _drawn(annotation: Mapping[str, Any], category: Mapping[str, Any], feet: Collection[str]) -> Drawn:
+def _shape(annotation: Mapping[str, Any], category: Mapping[str, Any], feet: Collection[str]) -> Shape:
     if annotation.get("iscrowd") == 1:
         raise UnusableShapeError("a crowd, not one object")
     keypoints = sequence(annotation.get("keypoints"))
@@ -95,7 +89,7 @@ def _drawn(annotation: Mapping[str, Any], category: Mapping[str, Any], feet: Col
     raise UnusableShapeError("neither box nor keypoints")
 
 
-def _foot(keypoints: Any, names: list[str], feet: Collection[str]) -> Drawn:
+def _foot(keypoints: Any, names: list[str], feet: Collection[str]) -> Shape:
     """Return the foot among ``x, y, visibility`` triples; visibility 0 is a point that was not marked."""
     triples = [keypoints[k : k + 3] for k in range(0, len(keypoints) - 2, 3)]
     which = foot_of(names or [""] * len(triples), feet)

@@ -16,15 +16,15 @@ import io
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError  # only the exception: parsing goes through defusedxml
 
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
-    Place,
+    Hints,
+    Shape,
     UnusableShapeError,
     box_around,
     box_at,
@@ -42,18 +42,7 @@ TOOL = "CVAT"
 _NOT_SHAPES = ("attribute", "track")
 
 
-@dataclass(slots=True)
-class _Reading:
-    """What has been gathered so far of one file."""
-
-    gathering: Gathering
-    feet: Collection[str] = ()
-    source: tuple[str, ...] = ()
-    tasks: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    sizes: dict[str, tuple[int, int]] = field(default_factory=dict)
-
-
-def read_cvat(content: bytes, where: str, feet: Collection[str] = ()) -> AnnotationFile:
+def read_cvat(content: bytes, where: str, hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read one CVAT XML 1.1 export.
 
     Parameters
@@ -61,8 +50,7 @@ def read_cvat(content: bytes, where: str, feet: Collection[str] = ()) -> Annotat
     content : bytes
     where : str
         File name, for messages.
-    feet : collection of str
-        Further names of a skeleton's points that are the foot.
+    hints : Hints
 
     Raises
     ------
@@ -70,7 +58,7 @@ def read_cvat(content: bytes, where: str, feet: Collection[str] = ()) -> Annotat
         If it is not well-formed XML, carries a DTD or entities (which are refused, since they can blow up or
         read other files), or is not CVAT 1.1.
     """
-    reading = _Reading(Gathering(where, TOOL), feet)
+    file, sizes = AnnotationFile(where, TOOL), dict[str, tuple[int, int]]()
     for element in _children_of_root(content, where):
         if element.tag == "version" and (element.text or "").strip() != "1.1":
             version = (element.text or "").strip()
@@ -78,12 +66,12 @@ def read_cvat(content: bytes, where: str, feet: Collection[str] = ()) -> Annotat
                 f"{where} is CVAT XML {version!r}: export it as 'CVAT for images 1.1' or 'video 1.1'."
             )
         if element.tag == "meta":
-            _read_meta(element, reading)
+            sizes |= _read_meta(element, file)
         elif element.tag == "image":
-            _read_image(element, reading)
+            _read_image(element, file, hints.feet)
         elif element.tag == "track":
-            _read_track(element, reading)
-    return reading.gathering.file(reading.source, reading.tasks)
+            _read_track(element, file, sizes, hints.feet)
+    return file
 
 
 def is_cvat(head: bytes) -> bool:
@@ -139,19 +127,21 @@ def _check_root(root: Element, where: str) -> None:
         raise DriveError(f"{where} is no CVAT export: its root is <{root.tag}>, not <annotations>.")
 
 
-def _read_meta(meta: Element, reading: _Reading) -> None:
-    names = [meta.findtext("source")]
+def _read_meta(meta: Element, file: AnnotationFile) -> dict[str, tuple[int, int]]:
+    """Note the names of tasks and videos; return the size of the pictures of each task that says it."""
+    names, sizes = [meta.findtext("source")], {}
     for task in meta.iter("task"):
         own = _texts(task.findtext("name"), task.findtext("source"))
         names += own
         identifier = (task.findtext("id") or "").strip()
         size = task.find("original_size")
-        reading.tasks[identifier] = own
+        file.tasks[identifier] = own
         if size is not None:
             pair = _size(size.findtext("width"), size.findtext("height"))
             if pair:
-                reading.sizes[identifier] = pair
-    reading.source = _texts(*names)
+                sizes[identifier] = pair
+    file.source = _texts(*names)
+    return sizes
 
 
 def _texts(*texts: str | None) -> tuple[str, ...]:
@@ -167,35 +157,49 @@ def _size(width: str | None, height: str | None) -> tuple[int, int] | None:
     return pair if min(pair) > 0 else None
 
 
-def _read_image(image: Element, reading: _Reading) -> None:
-    identifier = _whole(image.get("id"))
-    place = Place(
-        frame=None,
-        image=image.get("name", ""),
-        image_id=-1 if identifier is None else identifier,
-        task=image.get("task_id", ""),
-        track="",
-        size_px=_size(image.get("width"), image.get("height")),
-    )
-    for shape in image:
-        if shape.tag not in _NOT_SHAPES:
-            _read_shape(shape, shape.get("label", ""), place, reading)
+def _read_image(image: Element, file: AnnotationFile, feet: Collection[str]) -> None:
+    number = _whole(image.get("id"))
+    for element in image:
+        if element.tag in _NOT_SHAPES:
+            continue
+        with file.counting():
+            file.shapes.append(
+                replace(
+                    _shape(element, feet),
+                    label=element.get("label", ""),
+                    attributes=_attributes(element),
+                    image=image.get("name", ""),
+                    image_id=-1 if number is None else number,
+                    size_px=_size(image.get("width"), image.get("height")),
+                    task=image.get("task_id", ""),
+                )
+            )
 
 
-def _read_track(track: Element, reading: _Reading) -> None:
+def _read_track(
+    track: Element, file: AnnotationFile, sizes: Mapping[str, tuple[int, int]], feet: Collection[str]
+) -> None:
     task = track.get("task_id", "")
-    only_size = next(iter(reading.sizes.values()), None) if len(reading.sizes) == 1 else None
-    size = reading.sizes.get(task, only_size)
-    rows, said = _rows_of_foot(track, reading.feet)
-    for shape in rows:
-        if shape.tag in _NOT_SHAPES or shape.get("outside") == "1":
+    only_size = next(iter(sizes.values())) if len(sizes) == 1 else None
+    rows, said = _rows_of_foot(track, feet)
+    for element in rows:
+        if element.tag in _NOT_SHAPES or element.get("outside") == "1":
             continue
-        frame = _whole(shape.get("frame"))
-        if frame is None:
-            reading.gathering.leave_out(UnusableShapeError("frame number unreadable"))
-            continue
-        place = Place(frame, "", -1, task, track.get("id", ""), size)
-        _read_shape(shape, track.get("label", ""), place, reading, said.get(frame))
+        with file.counting():
+            frame = _whole(element.get("frame"))
+            if frame is None:
+                raise UnusableShapeError("frame number unreadable")
+            file.shapes.append(
+                replace(
+                    _shape(element, feet),
+                    label=track.get("label", ""),
+                    attributes={**said.get(frame, {}), **_attributes(element)},
+                    track=track.get("id", ""),
+                    frame=frame,
+                    size_px=sizes.get(task, only_size),
+                    task=task,
+                )
+            )
 
 
 def _rows_of_foot(track: Element, feet: Collection[str]) -> tuple[Element, dict[int | None, dict[str, str]]]:
@@ -220,46 +224,35 @@ def _whole(text: str | None) -> int | None:
     return number if 0 <= number < 2**63 else None
 
 
-def _read_shape(
-    shape: Element, label: str, place: Place, reading: _Reading, said: Mapping[str, str] | None = None
-) -> None:
-    try:
-        drawn = _drawn(shape, reading.feet)
-    except UnusableShapeError as error:
-        reading.gathering.leave_out(error)
-        return
-    reading.gathering.add(place, label, drawn, {**(said or {}), **_attributes(shape)})
+def _attributes(element: Element) -> dict[str, str]:
+    return {a.get("name", ""): (a.text or "").strip() for a in element.iter("attribute")}
 
 
-def _attributes(shape: Element) -> dict[str, str]:
-    return {a.get("name", ""): (a.text or "").strip() for a in shape.iter("attribute")}
-
-
-def _drawn(shape: Element, feet: Collection[str]) -> Drawn:
-    if shape.tag == "points":
-        return foot_at(*_points(shape)[0])
-    if shape.tag == "polygon":
-        return box_around(_points(shape))
-    if shape.tag == "box":
-        return _box(shape)
-    if shape.tag == "skeleton":
-        points = shape.findall("points")
+def _shape(element: Element, feet: Collection[str]) -> Shape:
+    if element.tag == "points":
+        return foot_at(*_points(element)[0])
+    if element.tag == "polygon":
+        return box_around(_points(element))
+    if element.tag == "box":
+        return _box(element)
+    if element.tag == "skeleton":
+        points = element.findall("points")
         which = foot_of([point.get("label", "") for point in points], feet)
         if which is not None:
             return _marked(points[which])
-    raise of_kind(shape.tag)
+    raise of_kind(element.tag)
 
 
-def _marked(point: Element) -> Drawn:
+def _marked(point: Element) -> Shape:
     """Return a skeleton's point; in image tasks one that is not to be seen is ``outside``."""
     if point.get("outside") == "1":
         raise UnusableShapeError("foot not marked")
     return foot_at(*_points(point)[0])
 
 
-def _points(shape: Element) -> list[tuple[float, float]]:
-    parts = [pair.split(",") for pair in shape.get("points", "").split(";")]
-    if len(parts) > 1 and shape.tag == "points":
+def _points(element: Element) -> list[tuple[float, float]]:
+    parts = [pair.split(",") for pair in element.get("points", "").split(";")]
+    if len(parts) > 1 and element.tag == "points":
         raise UnusableShapeError(f"points with {len(parts)} points")
     if not all(len(part) == 2 for part in parts):
         raise UnusableShapeError("coordinates unreadable")
@@ -267,13 +260,13 @@ def _points(shape: Element) -> list[tuple[float, float]]:
     return list(zip(values[::2], values[1::2], strict=True))
 
 
-def _box(shape: Element) -> Drawn:
+def _box(element: Element) -> Shape:
     """Return a box; of one that is turned about its centre, the upright box around it."""
-    left, top, right, bottom = numbers(*(shape.get(edge) for edge in ("xtl", "ytl", "xbr", "ybr")))
+    left, top, right, bottom = numbers(*(element.get(edge) for edge in ("xtl", "ytl", "xbr", "ybr")))
     upright = box_at(left, top, right, bottom)
-    (degrees,) = numbers(shape.get("rotation", "0"))
+    (degrees,) = numbers(element.get("rotation", "0"))
     cos, sin = abs(math.cos(math.radians(degrees))), abs(math.sin(math.radians(degrees)))
     width, height = right - left, bottom - top
     x, y = upright.pixel_px
     half_width, half_height = (width * cos + height * sin) / 2, (width * sin + height * cos) / 2
-    return Drawn("box", (x, y), (x - half_width, y - half_height, x + half_width, y + half_height))
+    return Shape("box", (x, y), (x - half_width, y - half_height, x + half_width, y + half_height))

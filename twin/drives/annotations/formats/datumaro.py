@@ -8,15 +8,15 @@ Boxes are ``[x, y, width, height]`` from the corner of the first pixel; tracks s
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, text, texts, whole
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
-    Place,
+    Hints,
+    Shape,
     UnusableShapeError,
     box_around,
     box_at,
@@ -34,8 +34,8 @@ _NO_SHAPES = ("label", "caption")
 
 def looks_like_datumaro(document: object) -> bool:
     """Whether a JSON document is a Datumaro export: items beside categories."""
-    found = mapping(document)
-    return isinstance(found.get("items"), list) and isinstance(found.get("categories"), dict)
+    top = mapping(document)
+    return isinstance(top.get("items"), list) and isinstance(top.get("categories"), dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class _Categories:
     feet: Collection[str]
 
 
-def read_datumaro(document: object, where: str, feet: Collection[str] = ()) -> AnnotationFile:
+def read_datumaro(document: object, where: str, hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read one Datumaro document.
 
     Parameters
@@ -56,28 +56,30 @@ def read_datumaro(document: object, where: str, feet: Collection[str] = ()) -> A
         Parsed JSON.
     where : str
         File name, for messages.
-    feet : collection of str
-        Further names of points that are the foot.
+    hints : Hints
     """
-    found = mapping(document)
-    categories = _categories(mapping(found.get("categories")), feet)
-    gathering = Gathering(where, TOOL)
-    for item in map(mapping, sequence(found.get("items"))):
-        place = _place(item)
+    file, top = AnnotationFile(where, TOOL), mapping(document)
+    categories = _categories(mapping(top.get("categories")), hints.feet)
+    for item in map(mapping, sequence(top.get("items"))):
+        image, number = mapping(item.get("image")), whole(mapping(item.get("attr")).get("frame"))
         for annotation in map(mapping, sequence(item.get("annotations"))):
             kind = text(annotation.get("type"))
             if kind in _NO_SHAPES:
                 continue
-            try:
-                drawn = _drawn(annotation, kind, categories)
-            except UnusableShapeError as error:
-                gathering.leave_out(error)
-                continue
-            attributes = texts(annotation.get("attributes"))
-            track = attributes.get("track_id", "")
-            label = _label(annotation, categories)
-            gathering.add(place._replace(track=track), label, drawn, attributes)
-    return gathering.file()
+            with file.counting():
+                attributes = texts(annotation.get("attributes"))
+                file.shapes.append(
+                    replace(
+                        _shape(annotation, kind, categories),
+                        label=_label(annotation, categories),
+                        attributes=attributes,
+                        track=attributes.get("track_id", ""),
+                        image=text(image.get("path")) or key(item.get("id")),
+                        image_id=-1 if number is None else number,
+                        size_px=_size_px(image),
+                    )
+                )
+    return file
 
 
 def _categories(categories: Mapping[str, Any], feet: Collection[str]) -> _Categories:
@@ -92,16 +94,10 @@ def _categories(categories: Mapping[str, Any], feet: Collection[str]) -> _Catego
     return _Categories(labels, points, feet)
 
 
-def _place(item: Mapping[str, Any]) -> Place:
-    image = mapping(item.get("image"))
-    number = whole(mapping(item.get("attr")).get("frame"))
+def _size_px(image: Mapping[str, Any]) -> tuple[int, int] | None:
     sides = [whole(side) for side in sequence(image.get("size"))]
     height, width = sides if len(sides) == 2 else (None, None)
-    return Place(
-        image=text(image.get("path")) or key(item.get("id")),
-        image_id=-1 if number is None else number,
-        size_px=(width, height) if width and height else None,
-    )
+    return (width, height) if width and height else None
 
 
 def _label(annotation: Mapping[str, Any], categories: _Categories) -> str:
@@ -109,7 +105,7 @@ def _label(annotation: Mapping[str, Any], categories: _Categories) -> str:
     return categories.labels[number] if number is not None and number < len(categories.labels) else ""
 
 
-def _drawn(annotation: Mapping[str, Any], kind: str, categories: _Categories) -> Drawn:
+def _shape(annotation: Mapping[str, Any], kind: str, categories: _Categories) -> Shape:
     points = sequence(annotation.get("points"))
     if kind == "bbox":
         corner = sequence(annotation.get("bbox"))
@@ -126,7 +122,7 @@ def _drawn(annotation: Mapping[str, Any], kind: str, categories: _Categories) ->
     raise of_kind(kind)
 
 
-def _foot(points: Sequence[Any], annotation: Mapping[str, Any], categories: _Categories) -> Drawn:
+def _foot(points: Sequence[Any], annotation: Mapping[str, Any], categories: _Categories) -> Shape:
     """Return the foot among points of two or, with their visibility (0: absent), three numbers."""
     number = whole(annotation.get("label_id"))
     names = categories.points.get(-1 if number is None else number, [])
@@ -136,9 +132,9 @@ def _foot(points: Sequence[Any], annotation: Mapping[str, Any], categories: _Cat
         raise UnusableShapeError(
             f"{text(annotation.get('type'))} with {len(points)} points, none of them named foot"
         )
-    found = numbers(*points[which])
-    if len(found) < 2:
+    point = numbers(*points[which])
+    if len(point) < 2:
         raise UnusableShapeError("coordinates unreadable")
-    if len(found) == 3 and found[2] == 0:
+    if len(point) == 3 and point[2] == 0:
         raise UnusableShapeError("foot not marked")
-    return foot_at(found[0], found[1])
+    return foot_at(point[0], point[1])

@@ -10,15 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, size_px, text, texts
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
+    Hints,
     Pixel,
-    Place,
+    Shape,
     UnusableShapeError,
     box_around,
     foot_at,
@@ -31,11 +32,11 @@ TOOL = "labelme"
 
 def looks_like_labelme(document: object) -> bool:
     """Whether a JSON document is a labelme file: shapes, and the name of their image."""
-    found = mapping(document)
-    return isinstance(found.get("shapes"), list) and "imagePath" in found
+    top = mapping(document)
+    return isinstance(top.get("shapes"), list) and "imagePath" in top
 
 
-def read_labelme(document: object, where: str) -> AnnotationFile:
+def read_labelme(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read the annotations of one image.
 
     Parameters
@@ -45,27 +46,26 @@ def read_labelme(document: object, where: str) -> AnnotationFile:
     where : str
         File name, for messages, and for the image's where that is not given.
     """
-    found = mapping(document)
-    gathering = Gathering(where, TOOL)
-    place = Place(
-        image=text(found.get("imagePath")) or where,
-        size_px=size_px(found.get("imageWidth"), found.get("imageHeight")),
-    )
-    for shape in map(mapping, sequence(found.get("shapes"))):
-        try:
-            drawn = _drawn(shape)
-        except UnusableShapeError as error:
-            gathering.leave_out(error)
-            continue
-        place_of_shape = place._replace(track=key(shape.get("group_id")))
-        about = {"text": text(shape.get("description")), **texts(shape.get("flags"))}
-        gathering.add(place_of_shape, text(shape.get("label")), drawn, about)
-    return gathering.file(is_one_image=True)
+    file, top = AnnotationFile(where, TOOL), mapping(document)
+    image, size = text(top.get("imagePath")) or where, size_px(top.get("imageWidth"), top.get("imageHeight"))
+    for drawn in map(mapping, sequence(top.get("shapes"))):
+        with file.counting():
+            file.shapes.append(
+                replace(
+                    _shape(drawn),
+                    label=text(drawn.get("label")),
+                    attributes={"text": text(drawn.get("description")), **texts(drawn.get("flags"))},
+                    track=key(drawn.get("group_id")),
+                    image=image,
+                    size_px=size,
+                )
+            )
+    return file
 
 
-def _drawn(shape: Mapping[str, Any]) -> Drawn:
-    kind = text(shape.get("shape_type")) or "polygon"  # files older than version 4 knew nothing else
-    points = _points(shape)
+def _shape(drawn: Mapping[str, Any]) -> Shape:
+    kind = text(drawn.get("shape_type")) or "polygon"  # files older than version 4 knew nothing else
+    points = _points(drawn)
     if kind == "point" and len(points) == 1:
         return foot_at(*points[0])
     if kind in {"rectangle", "polygon", "mask"} and len(points) >= 2:
@@ -77,8 +77,8 @@ def _drawn(shape: Mapping[str, Any]) -> Drawn:
     raise of_kind(kind)
 
 
-def _points(shape: Mapping[str, Any]) -> list[Pixel]:
-    points = [numbers(*sequence(point)) for point in sequence(shape.get("points"))]
+def _points(drawn: Mapping[str, Any]) -> list[Pixel]:
+    points = [numbers(*sequence(point)) for point in sequence(drawn.get("points"))]
     if not all(len(point) == 2 for point in points):
         raise UnusableShapeError("coordinates unreadable")
     return [(x, y) for x, y in points]

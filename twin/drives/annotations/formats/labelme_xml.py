@@ -7,15 +7,16 @@ no points. Deleted objects stay in the file, marked as such.
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError  # only the exception: parsing goes through defusedxml
 
 from twin.drives.annotations.formats.cvat import root_tag
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
-    Place,
+    Hints,
+    Shape,
     UnusableShapeError,
     box_around,
     box_at,
@@ -34,7 +35,7 @@ def looks_like_labelme_xml(head: bytes) -> bool:
     return root_tag(head) == "annotation" and (b"<polygon" in head or b"<segm" in head)
 
 
-def read_labelme_xml(content: bytes, where: str) -> AnnotationFile:
+def read_labelme_xml(content: bytes, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read the annotations of one image.
 
     Raises
@@ -45,18 +46,17 @@ def read_labelme_xml(content: bytes, where: str) -> AnnotationFile:
     root = _root(content, where)
     if root.tag != "annotation":
         raise DriveError(f"{where} is no LabelMe annotation: its root is <{root.tag:.40}>.")
-    gathering = Gathering(where, TOOL)
-    place = Place(image=_text(root, "filename") or where, size_px=_size(root.find("imagesize")))
+    file = AnnotationFile(where, TOOL)
+    image, size = _text(root, "filename") or where, _size(root.find("imagesize"))
     for thing in root.iter("object"):
         if _text(thing, "deleted") == "1":
             continue
-        try:
-            drawn = _drawn(thing)
-        except UnusableShapeError as error:
-            gathering.leave_out(error)
-            continue
-        gathering.add(place, _text(thing, "name"), drawn, {"attributes": _text(thing, "attributes")})
-    return gathering.file(is_one_image=True)
+        with file.counting():
+            label, attributes = _text(thing, "name"), {"attributes": _text(thing, "attributes")}
+            file.shapes.append(
+                replace(_shape(thing), label=label, attributes=attributes, image=image, size_px=size)
+            )
+    return file
 
 
 def _root(content: bytes, where: str) -> Element:
@@ -90,7 +90,7 @@ def _size(size: Element | None) -> tuple[int, int] | None:
     return pair if min(pair) > 0 else None
 
 
-def _drawn(thing: Element) -> Drawn:
+def _shape(thing: Element) -> Shape:
     polygon = thing.find("polygon")
     if polygon is not None:
         corners = [numbers(point.findtext("x"), point.findtext("y")) for point in polygon.iter("pt")]

@@ -11,16 +11,17 @@ Frames of videos count from 1.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, size_px, text, whole
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
+    Hints,
     Pixel,
-    Place,
+    Shape,
     UnusableShapeError,
     as_fraction,
     box_around,
@@ -46,7 +47,7 @@ def looks_like_labelstudio(document: object) -> bool:
     return isinstance(versions, list) and isinstance(first.get("data"), dict)
 
 
-def read_labelstudio(document: object, where: str) -> AnnotationFile:
+def read_labelstudio(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read one export in the form "JSON".
 
     Parameters
@@ -56,15 +57,16 @@ def read_labelstudio(document: object, where: str) -> AnnotationFile:
     where : str
         File name, for messages.
     """
-    gathering = Gathering(where, TOOL)
+    file = AnnotationFile(where, TOOL)
     for task in map(mapping, sequence(document)):
         number = whole(task.get("id"))
-        place = Place(image=_image(task), image_id=-1 if number is None else number)
-        _read_task(sequence(_version(task, gathering).get("result")), place, gathering)
-    return gathering.file()
+        image_id = -1 if number is None else number
+        shapes = _shapes(sequence(_version(task, file).get("result")), file)
+        file.shapes += [replace(shape, image=_image(task), image_id=image_id) for shape in shapes]
+    return file
 
 
-def _version(task: Mapping[str, Any], gathering: Gathering) -> Mapping[str, Any]:
+def _version(task: Mapping[str, Any], file: AnnotationFile) -> Mapping[str, Any]:
     """Return the one version of a task that counts."""
     every = [mapping(version) for version in sequence(task.get("annotations", task.get("completions")))]
     versions = [version for version in every if version.get("was_cancelled") is not True]
@@ -73,7 +75,7 @@ def _version(task: Mapping[str, Any], gathering: Gathering) -> Mapping[str, Any]
     chosen = next((version for version in versions if version.get("ground_truth") is True), versions[0])
     others = sum(len(sequence(version.get("result"))) for version in versions if version is not chosen)
     other = SkipKind.OTHER_VERSION
-    gathering.leave_out(UnusableShapeError(other.reason(), kind=other), others)
+    file.leave_out(UnusableShapeError(other.reason(), kind=other), others)
     return chosen
 
 
@@ -86,63 +88,60 @@ def _image(task: Mapping[str, Any]) -> str:
     return name.partition("?d=")[2] or name.partition("?")[0]
 
 
-def _read_task(results: Any, place: Place, gathering: Gathering) -> None:
+def _shapes(results: Any, file: AnnotationFile) -> Iterator[Shape]:
+    """Yield the shapes of one task; those that cannot be used are counted."""
     attributes, labels = _attributes(results), _labels(results)
     for result in map(mapping, results):
         value, region = mapping(result.get("value")), key(result.get("id"))
         kind = text(result.get("type")).removesuffix("labels")
-        label, about = labels.get(region, ""), attributes.get(region, {})
+        shapes: list[Shape] = []
         if kind == _VIDEO:
-            _read_video(value, label, place._replace(track=region), about, gathering)
+            shapes = [replace(shape, track=region) for shape in _of_video(value, file)]
         elif kind in _SHAPES:
-            try:
-                size, drawn = _drawn(result, value, kind)
-            except UnusableShapeError as error:
-                gathering.leave_out(error)
-            else:
-                gathering.add(place._replace(size_px=size), label, drawn, about)
+            with file.counting():
+                shapes = [_of_image(result, value, kind)]
         elif kind and not any(name in value for name in _ATTRIBUTES):
-            gathering.leave_out(of_kind(kind))
+            file.leave_out(of_kind(kind))
+        for shape in shapes:
+            yield replace(shape, label=labels.get(region, ""), attributes=attributes.get(region, {}))
 
 
 def _labels(results: Any) -> dict[str, str]:
     """Return the label of each region, which may stand in a result of its own (``<Labels/>``)."""
-    found: dict[str, str] = {}
+    labels_of: dict[str, str] = {}
     for result in map(mapping, results):
         for name, labels in mapping(result.get("value")).items():
             if name.endswith("labels") and sequence(labels):
-                found[key(result.get("id"))] = text(labels[0])
-    return found
+                labels_of[key(result.get("id"))] = text(labels[0])
+    return labels_of
 
 
 def _attributes(results: Any) -> dict[str, dict[str, str]]:
     """Return what was said of each region besides its label."""
-    found: dict[str, dict[str, str]] = {}
+    attributes: dict[str, dict[str, str]] = {}
     for result in map(mapping, results):
         value = mapping(result.get("value"))
         said = next((value[name] for name in _ATTRIBUTES if name in value), None)
         parts = said if isinstance(said, list) else [said]
         words = ";".join(word for word in map(text, parts) if word)
         if words:
-            about = found.setdefault(key(result.get("id")), {})
+            about = attributes.setdefault(key(result.get("id")), {})
             about[text(result.get("from_name"))] = words
-    return found
+    return attributes
 
 
-def _drawn(
-    result: Mapping[str, Any], value: Mapping[str, Any], kind: str
-) -> tuple[tuple[int, int] | None, Drawn]:
-    """Return the size of the image and the shape, in pixels where that is known, else as fractions."""
+def _of_image(result: Mapping[str, Any], value: Mapping[str, Any], kind: str) -> Shape:
+    """Return a shape in pixels where the size of the image is known, else in fractions of it."""
     (turn,) = numbers(result.get("image_rotation") or 0)
     if turn % 360:
         raise UnusableShapeError("the image was turned in Label Studio: annotate it as the camera took it")
     size = size_px(result.get("original_width"), result.get("original_height"))
     width, height = size or (1, 1)
-    drawn = _shape(value, kind, width / 100.0, height / 100.0)
-    return size, drawn if size else as_fraction(drawn)
+    shape = _shape(value, kind, width / 100.0, height / 100.0)
+    return replace(shape, size_px=size) if size else as_fraction(shape)
 
 
-def _shape(value: Mapping[str, Any], kind: str, per_x: float, per_y: float) -> Drawn:
+def _shape(value: Mapping[str, Any], kind: str, per_x: float, per_y: float) -> Shape:
     """Return a shape whose percents are `per_x` and `per_y` long."""
     if kind == "polygon":
         corners = [numbers(*sequence(point)) for point in sequence(value.get("points"))]
@@ -174,7 +173,7 @@ def _turned(x: float, y: float, width: float, height: float, degrees: float) -> 
     ]
 
 
-def _ellipse(x: float, y: float, radius_x: float, radius_y: float, degrees: float) -> Drawn:
+def _ellipse(x: float, y: float, radius_x: float, radius_y: float, degrees: float) -> Shape:
     cos, sin = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     half_width, half_height = (
         math.hypot(radius_x * cos, radius_y * sin),
@@ -183,18 +182,11 @@ def _ellipse(x: float, y: float, radius_x: float, radius_y: float, degrees: floa
     return box_around([(x - half_width, y - half_height), (x + half_width, y + half_height)])
 
 
-def _read_video(
-    value: Mapping[str, Any], label: str, place: Place, about: Mapping[str, str], gathering: Gathering
-) -> None:
-    """Read the key frames of one track; those in between are not in the export."""
+def _of_video(value: Mapping[str, Any], file: AnnotationFile) -> Iterator[Shape]:
+    """Yield the key frames of one track; those in between are not in the export."""
     for row in map(mapping, sequence(value.get("sequence"))):
-        number = whole(row.get("frame"))
-        if not number:
-            gathering.leave_out(UnusableShapeError("frame number unreadable"))
-            continue
-        try:
-            drawn = as_fraction(_shape(row, "rectangle", 0.01, 0.01))
-        except UnusableShapeError as error:
-            gathering.leave_out(error)
-            continue
-        gathering.add(place._replace(frame=number - 1), label, drawn, about)
+        with file.counting():
+            number = whole(row.get("frame"))
+            if not number:
+                raise UnusableShapeError("frame number unreadable")
+            yield replace(as_fraction(_shape(row, "rectangle", 0.01, 0.01)), frame=number - 1)

@@ -13,12 +13,13 @@ import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
-    Place,
+    Hints,
+    Shape,
     UnusableShapeError,
     box_at,
     foot_at,
@@ -64,7 +65,7 @@ def lacking(head: bytes) -> str:
     return f"has the columns {', '.join(names)[:120]}, and lacks {', '.join(wanted)}"
 
 
-def read_annotations_csv(content: bytes, where: str) -> AnnotationFile:
+def read_annotations_csv(content: bytes, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read a table of annotations.
 
     Raises
@@ -72,20 +73,20 @@ def read_annotations_csv(content: bytes, where: str) -> AnnotationFile:
     DriveError
         If it is not CSV in UTF-8, or its header lacks a column.
     """
-    gathering = Gathering(where, TOOL)
-    cameras: dict[str, tuple[str, ...]] = {}
+    file = AnnotationFile(where, TOOL)
     try:
-        for row in _rows(content, where, gathering):
+        for row in _rows(content, where, file):
             camera = row.pop("camera", "")
             if camera:
-                cameras[camera] = (camera,)
-            _read_row(row, camera, gathering)
+                file.tasks[camera] = (camera,)
+            with file.counting():
+                file.shapes += _shapes(row, camera)
     except csv.Error as error:
         raise DriveError(f"{where} is not CSV ({error}): export it again.") from error
-    return gathering.file(tasks=cameras)
+    return file
 
 
-def _rows(content: bytes, where: str, gathering: Gathering) -> Iterator[dict[str, str]]:
+def _rows(content: bytes, where: str, file: AnnotationFile) -> Iterator[dict[str, str]]:
     """Yield each row by the names of its columns; rows that do not fit them are left out.
 
     Raises
@@ -111,7 +112,7 @@ def _rows(content: bytes, where: str, gathering: Gathering) -> Iterator[dict[str
         line = delimiter.join(cells)
         faulty = faulty or f"line {reader.line_num} ({line!r:.100}) has {len(cells)} cells, the header"
         misplaced[fault] += 1
-        gathering.leave_out(UnusableShapeError(fault, line))
+        file.leave_out(UnusableShapeError(fault, line))
     if 2 * misplaced.total() > n_rows:
         cure = _SHIFTED_CURE if misplaced[_SHIFTED] else _SEMICOLONS_CURE
         raise DriveError(f"{where}: {faulty} {len(header)}, and so with more than half of its rows: {cure}.")
@@ -138,38 +139,32 @@ def _fault(cells: Sequence[str], n_columns: int, delimiter: str) -> str:
     return _SEMICOLONS if is_other else ""
 
 
-def _read_row(row: Mapping[str, str], camera: str, gathering: Gathering) -> None:
-    try:
-        place = _place(row, camera)
-        drawn = _drawn(row)
-    except UnusableShapeError as error:
-        gathering.leave_out(error)
-        return
-    attributes = {name: cell for name, cell in row.items() if name not in _KNOWN}
-    for one in drawn:
-        gathering.add(place, row.get("label", ""), one, attributes)
-
-
-def _place(row: Mapping[str, str], camera: str) -> Place:
-    frame, image = row.get("frame", ""), row.get("image", "")
-    if not frame and not image:
-        raise UnusableShapeError("neither frame nor image")
-    number = None
-    if frame:
-        if not (frame.isascii() and frame.isdigit() and len(frame) <= 19 and int(frame) < _LARGEST_FRAME):
-            raise UnusableShapeError("frame number unreadable", frame)
-        number = int(frame)
-    return Place(frame=number, image=image, task=camera, track=row.get("track", ""))
-
-
-def _drawn(row: Mapping[str, str]) -> list[Drawn]:
-    found = []
-    for columns, made in ((FOOT, foot_at), (BOX, box_at)):
+def _shapes(row: Mapping[str, str], camera: str) -> list[Shape]:
+    """Return the foot, the face, or both of a row."""
+    frame = _frame(row)
+    shapes = []
+    for columns, shape_at in ((FOOT, foot_at), (BOX, box_at)):
         cells = [row.get(name, "") for name in columns]
         if "," in "".join(cells):
             raise UnusableShapeError("decimal comma: write a point", " ".join(cells))
         if any(cells):
-            found.append(made(*numbers(*cells)))
-    if not found:
+            shapes.append(shape_at(*numbers(*cells)))
+    if not shapes:
         raise UnusableShapeError("neither point nor box")
-    return found
+    attributes = {name: cell for name, cell in row.items() if name not in _KNOWN}
+    label, track, image = (row.get(name, "") for name in ("label", "track", "image"))
+    return [
+        replace(shape, label=label, attributes=attributes, track=track, frame=frame, image=image, task=camera)
+        for shape in shapes
+    ]
+
+
+def _frame(row: Mapping[str, str]) -> int | None:
+    frame = row.get("frame", "")
+    if not frame and not row.get("image", ""):
+        raise UnusableShapeError("neither frame nor image")
+    if not frame:
+        return None
+    if not (frame.isascii() and frame.isdigit() and len(frame) <= 19 and int(frame) < _LARGEST_FRAME):
+        raise UnusableShapeError("frame number unreadable", frame)
+    return int(frame)

@@ -10,11 +10,15 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 from twin.drives.folder.notes import SkipKind, Skipped
+
+if TYPE_CHECKING:
+    from twin.drives.annotations.formats.yolo import YoloClasses
 
 _CORNER_TO_CENTRE_PX = 0.5
 """Annotation tools count from the corner of the first pixel, the twin from its centre."""
@@ -29,7 +33,6 @@ FOOT_WORDS = frozenset({"foot", "base", "bottom", "ground", "fot", "fotpunkt", "
 
 Pixel = tuple[float, float]
 Edges = tuple[float, float, float, float]
-_UNIT_PX = (1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,43 +41,43 @@ class Shape:
 
     Attributes
     ----------
-    frame : int or None
-        Absolute frame number in the source (video tasks); None in image tasks.
-    image : str
-        Name of the image; "" in video tasks.
-    image_id : int
-        Running number of the image; -1 where there is none.
-    task : str
-        Id of the task in a project export, else "".
-    track : str
-        Track id, else "".
-    label : str
-    attributes : mapping of str to str
     kind : str
         ``foot`` or ``box``.
     pixel_px : (x, y)
         The foot, or the centre of the box; (0, 0) is the centre of the first pixel.
     box_px : (left, top, right, bottom)
         NaN for points.
-    size_px : (width, height) or None
-        Of the image that was annotated.
     is_fraction : bool
         Whether `pixel_px` and `box_px` are fractions of the image, from its corner, since the tool does not
         say how large it is: :meth:`in_pixels` turns them into pixels.
+    label : str
+    attributes : mapping of str to str
+    track : str
+        Track id, else "".
+    frame : int or None
+        Absolute frame number in the source (video tasks); None in image tasks.
+    image : str
+        Name of the image; "" in video tasks.
+    image_id : int
+        Running number of the image; -1 where there is none.
+    size_px : (width, height) or None
+        Of the image that was annotated.
+    task : str
+        Id of the task in a project export, else "".
     """
 
-    frame: int | None
-    image: str
-    image_id: int
-    task: str
-    track: str
-    label: str
-    attributes: Mapping[str, str]
     kind: str
     pixel_px: Pixel
-    box_px: Edges
-    size_px: tuple[int, int] | None
+    box_px: Edges = NO_BOX
     is_fraction: bool = False
+    label: str = ""
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    track: str = ""
+    frame: int | None = None
+    image: str = ""
+    image_id: int = -1
+    size_px: tuple[int, int] | None = None
+    task: str = ""
 
     def in_pixels(self, width_px: int, height_px: int) -> Shape:
         """Return the shape in pixels of an image of this size."""
@@ -96,38 +99,6 @@ class Shape:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class AnnotationFile:
-    """One export, or a folder of files that hold one image each.
-
-    Attributes
-    ----------
-    where : str
-        File or folder name.
-    source : tuple of str
-        Names of the video and of the task, in which a camera may be named.
-    tasks : mapping of task id to names
-        The same for each task of a project export.
-    shapes : tuple of Shape
-    skipped : tuple of Skipped
-    tool : str
-        The format, as people call it: ``CVAT``, ``COCO``.
-    is_one_image : bool
-        Whether the tool writes one such file for each image.
-    n_files : int
-        Files that were brought together in it.
-    """
-
-    where: str
-    source: tuple[str, ...]
-    tasks: Mapping[str, tuple[str, ...]]
-    shapes: tuple[Shape, ...]
-    skipped: tuple[Skipped, ...]
-    tool: str = "CVAT"
-    is_one_image: bool = False
-    n_files: int = 1
-
-
 class UnusableShapeError(Exception):
     """A shape that is left out: the reason in words, what stands in the file if it likes, and the kind."""
 
@@ -142,82 +113,85 @@ def of_kind(kind: str) -> UnusableShapeError:
     return UnusableShapeError(SkipKind.OTHER_SHAPE.reason(f"{kind:.40}"), kind=SkipKind.OTHER_SHAPE)
 
 
-class Place(NamedTuple):
-    """Where a shape was drawn: the fields of `Shape` that it shares with its neighbours."""
+@dataclass(frozen=True, slots=True)
+class Hints:
+    """What the drive says of its annotation files besides.
 
-    frame: int | None = None
-    image: str = ""
-    image_id: int = -1
-    task: str = ""
-    track: str = ""
-    size_px: tuple[int, int] | None = None
+    Attributes
+    ----------
+    feet : collection of str
+        Names of keypoints that are the foot, which ``labels.toml`` adds.
+    classes : YoloClasses or None
+        Names of the classes of YOLO files; None where the folder has none.
+    """
+
+    feet: Collection[str] = ()
+    classes: YoloClasses | None = None
 
 
-class Drawn(NamedTuple):
-    """The geometry of one shape."""
-
-    kind: str
-    pixel_px: Pixel
-    box_px: Edges
-    is_fraction: bool = False
+NO_HINTS = Hints()
 
 
 @dataclass(slots=True)
-class Gathering:
-    """What has been gathered so far of one export."""
+class AnnotationFile:
+    """One export, or a folder of files that hold one image each, filled by its reader.
+
+    Attributes
+    ----------
+    where : str
+        File or folder name.
+    tool : str
+        The format, as people call it: ``CVAT``, ``COCO``.
+    shapes : list of Shape
+    left_out : Counter of (reason, kind)
+    source : tuple of str
+        Names of the video and of the task, in which a camera may be named.
+    tasks : dict of task id to names
+        The same for each task of a project export.
+    n_files : int
+        Files that were brought together in it.
+    """
 
     where: str
     tool: str
     shapes: list[Shape] = field(default_factory=list)
-    faults: Counter[tuple[str, SkipKind]] = field(default_factory=Counter)
-    examples: dict[str, str] = field(default_factory=dict)
-    """What the first shape that was left out for a reason looks like, where that is told."""
+    left_out: Counter[tuple[str, SkipKind]] = field(default_factory=Counter)
+    source: tuple[str, ...] = ()
+    tasks: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    n_files: int = 1
+    _examples: dict[str, str] = field(default_factory=dict)
 
-    def add(self, place: Place, label: str, drawn: Drawn, attributes: Mapping[str, str]) -> None:
-        """Take one shape."""
-        self.shapes.append(
-            Shape(
-                **place._asdict(),
-                label=label,
-                attributes=attributes,
-                kind=drawn.kind,
-                pixel_px=drawn.pixel_px,
-                box_px=drawn.box_px,
-                is_fraction=drawn.is_fraction,
-            )
-        )
+    @contextmanager
+    def counting(self) -> Iterator[None]:
+        """Count a shape that turns out unusable instead of raising."""
+        try:
+            yield
+        except UnusableShapeError as error:
+            self.leave_out(error)
 
     def leave_out(self, error: UnusableShapeError, count: int = 1) -> None:
-        """Count shapes that are not taken."""
+        """Count shapes that are not taken; the first example of a reason is told."""
         reason = str(error)
-        self.faults[reason, error.kind] += count
+        self.left_out[reason, error.kind] += count
         if error.example:
-            self.examples.setdefault(reason, f"{reason}, such as {error.example!r:.60}")
+            self._examples.setdefault(reason, f"{reason}, such as {error.example!r:.60}")
 
-    def file(
-        self,
-        source: tuple[str, ...] = (),
-        tasks: Mapping[str, tuple[str, ...]] | None = None,
-        *,
-        is_one_image: bool = False,
-    ) -> AnnotationFile:
-        """Return all of it."""
-        skipped = (
-            Skipped("annotations", self.where, n, self.examples.get(reason, reason), kind)
-            for (reason, kind), n in sorted(self.faults.items())
+    @property
+    def skipped(self) -> tuple[Skipped, ...]:
+        """What was left out, by reason."""
+        return tuple(
+            Skipped("annotations", self.where, n, self._examples.get(reason, reason), kind)
+            for (reason, kind), n in sorted(self.left_out.items())
             if n
         )
-        return AnnotationFile(
-            self.where, source, tasks or {}, tuple(self.shapes), tuple(skipped), self.tool, is_one_image
-        )
 
 
-def foot_at(x: float, y: float) -> Drawn:
+def foot_at(x: float, y: float) -> Shape:
     """Return the foot at a point that is counted from the corner of the first pixel."""
-    return Drawn("foot", (x - _CORNER_TO_CENTRE_PX, y - _CORNER_TO_CENTRE_PX), NO_BOX)
+    return Shape("foot", (x - _CORNER_TO_CENTRE_PX, y - _CORNER_TO_CENTRE_PX))
 
 
-def box_at(left: float, top: float, right: float, bottom: float) -> Drawn:
+def box_at(left: float, top: float, right: float, bottom: float) -> Shape:
     """Return the box with these edges, counted from the corner of the first pixel.
 
     Raises
@@ -229,10 +203,10 @@ def box_at(left: float, top: float, right: float, bottom: float) -> Drawn:
         raise UnusableShapeError("box without area")
     half = _CORNER_TO_CENTRE_PX
     centre = ((left + right) / 2 - half, (top + bottom) / 2 - half)
-    return Drawn("box", centre, (left - half, top - half, right - half, bottom - half))
+    return Shape("box", centre, (left - half, top - half, right - half, bottom - half))
 
 
-def box_around(points: Sequence[Pixel]) -> Drawn:
+def box_around(points: Sequence[Pixel]) -> Shape:
     """Return the upright box around a polygon, from the corner of the first pixel.
 
     Raises
@@ -246,14 +220,13 @@ def box_around(points: Sequence[Pixel]) -> Drawn:
     return box_at(min(x), min(y), max(x), max(y))
 
 
-def as_fraction(drawn: Drawn) -> Drawn:
+def as_fraction(shape: Shape) -> Shape:
     """Return the same for coordinates that are fractions of the image: no pixel's half is taken off yet."""
     half = _CORNER_TO_CENTRE_PX
-    x, y = drawn.pixel_px
-    left, top, right, bottom = drawn.box_px
-    return Drawn(
-        drawn.kind, (x + half, y + half), (left + half, top + half, right + half, bottom + half), True
-    )
+    x, y = shape.pixel_px
+    left, top, right, bottom = shape.box_px
+    box = (left + half, top + half, right + half, bottom + half)
+    return replace(shape, pixel_px=(x + half, y + half), box_px=box, is_fraction=True)
 
 
 def pairs(values: Sequence[float]) -> list[Pixel]:
@@ -277,21 +250,21 @@ def numbers(*values: object) -> list[float]:
     UnusableShapeError
         If one is neither, not finite, or so large that no image has it.
     """
-    found = []
+    floats = []
     for value in values:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise UnusableShapeError("coordinates unreadable")
         try:
-            found.append(float(value))
+            floats.append(float(value))
         except ValueError:
             raise UnusableShapeError("coordinates unreadable") from None
         except OverflowError:
             raise UnusableShapeError("coordinates not finite") from None
-    if not all(math.isfinite(value) for value in found):
+    if not all(math.isfinite(value) for value in floats):
         raise UnusableShapeError("coordinates not finite")
-    if any(abs(value) > _LARGEST for value in found):
+    if any(abs(value) > _LARGEST for value in floats):
         raise UnusableShapeError("coordinates beyond any image")
-    return found
+    return floats
 
 
 def foot_of(names: Sequence[str], feet: Collection[str] = ()) -> int | None:
@@ -304,14 +277,14 @@ def foot_of(names: Sequence[str], feet: Collection[str] = ()) -> int | None:
     feet : collection of str
         Names that ``labels.toml`` adds.
     """
-    known = {name.casefold() for name in feet}
-    found = [
+    given = {name.casefold() for name in feet}
+    which = [
         k
         for k, name in enumerate(names)
-        if name.casefold() in known or FOOT_WORDS & set(re.findall(r"[^\W\d_]+", name.casefold()))
+        if name.casefold() in given or FOOT_WORDS & set(re.findall(r"[^\W\d_]+", name.casefold()))
     ]
-    if len(found) == 1:
-        return found[0]
+    if len(which) == 1:
+        return which[0]
     return 0 if len(names) == 1 else None
 
 
@@ -326,18 +299,10 @@ def merged(files: Iterable[AnnotationFile], where: str) -> AnnotationFile:
         The folder.
     """
     every = list(files)
-    counts: Counter[tuple[str, SkipKind]] = Counter()
-    for file in every:
-        for skipped in file.skipped:
-            counts[skipped.reason, skipped.kind] += skipped.count
     return AnnotationFile(
-        where=where,
-        source=(),
-        tasks={},
-        shapes=tuple(shape for file in every for shape in file.shapes),
-        skipped=tuple(
-            Skipped("annotations", where, n, reason, kind) for (reason, kind), n in sorted(counts.items())
-        ),
-        tool=every[0].tool,
+        where,
+        every[0].tool,
+        shapes=[shape for file in every for shape in file.shapes],
+        left_out=sum((file.left_out for file in every), Counter()),
         n_files=len(every),
     )

@@ -6,16 +6,13 @@ image has the file's own name; ``heigth`` is spelt so in the published files.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 from twin.drives.annotations.formats.json_values import mapping, sequence, size_px, text
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
-    Place,
-    UnusableShapeError,
+    Hints,
     box_around,
     numbers,
     pairs,
@@ -30,8 +27,8 @@ def looks_like_vistas(document: object) -> bool:
     return bool(things) and "polygon" in mapping(things[0])
 
 
-def read_vistas(document: object, where: str) -> AnnotationFile:
-    """Read the polygons of one image.
+def read_vistas(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
+    """Read the polygons of one image: rings of points, or of flat numbers.
 
     Parameters
     ----------
@@ -40,21 +37,11 @@ def read_vistas(document: object, where: str) -> AnnotationFile:
     where : str
         File name: that of the image, too.
     """
-    found = mapping(document)
-    gathering = Gathering(where, TOOL)
-    height = found.get("height", found.get("heigth"))
-    place = Place(image=where, size_px=size_px(found.get("width"), height))
-    for thing in map(mapping, sequence(found.get("objects"))):
-        try:
-            drawn = _drawn(thing)
-        except UnusableShapeError as error:
-            gathering.leave_out(error)
-            continue
-        gathering.add(place, text(thing.get("label")), drawn, {})
-    return gathering.file(is_one_image=True)
-
-
-def _drawn(thing: Mapping[str, Any]) -> Drawn:
-    """Return the box around a polygon: rings of points, or of flat numbers."""
-    rings = sequence(thing.get("polygon"))
-    return box_around(pairs(numbers(*(value for ring in rings for value in sequence(ring)))))
+    file, top = AnnotationFile(where, TOOL), mapping(document)
+    size = size_px(top.get("width"), top.get("height", top.get("heigth")))
+    for thing in map(mapping, sequence(top.get("objects"))):
+        with file.counting():
+            rings = sequence(thing.get("polygon"))
+            shape = box_around(pairs(numbers(*(value for ring in rings for value in sequence(ring)))))
+            file.shapes.append(replace(shape, label=text(thing.get("label")), image=where, size_px=size))
+    return file

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from twin.drives.annotations.formats.json_values import mapping, sequence, text
 from twin.drives.annotations.formats.shapes import (
+    NO_HINTS,
     AnnotationFile,
-    Drawn,
-    Gathering,
-    Place,
+    Hints,
+    Shape,
     UnusableShapeError,
     as_fraction,
     box_around,
@@ -102,9 +102,7 @@ def read_yolo_classes(content: bytes, where: str) -> YoloClasses:
     return YoloClasses(labels, n_keypoints, n_values, tuple(text(name) for name in sequence(points)))
 
 
-def read_yolo(
-    content: bytes, where: str, classes: YoloClasses | None = None, feet: Collection[str] = ()
-) -> AnnotationFile:
+def read_yolo(content: bytes, where: str, hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read the labels of one image.
 
     Parameters
@@ -112,26 +110,19 @@ def read_yolo(
     content : bytes
     where : str
         File name: that of the image, too.
-    classes : YoloClasses, optional
-        Without it the label of class 3 is ``class 3``.
-    feet : collection of str
-        Further names of key points that are the foot.
+    hints : Hints
+        Without names of the classes the label of class 3 is ``class 3``.
     """
-    classes = classes or YoloClasses({})
-    gathering = Gathering(where, TOOL)
+    file, classes = AnnotationFile(where, TOOL), hints.classes or YoloClasses({})
     for line in content.decode("utf-8-sig", errors="replace").splitlines():
         cells = line.split()
         if not cells:
             continue
-        try:
+        with file.counting():
             number, values = _row(cells)
-            track, drawn = _drawn(values, classes, feet)
-        except UnusableShapeError as error:
-            gathering.leave_out(error)
-            continue
-        label = classes.labels.get(number, f"class {number}")
-        gathering.add(Place(image=where, track=track), label, drawn, {})
-    return gathering.file(is_one_image=True)
+            label = classes.labels.get(number, f"class {number}")
+            file.shapes.append(replace(_shape(values, classes, hints.feet), label=label, image=where))
+    return file
 
 
 def _row(cells: Sequence[str]) -> tuple[int, list[float]]:
@@ -143,19 +134,19 @@ def _row(cells: Sequence[str]) -> tuple[int, list[float]]:
     return int(number), values
 
 
-def _drawn(values: list[float], classes: YoloClasses, feet: Collection[str]) -> tuple[str, Drawn]:
-    """Return the track, where there is one, and the shape."""
+def _shape(values: list[float], classes: YoloClasses, feet: Collection[str]) -> Shape:
+    """Return the shape, with its track where there is one."""
     n = len(values)
     n_pose = 4 + classes.n_keypoints * classes.n_values
     if classes.n_keypoints and n in {n_pose, n_pose + 1}:
-        return "", _foot(values[4:n_pose], classes, feet)
+        return _foot(values[4:n_pose], classes, feet)
     if n in {4, 5}:
         x, y, width, height = values[:4]
         box = box_at(x - width / 2, y - height / 2, x + width / 2, y + height / 2)
         track = str(int(values[4])) if n == 5 and values[4] > 1 and values[4] == int(values[4]) else ""
-        return track, as_fraction(box)
+        return replace(as_fraction(box), track=track)
     if not classes.n_keypoints and n >= 6 and n % 2 == 0:
-        return "", as_fraction(box_around(pairs(values)))
+        return as_fraction(box_around(pairs(values)))
     if classes.n_keypoints:
         said = f"kpt_shape in data.yaml makes it {n_pose + 1}"
     else:
@@ -163,7 +154,7 @@ def _drawn(values: list[float], classes: YoloClasses, feet: Collection[str]) -> 
     raise UnusableShapeError(f"row of {n + 1} numbers" + (f": {said}" if n > 5 else ""))
 
 
-def _foot(values: list[float], classes: YoloClasses, feet: Collection[str]) -> Drawn:
+def _foot(values: list[float], classes: YoloClasses, feet: Collection[str]) -> Shape:
     which = foot_of(classes.keypoint_names or [""] * classes.n_keypoints, feet)
     if which is None or which >= classes.n_keypoints:
         raise UnusableShapeError("keypoints, none of them named foot")
