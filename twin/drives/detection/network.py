@@ -1,24 +1,28 @@
-"""An ONNX network, run by OpenCV on this machine."""
+"""An ONNX network, run by ONNX's own runtime on this machine."""
 
 from __future__ import annotations
 
+import ast
 import hashlib
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.drives.detection.onnx_header import OnnxHeader, read_onnx_header
 from twin.drives.detection.yolo_output import Detections, candidates, kept, letterboxed
-from twin.errors import DriveError
+from twin.errors import ConfigError, DriveError
 
 DEFAULT_SIZE_PX = 640
 """Input of a network that leaves its size open: the family's own default."""
 LARGEST_SIDE_PX = 4096
 MAX_MODEL_BYTES = 2_000_000_000
 """Protocol Buffers end at 2 GiB."""
+_LONGEST_TEXT = 1_000_000
+_ONLY_FATAL = 4
+"""Of the runtime's own messages on stderr; what goes wrong is raised as well."""
 
 
 class Detector:
@@ -31,6 +35,8 @@ class Detector:
 
     Attributes
     ----------
+    input_px : (width, height)
+        What pictures are fitted into.
     names : tuple of str
         Classes by index; empty where nobody names them.
     sha256 : str
@@ -38,6 +44,8 @@ class Detector:
 
     Raises
     ------
+    ConfigError
+        If the extra `detect` is not installed.
     DriveError
         If the file cannot be read, or is no network of the contract.
     """
@@ -45,11 +53,13 @@ class Detector:
     def __init__(self, path: Path) -> None:
         content = _content(path)
         self.where = path.name
-        header = read_onnx_header(content, self.where)
-        self._width_px, self._height_px = _input_size(header, self.where)
-        self.names = header.names or _names_beside(path)
+        self._session = _session(content, self.where)
+        said = _said(self._session)
+        network_input = self._session.get_inputs()[0] if self._session.get_inputs() else None
+        self._input = network_input.name if network_input else ""
+        self.input_px = _input_size(network_input, said, self.where)
+        self.names = _class_names(said.get("names", "")) or _names_beside(path)
         self.sha256 = hashlib.sha256(content).hexdigest()
-        self._network = _network(content, self.where)
 
     def name_of(self, class_index: int) -> str:
         """Name of a class; ``class 7`` where it has none."""
@@ -73,18 +83,15 @@ class Detector:
         DriveError
             If the network cannot be run, or its output is not of the contract.
         """
-        import cv2
-
-        blob, letterbox = letterboxed(image, self._width_px, self._height_px)
+        blob, letterbox = letterboxed(image, *self.input_px)
         try:
-            self._network.setInput(blob)
-            output = self._network.forward()
-        except cv2.error as error:
+            output = self._session.run(None, {self._input: blob})[0]
+        except Exception as error:  # the runtime's own, which have no common base
             raise DriveError(
-                f"{self.where} cannot be run on pictures of {self._width_px} x {self._height_px} pixels"
-                f" ({_first_line(error)}): export it with a fixed input size, opset 17 or older."
+                f"{self.where} cannot be run on pictures of {self.input_px[0]} x {self.input_px[1]} pixels"
+                f" ({_first_line(error)}): export it with a fixed input size."
             ) from error
-        found = candidates(np.asarray(output, dtype=np.float32), len(self.names) or None, self.where)
+        found = candidates(_floats(output, self.where), len(self.names) or None, self.where)
         rows, columns = image.shape[:2]
         return kept(found, letterbox, (columns, rows), threshold, faults)
 
@@ -100,11 +107,45 @@ def _content(path: Path) -> bytes:
         ) from error
 
 
-def _input_size(header: OnnxHeader, where: str) -> tuple[int, int]:
-    """Width and height of the input."""
-    shape = header.shape
-    fits = len(shape) == 4 and shape[0] in (0, 1) and shape[1] in (0, 3) and header.is_float32
+def _session(content: bytes, where: str) -> Any:
+    """Load a network; the file's bytes are all that is read of it."""
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise ConfigError(
+            "A detector needs ONNX's runtime, which is not installed: pip install 'nvdb-twin[detect]'."
+        ) from error
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = _ONLY_FATAL
+    try:
+        return onnxruntime.InferenceSession(
+            content, options, providers=["CPUExecutionProvider"], enable_fallback=0
+        )
+    except Exception as error:  # the runtime's own, which have no common base
+        raise DriveError(
+            f"{where} is not an ONNX model that can be run ({_first_line(error)}): export the network again,"
+            " as ONNX."
+        ) from error
+
+
+def _said(session: Any) -> Mapping[str, str]:
+    """What the file says of the network, as Ultralytics writes it; nothing where that is no text."""
+    try:
+        metadata: Mapping[str, str] = session.get_modelmeta().custom_metadata_map
+    except UnicodeDecodeError:
+        return {}
+    return metadata
+
+
+def _input_size(network_input: Any, said: Mapping[str, str], where: str) -> tuple[int, int]:
+    """Width and height of the input: what is open is what the network was trained on, ``imgsz``."""
+    shape = tuple(size if isinstance(size, int) else 0 for size in getattr(network_input, "shape", ()))
+    is_float32 = getattr(network_input, "type", "") == "tensor(float)"
+    fits = len(shape) == 4 and shape[0] in (0, 1) and shape[1] in (0, 3) and is_float32
     height, width = shape[2:] if len(shape) == 4 else (0, 0)
+    trained = _numbers(said.get("imgsz", ""))
+    if len(trained) == 2:
+        height, width = height or trained[0], width or trained[1]
     if not fits or max(width, height) > LARGEST_SIDE_PX:
         raise DriveError(
             f"The input of {where} has the shape {shape}: it must be (1, 3, rows, columns) of 32-bit"
@@ -112,6 +153,39 @@ def _input_size(header: OnnxHeader, where: str) -> tuple[int, int]:
             " picture at a time."
         )
     return width or DEFAULT_SIZE_PX, height or DEFAULT_SIZE_PX
+
+
+def _floats(output: object, where: str) -> NDArray[np.float32]:
+    try:
+        return np.asarray(output, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise DriveError(f"{where} gives no numbers: export it as detector.") from error
+
+
+def _class_names(text: str) -> tuple[str, ...]:
+    """``{0: 'stop', 1: 'yield'}`` or ``['stop', 'yield']`` → names by index."""
+    value = _literal(text)
+    if isinstance(value, dict):
+        keys = [key for key in value if isinstance(key, int)]
+        if sorted(keys) != list(range(len(value))):
+            return ()
+        value = [value[key] for key in range(len(value))]
+    return tuple(str(name) for name in value) if isinstance(value, list | tuple) else ()
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    """``[320, 640]`` → rows and columns; empty for what is no list of whole numbers above 0."""
+    value = _literal(text)
+    numbers = tuple(value) if isinstance(value, list | tuple) else ()
+    return numbers if all(type(number) is int and number > 0 for number in numbers) else ()
+
+
+def _literal(text: str) -> Any:
+    """A Python literal, as Ultralytics writes its metadata; None for what is none."""
+    try:
+        return ast.literal_eval(text[:_LONGEST_TEXT])
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+        return None
 
 
 def _names_beside(path: Path) -> tuple[str, ...]:
@@ -122,19 +196,7 @@ def _names_beside(path: Path) -> tuple[str, ...]:
     return tuple(line.strip() for line in text.splitlines() if line.strip())
 
 
-def _network(content: bytes, where: str) -> Any:
-    import cv2
-
-    try:
-        return cv2.dnn.readNetFromONNX(np.frombuffer(content, dtype=np.uint8))
-    except cv2.error as error:
-        raise DriveError(
-            f"{where} holds a network that OpenCV cannot run ({_first_line(error)}): export it again with"
-            " opset 17 or older."
-        ) from error
-
-
 def _first_line(error: Exception) -> str:
-    """What OpenCV says, without the place in its source."""
-    text = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-    return text.rpartition("error: ")[2][:160]
+    """What the runtime says, without its own codes and the place in its source."""
+    text = (str(error).strip().splitlines() or ["no reason given"])[0]
+    return text.rpartition(" : ")[2][:160]

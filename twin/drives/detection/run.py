@@ -16,7 +16,6 @@ from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.annotations.formats.shapes import AnnotationFile
 from twin.drives.detection.network import Detector
 from twin.drives.detection.shapes import Looked, annotation_file
-from twin.drives.detection.trial_run import rehearse
 from twin.drives.folder.notes import Skipped
 from twin.drives.frames.find import Pictures
 from twin.drives.frames.read import Frame, frames
@@ -104,8 +103,9 @@ def detect(recorded: Recorded, options: DetectorOptions, say: Callable[[str], No
             " or a folder of images under [frames] in drive.toml."
         )
     say(f"trying {options.model.name} out")
-    rehearse(options.model)
     detector = Detector(options.model)
+    # What does not fit is found before hours of video are decoded.
+    detector.find(np.zeros((64, 96, 3), dtype=np.uint8), options.threshold, Counter())
     files, skipped = [], []
     for name, pictures in sorted(recorded.pictures.items()):
         file, left_out = _of_camera(detector, recorded, pictures, options, say)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -10,27 +11,19 @@ import numpy as np
 import pytest
 
 from twin.drives.detection.network import Detector
-from twin.drives.detection.onnx_header import read_onnx_header
 from twin.drives.detection.yolo_output import GREY, Detections, Letterbox, candidates, kept, letterboxed
-from twin.errors import DriveError
+from twin.errors import ConfigError, DriveError
 
 GREY_IMAGE = np.full((64, 96, 3), 90, np.uint8)
 
 
-def test_header_agrees_with_the_package_onnx(networks: Any, tmp_path: Path) -> None:
-    """Input shape and names as the reference implementation wrote them."""
-    path = networks.grid(tmp_path / "grid.onnx")
-    header = read_onnx_header(path.read_bytes(), "grid.onnx")
-    assert (header.shape, header.is_float32, header.names) == ((1, 3, 64, 64), True, ("red board",))
-
-
 @pytest.mark.parametrize(
-    ("imgsz", "size"), [("[320, 416]", (320, 416)), ("[-1, 0]", (0, 0)), ("large", (0, 0))]
+    ("imgsz", "size"), [("[320, 416]", (320, 416)), ("[-1, 0]", (640, 640)), ("large", (640, 640))]
 )
 def test_size_that_is_left_open_is_the_one_trained_on(
     networks: Any, tmp_path: Path, imgsz: str, size: tuple[int, int]
 ) -> None:
-    """Ultralytics writes ``imgsz`` beside an input of open size; nonsense in it is no size."""
+    """Ultralytics writes ``imgsz`` beside an input of open size; nonsense in it is none: then 640."""
     import onnx
 
     path = networks.constant(
@@ -38,8 +31,8 @@ def test_size_that_is_left_open_is_the_one_trained_on(
     )
     model = onnx.load(path)
     onnx.helper.set_model_props(model, {"imgsz": imgsz})
-    header = read_onnx_header(model.SerializeToString(), "net.onnx")
-    assert header.shape == (0, 3, *size)
+    path.write_bytes(model.SerializeToString())
+    assert Detector(path).input_px == (size[1], size[0])
 
 
 def test_weights_listed_as_inputs_are_not_the_input(tmp_path: Path) -> None:
@@ -51,21 +44,40 @@ def test_weights_listed_as_inputs_are_not_the_input(tmp_path: Path) -> None:
     weight = numpy_helper.from_array(np.ones(1, np.float32), "w")
     node = helper.make_node("Mul", ["images", "w"], ["out"])
     out = helper.make_tensor_value_info("out", TensorProto.FLOAT, [1, 3, 8, 16])
-    model = helper.make_model(helper.make_graph([node], "old", inputs, [out], [weight]))
-    assert read_onnx_header(model.SerializeToString(), "old.onnx").shape == (1, 3, 8, 16)
+    graph = helper.make_graph([node], "old", inputs, [out], [weight])
+    for ir_version in (3, 8):
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=ir_version)
+        (tmp_path / "old.onnx").write_bytes(model.SerializeToString())
+        assert Detector(tmp_path / "old.onnx").input_px == (16, 8)
 
 
 @pytest.mark.parametrize(
     "content", [b"", b"<html>", b"\x3a\xff\xff\xff\x7f", bytes(100), b"\x08" + b"\xff" * 20]
 )
-def test_what_is_no_onnx_file_is_refused_by_name(content: bytes) -> None:
+def test_what_is_no_onnx_file_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
     """One sentence, whatever the bytes."""
+    (tmp_path / "no.onnx").write_bytes(content)
     with pytest.raises(DriveError, match=r"no\.onnx is not an ONNX model"):
-        read_onnx_header(content, "no.onnx")
+        Detector(tmp_path / "no.onnx")
+
+
+def test_absent_file_is_named(tmp_path: Path) -> None:
+    """One sentence with the cure."""
+    with pytest.raises(DriveError, match=r"none\.onnx cannot be read"):
+        Detector(tmp_path / "none.onnx")
+
+
+def test_missing_runtime_is_named_with_its_extra(
+    networks: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The runtime is an optional dependency."""
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(ConfigError, match=r"pip install 'nvdb-twin\[detect\]'"):
+        Detector(networks.grid(tmp_path / "grid.onnx"))
 
 
 def test_grid_network_finds_the_red_square(networks: Any, tmp_path: Path) -> None:
-    """A YOLOv8 head, run by OpenCV on a picture of another shape: the box is in its pixels."""
+    """A YOLOv8 head, run on a picture of another shape: the box is in its pixels."""
     image = np.full((64, 128, 3), 90, np.uint8)
     image[16:32, 48:64] = (255, 0, 0)
     detector = Detector(networks.grid(tmp_path / "grid.onnx"))
@@ -145,19 +157,28 @@ def test_names_beside_the_file_are_used(networks: Any, tmp_path: Path) -> None:
 @pytest.mark.parametrize("shape", [(1, 1, 64, 64), (4, 3, 64, 64), (1, 3, 64), (1, 3, 9000, 64)])
 def test_input_that_is_no_picture_is_refused(networks: Any, tmp_path: Path, shape: tuple[int, ...]) -> None:
     """Grey input, batches and giant inputs are named with what is wanted."""
-    path = networks.constant(tmp_path / "net.onnx", np.zeros((1, 3, 6)), shape=shape)
+    flat = ("Reshape", ["images", "form"], "output0", {})
+    path = networks.save(tmp_path / "net.onnx", [flat], {"form": np.array([1, 1, -1])}, shape)
     with pytest.raises(DriveError, match="must be \\(1, 3, rows, columns\\)"):
         Detector(path)
 
 
-def test_network_with_an_unknown_operation_is_refused(networks: Any, tmp_path: Path) -> None:
-    """What OpenCV cannot run is said with its own reason, without a place in its source."""
+@pytest.mark.parametrize(
+    "node",
+    [
+        ("NoSuchOperation", ["images"], "output0", {}),
+        ("Conv", ["images", "w"], "output0", {"kernel_shape": [1, 1], "strides": [0, 0]}),
+    ],
+    ids=lambda node: node[0],
+)
+def test_network_that_cannot_be_run_is_refused(networks: Any, tmp_path: Path, node: Any) -> None:
+    """An unknown operation, and strides of 0: one sentence with the runtime's reason."""
     path = networks.save(
-        tmp_path / "net.onnx", [("NoSuchOperation", ["images"], "output0", {})], {}, (1, 3, 64, 64)
+        tmp_path / "net.onnx", [node], {"w": np.ones((5, 3, 1, 1), np.float32)}, (1, 3, 64, 64)
     )
-    with pytest.raises(DriveError, match=r"OpenCV cannot run|cannot be run") as caught:
+    with pytest.raises(DriveError, match=r"cannot be run|can be run") as caught:
         Detector(path).find(GREY_IMAGE, 0.5, Counter())
-    assert ".cpp" not in str(caught.value)
+    assert "onnxruntime" not in str(caught.value).lower()
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(400, 640), (640, 400), (64, 64), (1208, 1920)])
