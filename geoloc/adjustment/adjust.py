@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from geoloc.adjustment.scene import bodies_at, rays_of, sigma_px_of
 from geoloc.adjustment.solve import Solution, solve
 from geoloc.adjustment.unknowns import READOUT, TIME
 from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
+from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import geographic_from_enu
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.combine import ellipse
@@ -34,9 +36,6 @@ from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.trajectory import Trajectory
 
-CLOCK_NOTE = "The camera clock does not fit the track"
-SHUTTER_NOTE = "The rolling shutter that fits best"
-"""Beginnings of the notes of a drive whose positions cannot be trusted."""
 POLE_RADIUS_M = 0.03
 """The ordinary sign pole in Norway is a steel tube of 60 mm."""
 _DEFAULT_BUDGET = ErrorBudget()
@@ -51,6 +50,14 @@ _CERTAIN, _WIDER = 6.0, 3.0
 _READOUTS_MS = (-15.0, 50.0)
 # A data sheet's readout, and how exposure and line time differ from it.
 _STATED_READOUT_MS = 1.0
+
+
+class AdjustmentDoubt(StrEnum):
+    """What an adjustment is doubted for."""
+
+    CLOCK = "clock"
+    SHUTTER = "shutter"
+    TERRAIN_UNUSED = "terrain-unused"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +104,8 @@ class Adjusted:
         Added to the camera clock; and the readout itself.
     boresight_deg : mapping camera → tuple of Correction
         About the camera's own x (pitch), y (yaw) and z (roll).
-    notes : tuple of str
-        What a person should know, one sentence each: a clock or a shutter that cannot be, terrain not used.
+    doubts : tuple of Doubt
+        Of the kinds of `AdjustmentDoubt`: a clock or a shutter that cannot be, terrain not used.
     """
 
     object: IntArray
@@ -119,7 +126,7 @@ class Adjusted:
     time_offset_ms: Correction
     readout_ms: Correction
     boresight_deg: dict[str, tuple[Correction, ...]]
-    notes: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
 
 
 def adjust(
@@ -212,20 +219,23 @@ def adjust(
         return model, solution, spread(model, solution)
 
     model, solution, found = solved(stated)
-    notes = list(_doubts(model, solution, terrain))
+    doubts = list(_doubts(model, solution, terrain))
     clock = _clock_of_the_rays(solution, found, budget)
     if abs(clock.value) > _CERTAIN * np.hypot(clock.sigma, budget.time_ms):
         # The stated clock cannot be: let the rays say what it is.
         model, solution, found = solved(replace(stated, time_ms=_WIDER * abs(clock.value)))
         later = 1e3 * float(solution.x[TIME])
-        notes.append(
-            f"{CLOCK_NOTE}: {later:+.0f} ms were added to it. Do not trust the"
-            " positions before camera_offset_ms is right, and frames and fixes are both UTC."
+        doubts.append(
+            Doubt(
+                AdjustmentDoubt.CLOCK,
+                f"The camera clock does not fit the track: {later:+.0f} ms were added to it. Do not trust the"
+                " positions before camera_offset_ms is right, and frames and fixes are both UTC.",
+            )
         )
     rejected[scene.row[~solution.inlier]] = Reason.OUTLIER
     corrected = corrected_poses(model, solution.x, poses)
     return _adjusted(
-        objects, rejected, corrected, model, solution, found, budget, track_sigma_m, tuple(notes)
+        objects, rejected, corrected, model, solution, found, budget, track_sigma_m, tuple(doubts)
     )
 
 
@@ -238,21 +248,23 @@ def _clock_of_the_rays(solution: Solution, found: Spread, budget: ErrorBudget) -
     return Correction(value / variance / information, float(np.sqrt(1.0 / information)))
 
 
-def _doubts(model: Model, solution: Solution, terrain: Terrain | None) -> Iterator[str]:
-    """What a person should know of a solution, one sentence each."""
+def _doubts(model: Model, solution: Solution, terrain: Terrain | None) -> Iterator[Doubt]:
+    """What a person should know of a solution."""
     readout_ms = 1e3 * (model.readout_s + float(solution.x[READOUT]))
     if not _READOUTS_MS[0] < readout_ms < _READOUTS_MS[1]:
-        yield (
-            f"{SHUTTER_NOTE} would take {readout_ms:.0f} ms, which no camera does: check"
-            " camera_offset_ms, the frame stamps and the calibration."
+        yield Doubt(
+            AdjustmentDoubt.SHUTTER,
+            f"The rolling shutter that fits best would take {readout_ms:.0f} ms, which no camera does: check"
+            " camera_offset_ms, the frame stamps and the calibration.",
         )
     if terrain is None:
         return
     feet, used = int(model.scene.is_foot.sum()), 0 if model.terrain is None else model.terrain.point.size
     if used < feet:
-        yield (
+        yield Doubt(
+            AdjustmentDoubt.TERRAIN_UNUSED,
             f"The terrain was used for {used} of {feet} feet: elsewhere it has no height, or lies more than"
-            " 2 m from the car's own, and the plane of the road was used."
+            " 2 m from the car's own, and the plane of the road was used.",
         )
 
 
@@ -265,7 +277,7 @@ def _adjusted(
     found: Spread,
     budget: ErrorBudget,
     track_sigma_m: float,
-    notes: tuple[str, ...],
+    doubts: tuple[Doubt, ...],
 ) -> Adjusted:
     """Bring points back to objects, positions to the ellipsoid, and add what no sighting can show."""
     scene, n, g = model.scene, rejected.size, objects.size
@@ -326,7 +338,7 @@ def _adjusted(
             )
             for i, name in enumerate(scene.cameras)
         },
-        notes=notes,
+        doubts=doubts,
     )
 
 

@@ -147,7 +147,7 @@ def ingest_drive(
     warnings = (
         *drive.warnings,
         *track_doubts,
-        *(sighted.adjusted.notes if sighted.adjusted else ()),
+        *(sighted.adjusted.doubts if sighted.adjusted else ()),
         *doubts,
         *(misfit.sentence for misfit in misfits),
         *annotation_warnings(drive, n_located),

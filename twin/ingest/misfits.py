@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoloc.adjustment.adjust import CLOCK_NOTE, SHUTTER_NOTE, Adjusted
+from geoloc.adjustment.adjust import Adjusted, AdjustmentDoubt
 from geoloc.adjustment.scene import sigma_px_of
 from geoloc.arrays import BoolArray
 from geoloc.doubts import Doubt
@@ -87,7 +87,7 @@ def clocks_apart(doubts: tuple[Doubt, ...], drive: Drive, trajectory: Trajectory
     for camera in np.unique(notes.camera).tolist():
         alone = replace(drive, annotations=only(notes, notes.camera == camera))
         adjusted = locate_annotations(alone, trajectory, method="adjusted").adjusted
-        if adjusted and any(note.startswith(CLOCK_NOTE) for note in adjusted.notes):
+        if adjusted and any(doubt.kind == AdjustmentDoubt.CLOCK for doubt in adjusted.doubts):
             clock = adjusted.time_offset_ms
             late.append(f"{camera} alone fits the track with {clock.value:+.0f} ± {clock.sigma:.0f} ms.")
     return tuple(
@@ -99,11 +99,12 @@ def clocks_apart(doubts: tuple[Doubt, ...], drive: Drive, trajectory: Trajectory
 
 
 def _clock_and_shutter(adjusted: Adjusted) -> Iterator[Misfit]:
-    for note in adjusted.notes:
-        if note.startswith(CLOCK_NOTE):
-            yield Misfit(f"its camera clock is {abs(adjusted.time_offset_ms.value):.0f} ms off", note)
-        elif note.startswith(SHUTTER_NOTE):
-            yield Misfit("its rolling shutter cannot be", note)
+    for doubt in adjusted.doubts:
+        if doubt.kind == AdjustmentDoubt.CLOCK:
+            off_ms = abs(adjusted.time_offset_ms.value)
+            yield Misfit(f"its camera clock is {off_ms:.0f} ms off", doubt.sentence)
+        elif doubt.kind == AdjustmentDoubt.SHUTTER:
+            yield Misfit("its rolling shutter cannot be", doubt.sentence)
 
 
 def turned_cameras(adjusted: Adjusted) -> Iterator[Misfit]:

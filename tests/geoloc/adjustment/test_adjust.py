@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from recordings import FloatArray, Recording, length, recorded
 
+from geoloc.adjustment.adjust import AdjustmentDoubt
 from geoloc.adjustment.build_model import Placed, model_of, scene_of
 from geoloc.adjustment.covariance import spread
 from geoloc.adjustment.model import Model
@@ -266,10 +267,10 @@ def test_clock_offset_is_found_where_the_car_turns() -> None:
 def test_clock_that_cannot_be_is_told() -> None:
     """A clock 200 ms off is found out in a street with bends; an honest one raises no doubt."""
     recording = recorded("urban")
-    assert recording.adjusted().notes == ()
+    assert recording.adjusted().doubts == ()
     late = recording._replace(epoch_ns=recording.epoch_ns + 200_000_000)
     adjusted = late.adjusted()
-    assert any("camera clock does not fit" in note for note in adjusted.notes)
+    assert AdjustmentDoubt.CLOCK in {doubt.kind for doubt in adjusted.doubts}
     assert -200.0 < adjusted.time_offset_ms.value < -100.0
 
 

@@ -119,12 +119,12 @@ def test_terrain_says_how_high_a_far_foot_stands() -> None:
 
 
 def test_terrain_that_lies_elsewhere_is_told_and_not_used() -> None:
-    """A raster 50 m too high moves nothing, and the notes say that it was not used."""
+    """A raster 50 m too high moves nothing, and a doubt says that it was not used."""
     recording = recorded("approach")
     drive = recording.drive
     east, north, heights = rasterised(Road(drive.scenario.road, drive.seed), 0.5)
     wrong = recording.adjusted(terrain=Terrain(east, north, 0.5, heights + 50.0))
-    assert any("used for 0 of 1 feet" in note for note in wrong.notes)
+    assert any("used for 0 of 1 feet" in doubt.sentence for doubt in wrong.doubts)
     np.testing.assert_array_equal(wrong.latitude_deg, recording.adjusted().latitude_deg)
 
 

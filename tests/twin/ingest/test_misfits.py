@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from geoloc.adjustment.adjust import AdjustmentDoubt
+from geoloc.doubts import Doubt
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.drive import Drive
@@ -115,3 +117,15 @@ def test_what_was_left_out_may_be_the_missing_sign(kind: SkipKind, count: int, g
     sighted = locate_annotations(drive, trajectory, method="single-frame")
     less = replace(drive, skipped=(Skipped("reworded", "C3_tricam120.xml", count, "reworded", kind),))
     assert absence_gap(less, sighted) == gap
+
+
+def test_reworded_doubts_are_the_same_misfits() -> None:
+    """What an adjustment is doubted for is told by the kind: other words change no verdict on the drive."""
+    drive, trajectory = sample_drive()
+    located = locate_annotations(drive, trajectory, method="adjusted")
+    assert located.adjusted is not None
+    doubts = tuple(Doubt(kind, f"reworded {kind}") for kind in AdjustmentDoubt)
+    doubted = replace(located, adjusted=replace(located.adjusted, doubts=doubts))
+    clock, shutter = misfits_of(drive, doubted, ErrorBudget())
+    assert (clock.what[:19], clock.sentence) == ("its camera clock is", "reworded clock")
+    assert (shutter.what, shutter.sentence) == ("its rolling shutter cannot be", "reworded shutter")
