@@ -24,7 +24,8 @@ from geoloc.earth.geodesy import enu_offset
 from geoloc.locate.accuracy import nees
 from geoloc.locate.combine import combine, ellipse
 from geoloc.locate.error_budget import ErrorBudget
-from geoloc.locate.records import Sightings
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind, Sightings
 from geoloc.locate.single_frame import locate_paper, locate_single_frame
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
@@ -141,13 +142,10 @@ def found_by(method: str, recording: Recorded) -> Found:
 
 def adjusted_of(recording: Recorded, sightings: Sightings, **options: object) -> Adjusted:
     """Adjust a recording, all of whose sightings are feet."""
+    feet = np.full(sightings.camera.size, Kind.FOOT)
+    where = recording.object, recording.epoch_ns, recording.trajectory
     return adjust(
-        recording.drive.rig,
-        sightings,
-        np.full(sightings.camera.size, "foot"),
-        recording.object,
-        recording.epoch_ns,
-        recording.trajectory,
+        Observations(recording.drive.rig, sightings, feet, *where),
         **options,  # type: ignore[arg-type]
     )
 

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.adjustment.adjust import adjust
-from geoloc.locate.records import Sightings
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind, Sightings
 from geoloc.rig.rig import Rig
 from geoloc.simulation.simulate import scenario, simulate_drive
 from geoloc.trajectory.poses import PoseTrack
@@ -77,9 +78,10 @@ def main() -> None:
     first = 0.0
     for rounds in ROUNDS:
         rig, sightings, number, epoch, trajectory = driven(rounds)
-        feet = np.full(number.size, "foot")
+        feet = np.full(number.size, Kind.FOOT)
+        observations = Observations(rig, sightings, feet, number, epoch, trajectory)
         start = time.perf_counter()
-        adjusted = adjust(rig, sightings, feet, number, epoch, trajectory)
+        adjusted = adjust(observations)
         seconds = time.perf_counter() - start
         each = 1e6 * seconds / number.size
         first = first or each

@@ -26,7 +26,8 @@ from rich.progress import track
 
 from geoloc.arrays import IntArray
 from geoloc.association.associate import Association, associate, associate_drive
-from geoloc.locate.records import Sightings
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind, Sightings
 from geoloc.simulation.simulate import NoiseSpec, PoleSpec, Scenario, SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory.poses import GnssFixes, Poses
 from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
@@ -111,13 +112,12 @@ def codes(drive: SimulatedDrive, *, labels: bool) -> NDArray[np.str_]:
 
 def both_ways(drive: SimulatedDrive, trajectory: Trajectory, *, labels: bool) -> tuple[Association, ...]:
     """Associate the feet of a drive on the track as it is, and on the corrected one."""
-    seen, epoch_ns = drive.sightings, epochs(drive)
+    seen = drive.sightings
+    feet, unknown = np.full(seen.camera.size, Kind.FOOT), np.full(seen.camera.size, -1)
     sightings = Sightings(seen.camera, seen.pixel_px)
-    what = np.full(seen.camera.size, "foot"), codes(drive, labels=labels), epoch_ns
-    return (
-        associate(drive.rig, sightings, trajectory.poses_at(epoch_ns), *what),
-        associate_drive(drive.rig, sightings, trajectory, *what),
-    )
+    observations = Observations(drive.rig, sightings, feet, unknown, epochs(drive), trajectory)
+    label = codes(drive, labels=labels)
+    return associate(observations, label), associate_drive(observations, label)
 
 
 def an_hour(drive: SimulatedDrive, trajectory: Trajectory) -> Association:
@@ -127,14 +127,15 @@ def an_hour(drive: SimulatedDrive, trajectory: Trajectory) -> Association:
     again = np.repeat(np.arange(COPIES), seen.camera.size)
     tiled = Poses(**{f.name: np.tile(getattr(poses, f.name), COPIES) for f in fields(Poses)})
     tiled = replace(tiled, latitude_deg=tiled.latitude_deg + 0.01 * again)
-    return associate(
+    observations = Observations(
         drive.rig,
         Sightings(np.tile(seen.camera, COPIES), np.tile(seen.pixel_px, (COPIES, 1))),
-        tiled,
-        np.full(again.size, "foot"),
-        np.tile(codes(drive, labels=True), COPIES),
+        np.full(again.size, Kind.FOOT),
+        np.full(again.size, -1),
         tiled.epoch_ns + again * 120_000_000_000,
+        trajectory,
     )
+    return associate(observations, np.tile(codes(drive, labels=True), COPIES), tiled)
 
 
 def split_and_merged(truth: IntArray, found: IntArray) -> tuple[int, int, int]:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from geoloc.adjustment.adjust import Adjusted, adjust
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset
-from geoloc.locate.records import Sightings
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind, Sightings
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
 from geoloc.trajectory.trajectory import PoseTrack, Trajectory, trajectory_from_gnss, trajectory_from_poses
 
@@ -34,16 +35,17 @@ class Recording(NamedTuple):
 
     def adjusted(self, **options: object) -> Adjusted:
         """Adjust it, all sightings being feet."""
-        n = self.camera.size
-        sightings = Sightings(self.camera, self.pixel_px)
-        return adjust(
+        return adjust(self.observations(), **options)  # type: ignore[arg-type]
+
+    def observations(self, kind: Kind = Kind.FOOT) -> Observations:
+        """All its sightings, of one kind."""
+        return Observations(
             self.drive.rig,
-            sightings,
-            np.full(n, "foot"),
+            Sightings(self.camera, self.pixel_px),
+            np.full(self.camera.size, kind),
             self.object,
             self.epoch_ns,
             self.trajectory,
-            **options,  # type: ignore[arg-type]
         )
 
     def errors_m(self, adjusted: Adjusted) -> FloatArray:

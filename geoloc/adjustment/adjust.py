@@ -30,11 +30,10 @@ from geoloc.earth.geodesy import geographic_from_enu
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.combine import ellipse
 from geoloc.locate.error_budget import LIKELY_READOUT_MS, ErrorBudget
-from geoloc.locate.records import Sightings
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind
 from geoloc.reasons import REASON_TYPE, Reason
-from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
-from geoloc.trajectory.trajectory import Trajectory
 
 POLE_RADIUS_M = 0.03
 """The ordinary sign pole in Norway is a steel tube of 60 mm."""
@@ -130,12 +129,7 @@ class Adjusted:
 
 
 def adjust(
-    rig: Rig,
-    sightings: Sightings,
-    kind: TextArray,
-    object_index: IntArray,
-    epoch_ns: IntArray,
-    trajectory: Trajectory,
+    observations: Observations,
     budget: ErrorBudget = _DEFAULT_BUDGET,
     *,
     size_px: FloatArray | None = None,
@@ -149,16 +143,7 @@ def adjust(
 
     Parameters
     ----------
-    rig : Rig
-    sightings : Sightings (n,)
-    kind : str (n,)
-        ``foot``: the pixel shows where the object meets the ground, so that the road's plane, or the terrain,
-        says something too. Anything else: a bearing alone, such as the middle of a sign's face.
-    object_index : int64 (n,)
-        Which object a sighting belongs to; negative: none.
-    epoch_ns : int64 (n,)
-        UTC of the exposure of the frame's middle row.
-    trajectory : Trajectory
+    observations : Observations (n,)
     budget : ErrorBudget
         Priors: one sigma of each source.
     size_px : float64 (n,), optional
@@ -183,15 +168,16 @@ def adjust(
     CalibrationError
         If the rig lacks one of the cameras.
     """
-    n = sightings.camera.size
-    rays = rays_of(rig, sightings)
-    bodies, poses = bodies_at(trajectory, epoch_ns)
+    rig, trajectory, object_index = observations.rig, observations.trajectory, observations.object_index
+    n = object_index.size
+    rays = rays_of(rig, observations.sightings)
+    bodies, poses = bodies_at(trajectory, observations.epoch_ns)
     rejected = np.where(rays.rejected != "", rays.rejected, poses.reason)
     rejected[(rejected == "") & ~poses.valid] = Reason.NO_POSE
     rejected[(rejected == "") & (object_index < 0)] = Reason.NO_OBJECT
     objects = np.unique(object_index[object_index >= 0])
     rows = np.flatnonzero(rejected == "")
-    is_foot = np.asarray(kind == "foot")
+    is_foot = np.asarray(observations.kind == Kind.FOOT)
     key = 2 * object_index[rows] + ~is_foot[rows]
     points, point = np.unique(key, return_inverse=True)
     placed = Placed(
@@ -199,12 +185,12 @@ def adjust(
         point,
         points // 2,
         points % 2 == 0,
-        epoch_ns,
+        observations.epoch_ns,
         bodies,
         rays,
         sigma_px_of(budget, np.full(n, np.nan) if size_px is None else size_px),
     )
-    scene = scene_of(rig, sightings.camera, placed)
+    scene = scene_of(rig, observations.sightings.camera, placed)
     rejected[np.setdiff1d(rows, scene.row)] = Reason.NO_CROSSING
     if scene.point.size == 0:
         return _nothing(objects, rejected, poses)

@@ -7,20 +7,17 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geoloc.adjustment.adjust import adjust
-from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.association.bearings import AssociationRules, bearings_from_sightings
 from geoloc.association.faces_and_strays import faces_on_feet, strays
 from geoloc.association.id_contradictions import IdFinding, contradictions
 from geoloc.association.merging import refine
 from geoloc.association.tracking import numbered, track
-from geoloc.locate.records import Sightings
+from geoloc.locate.observations import Observations
 from geoloc.reasons import Reason
-from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
-from geoloc.trajectory.trajectory import Trajectory
 
 __all__ = [
     "AssociatedObject",
@@ -76,16 +73,13 @@ class Association:
 
     object: IntArray
     objects: tuple[AssociatedObject, ...]
-    reason: NDArray[np.str_]
+    reason: TextArray
 
 
 def associate(
-    rig: Rig,
-    sightings: Sightings,
-    poses: Poses,
-    kind: NDArray[np.str_],
-    label: NDArray[np.str_],
-    epoch_ns: IntArray,
+    observations: Observations,
+    label: TextArray,
+    poses: Poses | None = None,
     rules: AssociationRules = _DEFAULT_RULES,
 ) -> Association:
     """Find out which sightings, of all cameras, show the same object.
@@ -98,18 +92,13 @@ def associate(
 
     Parameters
     ----------
-    rig : Rig
-    sightings : Sightings (n,)
-    poses : Poses (n,)
-        The rig's pose at the epoch of each sighting.
-    kind : str (n,)
-        ``foot`` (where the pole meets the ground), or ``box`` or ``face`` (`pixel_px` is the middle of the
-        sign's face).
+    observations : Observations (n,)
+        Which object a sighting belongs to is not looked at.
     label : str (n,)
         Label or sign codes ("362.50;808.1"). One object has one label, but an empty one fits any; a face may
         stand over a foot that has its codes among others.
-    epoch_ns : int64 (n,)
-        Of exposure, the same for all sightings of one picture.
+    poses : Poses (n,), optional
+        The rig's pose at each sighting. Default: those of the trajectory as it is.
     rules : AssociationRules
 
     Returns
@@ -128,29 +117,22 @@ def associate(
     competing "no match": Bar-Shalom, Willett and Tian (2011), *Tracking and Data Fusion*, 2-D assignment.
     """
     names, numbers = np.unique(np.concatenate([[""], label]), return_inverse=True)
-    seen, reason = bearings_from_sightings(
-        rig, sightings, poses, kind, numbers[1:].astype(np.int64), epoch_ns, rules
-    )
-    found = np.full(label.size, -1, dtype=np.int64)
+    poses = observations.trajectory.poses_at(observations.epoch_ns) if poses is None else poses
+    seen, reason = bearings_from_sightings(observations, poses, numbers[1:].astype(np.int64), rules)
+    object_index = np.full(label.size, -1, dtype=np.int64)
     if not seen.row.size:
-        return Association(found, (), reason)
+        return Association(object_index, (), reason)
     group, merged, split = refine(seen, track(seen, rules), rules)
     slips = strays(seen, group, rules)
     group[slips] = -1
     group = numbered(faces_on_feet(seen, numbered(group), _on_pole(names), rules))
-    found[seen.row] = group
+    object_index[seen.row] = group
     reason[seen.row[slips]] = Reason.SLIP
-    return Association(found, _objects(group, label[seen.row], merged, split), reason)
+    return Association(object_index, _objects(group, label[seen.row], merged, split), reason)
 
 
 def associate_drive(
-    rig: Rig,
-    sightings: Sightings,
-    trajectory: Trajectory,
-    kind: NDArray[np.str_],
-    label: NDArray[np.str_],
-    epoch_ns: IntArray,
-    rules: AssociationRules = _DEFAULT_RULES,
+    observations: Observations, label: TextArray, rules: AssociationRules = _DEFAULT_RULES
 ) -> Association:
     """Find out which sightings of a drive show the same object, whatever its fixes are worth.
 
@@ -161,8 +143,7 @@ def associate_drive(
 
     Parameters
     ----------
-    trajectory : Trajectory
-    rig, sightings, kind, label, epoch_ns, rules
+    observations, label, rules
         As in `associate`.
 
     Returns
@@ -174,34 +155,18 @@ def associate_drive(
     CalibrationError
         If the rig lacks one of the cameras, or cannot compute with it.
     """
-    poses = trajectory.poses_at(epoch_ns)
-    if not _shaky(poses, rules):
-        return associate(rig, sightings, poses, kind, label, epoch_ns, rules)
-    sigma_deg = float(np.nanmedian(_angle_deg(poses)))
-    for share in _WIDENED:
-        wide = replace(rules, angle_deg=float(np.hypot(rules.angle_deg, share * sigma_deg)))
-        found = associate(rig, sightings, poses, kind, label, epoch_ns, wide)
-        poses = poses_by_objects(rig, sightings, trajectory, kind, found.object, epoch_ns, rules)
-    return associate(rig, sightings, poses, kind, label, epoch_ns, rules)
+    poses = observations.trajectory.poses_at(observations.epoch_ns)
+    if _shaky(poses, rules):
+        sigma_deg = float(np.nanmedian(_angle_deg(poses)))
+        for share in _WIDENED:
+            wide = replace(rules, angle_deg=float(np.hypot(rules.angle_deg, share * sigma_deg)))
+            number = associate(observations, label, poses, wide).object
+            poses = adjust(replace(observations, object_index=number)).poses
+    return associate(observations, label, poses, rules)
 
 
-def poses_by_objects(
-    rig: Rig,
-    sightings: Sightings,
-    trajectory: Trajectory,
-    kind: NDArray[np.str_],
-    object_index: IntArray,
-    epoch_ns: IntArray,
-    rules: AssociationRules = _DEFAULT_RULES,
-) -> Poses:
+def poses_by_objects(observations: Observations, rules: AssociationRules = _DEFAULT_RULES) -> Poses:
     """Give the poses at a drive's sightings, good enough to compare their rays.
-
-    Parameters
-    ----------
-    object_index : int64 (n,)
-        Which object a sighting is held for; negative: none.
-    rig, sightings, trajectory, kind, epoch_ns, rules
-        As in `associate_drive`.
 
     Returns
     -------
@@ -209,10 +174,8 @@ def poses_by_objects(
         Those of the trajectory where it is known as well as `rules` take for granted, else corrected by an
         adjustment of the objects.
     """
-    poses = trajectory.poses_at(epoch_ns)
-    if not _shaky(poses, rules):
-        return poses
-    return adjust(rig, sightings, kind, object_index, epoch_ns, trajectory).poses
+    poses = observations.trajectory.poses_at(observations.epoch_ns)
+    return adjust(observations).poses if _shaky(poses, rules) else poses
 
 
 def _shaky(poses: Poses, rules: AssociationRules) -> bool:
@@ -226,13 +189,10 @@ def _angle_deg(poses: Poses) -> FloatArray:
 
 
 def check_ids(
-    rig: Rig,
-    sightings: Sightings,
-    poses: Poses,
-    kind: NDArray[np.str_],
-    label: NDArray[np.str_],
-    epoch_ns: IntArray,
-    ids: NDArray[np.str_],
+    observations: Observations,
+    label: TextArray,
+    ids: TextArray,
+    poses: Poses | None = None,
     rules: AssociationRules = _DEFAULT_RULES,
 ) -> tuple[IdFinding, ...]:
     """Find ids that hold two signs, and several ids that are one sign.
@@ -245,7 +205,9 @@ def check_ids(
     ----------
     ids : str (n,)
         Object or track id of each sighting; "" for none.
-    rig, sightings, poses, kind, label, epoch_ns, rules
+    poses : Poses (n,), optional
+        The rig's pose at each sighting. Default: `poses_by_objects`.
+    observations, label, rules
         As in `associate`.
 
     Returns
@@ -259,13 +221,14 @@ def check_ids(
     CalibrationError
         If the rig lacks one of the cameras, or cannot compute with it.
     """
-    association = associate(rig, sightings, poses, kind, label, epoch_ns, rules)
+    poses = poses_by_objects(observations, rules) if poses is None else poses
+    association = associate(observations, label, poses, rules)
     _, numbers = np.unique(label, return_inverse=True)
-    seen, _ = bearings_from_sightings(rig, sightings, poses, kind, numbers.astype(np.int64), epoch_ns, rules)
+    seen, _ = bearings_from_sightings(observations, poses, numbers.astype(np.int64), rules)
     return contradictions(seen, association.object[seen.row], ids[seen.row], rules)
 
 
-def _on_pole(names: NDArray[np.str_]) -> BoolArray:
+def _on_pole(names: TextArray) -> BoolArray:
     """Whether a face of one label (row) may hang on a pole of another (column): its codes are among them.
 
     Words ("pole", "sign face") are no codes and say nothing about it.
@@ -275,7 +238,7 @@ def _on_pole(names: NDArray[np.str_]) -> BoolArray:
 
 
 def _objects(
-    group: IntArray, label: NDArray[np.str_], merged: BoolArray, split: BoolArray
+    group: IntArray, label: TextArray, merged: BoolArray, split: BoolArray
 ) -> tuple[AssociatedObject, ...]:
     """Sum the sightings of each object up."""
     order = np.argsort(group, kind="stable")
@@ -289,6 +252,6 @@ def _objects(
     return tuple(objects)
 
 
-def _commonest(label: NDArray[np.str_]) -> str:
+def _commonest(label: TextArray) -> str:
     named, count = np.unique(label[label != ""], return_counts=True)
     return str(named[np.argmax(count)]) if named.size else ""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.earth.geodesy import GRS80_E2, GRS80_SEMI_MAJOR_AXIS_M, rotation_enu_from_rig
-from geoloc.locate.records import Sightings
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind, Sightings
 from geoloc.locate.visibility import on_the_car_itself
 from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig, RigCamera
@@ -17,7 +17,6 @@ from geoloc.trajectory.poses import Poses
 
 _MIN_CAMERA_HEIGHT_M = 0.3
 _LATE_NS = np.iinfo(np.int64).max
-FACE_KINDS = ("box", "face")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,14 +94,8 @@ class Bearings:
 
 
 def bearings_from_sightings(
-    rig: Rig,
-    sightings: Sightings,
-    poses: Poses,
-    kind: NDArray[np.str_],
-    label: IntArray,
-    epoch_ns: IntArray,
-    rules: AssociationRules,
-) -> tuple[Bearings, NDArray[np.str_]]:
+    observations: Observations, poses: Poses, label: IntArray, rules: AssociationRules
+) -> tuple[Bearings, TextArray]:
     """Turn sightings into bearings, and say which cannot be used.
 
     Returns
@@ -116,10 +109,11 @@ def bearings_from_sightings(
     CalibrationError
         If the rig lacks one of the cameras.
     """
-    ray, offset, sigma_rad, reason = _in_rig(rig, sightings, poses, rules)
+    sightings, epoch_ns = observations.sightings, observations.epoch_ns
+    ray, offset, sigma_rad, reason = _in_rig(observations.rig, sightings, poses, rules)
     up, geocentric_R_enu = _axes(poses.latitude_deg, poses.longitude_deg)
     R = geocentric_R_enu @ rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg)
-    face = np.isin(kind, FACE_KINDS)
+    face = np.asarray(observations.kind == Kind.BOX)
     height = np.maximum(offset[:, 2], _MIN_CAMERA_HEIGHT_M)
     on_ground = -ray[:, 2] / height
     sigma_ground = np.hypot(np.radians(rules.ground_deg), on_ground * rules.ground_m) / height
@@ -145,7 +139,7 @@ def bearings_from_sightings(
     return bearings.take(order), reason
 
 
-def _pictures(camera: NDArray[np.str_], epoch_ns: IntArray, order: IntArray) -> IntArray:
+def _pictures(camera: TextArray, epoch_ns: IntArray, order: IntArray) -> IntArray:
     """Number of the picture of each sighting, in the order of `order`; 0 for those not in it."""
     number = np.zeros(camera.size, dtype=np.int64)
     before, after = order[:-1], order[1:]
@@ -155,7 +149,7 @@ def _pictures(camera: NDArray[np.str_], epoch_ns: IntArray, order: IntArray) -> 
 
 def _in_rig(
     rig: Rig, sightings: Sightings, poses: Poses, rules: AssociationRules
-) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.str_]]:
+) -> tuple[FloatArray, FloatArray, FloatArray, TextArray]:
     """Rays, camera positions and noise of directions in the rig frame, and why a sighting has none."""
     n = sightings.camera.size
     ray, offset, sigma = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full(n, np.nan)

@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, TextArray
+
+
+class Kind(StrEnum):
+    """What the pixel of a sighting shows."""
+
+    FOOT = "foot"
+    """Where the pole meets the ground, so that the road's plane, or the terrain, says something too."""
+    BOX = "box"
+    """The middle of a sign's face: a bearing alone."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from geoloc.arrays import IntArray
 from geoloc.association.associate import associate, check_ids
+from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
@@ -39,10 +40,12 @@ def _given(
     pixel_px: NDArray[np.float64],
     kind: NDArray[np.str_],
 ) -> tuple[Any, ...]:
-    """Arguments of `associate` for sightings without labels."""
+    """Observations without labels."""
     epoch = np.array([drive.frame_epoch_ns[c][f] for c, f in zip(camera.tolist(), frame, strict=True)])
-    poses = trajectory_of(drive).poses_at(epoch)
-    return drive.rig, Sightings(camera, pixel_px), poses, kind, np.full(frame.shape, ""), epoch
+    unknown = np.full(frame.shape, -1)
+    sightings = Sightings(camera, pixel_px)
+    observations = Observations(drive.rig, sightings, kind, unknown, epoch, trajectory_of(drive))
+    return observations, np.full(frame.shape, "")
 
 
 @pytest.mark.parametrize("sequence", ["00", "02", "04", "07", "10"])

@@ -14,6 +14,7 @@ from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.earth.terrain import Terrain
+from geoloc.locate.records import Kind
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.reasons import Reason, sentence_of, stands_far_away
 from geoloc.trajectory.fix_checks import quality_counts
@@ -132,7 +133,7 @@ def ingest_drive(
     sighted = locate_annotations(
         drive, trajectory, method=method, budget=budget, datum_sigma_m=datum_sigma_m, terrain=ground
     )
-    positions = positions_of(drive, sighted)
+    positions = positions_of(sighted)
     estimates = estimate_rows(drive, sighted, positions, method)
     n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
@@ -249,7 +250,7 @@ def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
     """
     far = stands_far_away(sighted.located.rejected)
     is_sign = drive.is_sign()
-    near = set(drive.annotations.object[is_sign & (drive.annotations.kind == "box")].tolist())
+    near = set(drive.annotations.object[is_sign & (drive.annotations.kind == Kind.BOX)].tolist())
     seen = sighted.index[~far]
     near |= set(drive.annotations.object[seen[is_sign[seen]]].tolist())
     return len(near - placed)
@@ -325,7 +326,7 @@ def _skipped(
     for count, reason in trajectory.dropped:
         add(f"GNSS fixes: {reason}", count)
     if sighted.adjusted is None:
-        boxes = int((drive.annotations.kind == "box").sum())
+        boxes = int((drive.annotations.kind == Kind.BOX).sum())
         add("boxes: they show the face, not the foot (use --method adjusted)", boxes)
     reasons, numbers = np.unique(sighted.reasons, return_counts=True)
     for reason, number in zip(reasons, numbers, strict=True):

@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geoloc.adjustment.adjust import Adjusted, adjust
-from geoloc.arrays import FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.doubts import Doubt
 from geoloc.earth.datum import euref89_from_itrf
 from geoloc.earth.terrain import Terrain
+from geoloc.locate.observations import Observations
 from geoloc.locate.on_terrain import locate_on_terrain
-from geoloc.locate.records import Located, Sightings
+from geoloc.locate.records import Kind, Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_paper, locate_single_frame
 from geoloc.reasons import Reason
 from geoloc.trajectory.trajectory import (
@@ -41,6 +41,10 @@ class SightedObjects:
     ----------
     index : int (n,)
         Row in the drive's annotations.
+    name : str (g,)
+        The objects, in alphabetical order.
+    group : int64 (n,)
+        Which of them each sighting shows.
     epoch_ns : int (n,)
         Epoch of exposure.
     poses : Poses (n,)
@@ -48,19 +52,21 @@ class SightedObjects:
         What each sighting says by itself; a box says nothing.
     is_foot : bool (n,)
     adjusted : Adjusted or None
-        What all sightings say together; None for the methods of one frame. Its objects are those of the
-        sightings in alphabetical order.
+        What all sightings say together; None for the methods of one frame. Its objects are those of
+        `name`.
     """
 
     index: IntArray
+    name: TextArray
+    group: IntArray
     epoch_ns: IntArray
     poses: Poses
     located: Located
-    is_foot: NDArray[np.bool_]
+    is_foot: BoolArray
     adjusted: Adjusted | None = None
 
     @property
-    def reasons(self) -> NDArray[np.str_]:
+    def reasons(self) -> TextArray:
         """Why each sighting took no part, a `geoloc.reasons.Reason`; "" where it did."""
         return self.located.rejected if self.adjusted is None else self.adjusted.rejected
 
@@ -135,12 +141,13 @@ def locate_annotations(
     """
     budget = budget or ErrorBudget()
     notes = drive.annotations
-    index = np.flatnonzero((notes.kind == "foot") | (method == "adjusted"))
-    is_foot = notes.kind[index] == "foot"
-    camera = drive.annotations.camera[index]
-    stamp = _frame_stamps(drive, camera, drive.annotations.frame[index])
+    index = np.flatnonzero((notes.kind == Kind.FOOT) | (method == "adjusted"))
+    is_foot = notes.kind[index] == Kind.FOOT
+    name, group = np.unique(notes.object[index], return_inverse=True)
+    camera = notes.camera[index]
+    stamp = _frame_stamps(drive, camera, notes.frame[index])
     epoch = stamp + drive.camera_offset_ns
-    sightings = Sightings(camera=camera, pixel_px=drive.annotations.pixel_px[index])
+    sightings = Sightings(camera=camera, pixel_px=notes.pixel_px[index])
     poses = _widened(trajectory.poses_at(epoch), datum_sigma_m)
     if method == "paper":
         # The paper pairs host stamps, late as they are: that is part of what it is measured by.
@@ -157,14 +164,9 @@ def locate_annotations(
     else:
         located = locate_single_frame(drive.rig, sightings, poses, budget)
     if method != "adjusted":
-        return SightedObjects(index, epoch, poses, located, is_foot)
+        return SightedObjects(index, name, group, epoch, poses, located, is_foot)
     adjusted = adjust(
-        drive.rig,
-        sightings,
-        notes.kind[index],
-        np.unique(notes.object[index], return_inverse=True)[1],
-        epoch,
-        trajectory,
+        Observations(drive.rig, sightings, notes.kind[index], group, epoch, trajectory),
         budget,
         size_px=notes.box_px[index, 3] - notes.box_px[index, 1],
         readout_ms=drive.rolling_shutter_ms,
@@ -172,10 +174,12 @@ def locate_annotations(
         track_sigma_m=datum_sigma_m[0],
         terrain=terrain,
     )
-    return SightedObjects(index, epoch, poses, _without_boxes(located, is_foot), is_foot, adjusted)
+    return SightedObjects(
+        index, name, group, epoch, poses, _without_boxes(located, is_foot), is_foot, adjusted
+    )
 
 
-def _without_boxes(located: Located, is_foot: NDArray[np.bool_]) -> Located:
+def _without_boxes(located: Located, is_foot: BoolArray) -> Located:
     """One frame cannot say where a face is: its ray meets the road somewhere else."""
 
     def feet(values: FloatArray) -> FloatArray:
@@ -201,7 +205,7 @@ def _widened(poses: Poses, datum_sigma_m: tuple[float, float]) -> Poses:
     )
 
 
-def _frame_stamps(drive: Drive, camera: NDArray[np.str_], frame: IntArray) -> IntArray:
+def _frame_stamps(drive: Drive, camera: TextArray, frame: IntArray) -> IntArray:
     stamps = np.empty(len(frame), dtype=np.int64)
     for name in np.unique(camera):
         mask = camera == name

@@ -26,13 +26,10 @@ _MANY_REJECTED = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Positions:
-    """Where a drive's objects stand, one row each.
+    """Where a drive's objects stand, one row each, in the order of `SightedObjects.name`.
 
     Attributes
     ----------
-    name : str (g,)
-    group : int (n,)
-        Row of each sighting's object.
     latitude_deg, longitude_deg, height_m : float64 (g,)
         NaN where there is no position.
     sigma_height_m : float64 (g,)
@@ -47,8 +44,6 @@ class Positions:
         Where the covariance comes from; empty where the method does not tell.
     """
 
-    name: NDArray[np.str_]
-    group: IntArray
     latitude_deg: FloatArray
     longitude_deg: FloatArray
     height_m: FloatArray
@@ -60,19 +55,16 @@ class Positions:
     by_source: Mapping[str, FloatArray]
 
 
-def positions_of(drive: Drive, sighted: SightedObjects) -> Positions:
+def positions_of(sighted: SightedObjects) -> Positions:
     """Bring the sightings of each object together."""
-    names, group = np.unique(drive.annotations.object[sighted.index], return_inverse=True)
     if sighted.adjusted is not None:
-        return _adjusted(names, group, sighted.adjusted)
-    combined = combine(sighted.located, group)
+        return _adjusted(sighted, sighted.adjusted)
+    combined = combine(sighted.located, sighted.group)
     return Positions(
-        name=names,
-        group=group,
         latitude_deg=combined.latitude_deg,
         longitude_deg=combined.longitude_deg,
         height_m=combined.height_m,
-        sigma_height_m=np.full(names.size, np.nan),
+        sigma_height_m=np.full(sighted.name.size, np.nan),
         covariance_m2=combined.covariance_m2,
         used=combined.used,
         n_rejected=combined.n_rejected,
@@ -81,19 +73,18 @@ def positions_of(drive: Drive, sighted: SightedObjects) -> Positions:
     )
 
 
-def _adjusted(names: NDArray[np.str_], group: IntArray, adjusted: Adjusted) -> Positions:
-    nearest = np.full(names.size, np.inf)
+def _adjusted(sighted: SightedObjects, adjusted: Adjusted) -> Positions:
+    group, g = sighted.group, sighted.name.size
+    nearest = np.full(g, np.inf)
     np.minimum.at(nearest, group[adjusted.used], adjusted.range_m[adjusted.used])
     return Positions(
-        name=names,
-        group=group,
         latitude_deg=adjusted.latitude_deg,
         longitude_deg=adjusted.longitude_deg,
         height_m=adjusted.height_m,
         sigma_height_m=adjusted.sigma_height_m,
         covariance_m2=adjusted.covariance_m2,
         used=adjusted.used,
-        n_rejected=np.bincount(group[adjusted.rejected == Reason.OUTLIER], minlength=names.size),
+        n_rejected=np.bincount(group[adjusted.rejected == Reason.OUTLIER], minlength=g),
         range_min_m=nearest,
         by_source=adjusted.by_source,
     )
@@ -109,16 +100,16 @@ def estimate_rows(
     place = positions.latitude_deg, positions.longitude_deg
     east, north = utm33_from_geographic(*place)
     covariance = utm33_covariance_from_enu(positions.covariance_m2, *place)
-    order = np.argsort(positions.group, kind="stable")
-    members = np.split(order, np.cumsum(np.bincount(positions.group, minlength=good.size))[:-1])
+    order = np.argsort(sighted.group, kind="stable")
+    members = np.split(order, np.cumsum(np.bincount(sighted.group, minlength=good.size))[:-1])
     rows = []
     for g in np.flatnonzero(good).tolist():
         used = members[g][positions.used[members[g]]]
         rows.append(
             {
-                "estimate_id": f"{drive.drive_id}:{positions.name[g]}:{method}",
+                "estimate_id": f"{drive.drive_id}:{sighted.name[g]}:{method}",
                 "drive_id": drive.drive_id,
-                "object": str(positions.name[g]),
+                "object": str(sighted.name[g]),
                 "method": method,
                 "east_m": float(east[g]),
                 "north_m": float(north[g]),
@@ -156,7 +147,7 @@ def sighting_rows(
         "speed_mps": sighted.poses.speed_mps,
     }
     if sighted.adjusted is not None:
-        numbers |= _of_adjustment(sighted.adjusted, positions_group(drive, sighted))
+        numbers |= _of_adjustment(sighted.adjusted, sighted.group)
     columns: dict[str, list[Any]] = {
         "object": notes.object[index].tolist(),
         "camera": notes.camera[index].tolist(),
@@ -182,11 +173,6 @@ def _why_rejected(sighted: SightedObjects, trajectory: Trajectory) -> list[str]:
         span_ns=trajectory.span_ns,
         seconds=trajectory.missing_s(sighted.epoch_ns),
     )
-
-
-def positions_group(drive: Drive, sighted: SightedObjects) -> IntArray:
-    """Row of each sighting's object among the drive's objects in alphabetical order."""
-    return np.unique(drive.annotations.object[sighted.index], return_inverse=True)[1]
 
 
 def corrections(adjusted: Adjusted | None) -> dict[str, Any]:

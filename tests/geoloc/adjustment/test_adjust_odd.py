@@ -9,7 +9,7 @@ from recordings import Recording, length, recorded
 from geoloc.adjustment.adjust import Adjusted, adjust
 from geoloc.earth.geodesy import enu_offset
 from geoloc.earth.terrain import Terrain
-from geoloc.locate.records import Sightings
+from geoloc.locate.records import Kind
 from geoloc.reasons import Reason
 from geoloc.simulation.raster import rasterised
 from geoloc.simulation.road import Road
@@ -175,11 +175,6 @@ def _faces(recording: Recording, up_m: float) -> Recording:
 
 def _adjust_faces(recording: Recording) -> Adjusted:
     return adjust(
-        recording.drive.rig,
-        Sightings(recording.camera, recording.pixel_px),
-        np.full(recording.camera.size, "box"),
-        recording.object,
-        recording.epoch_ns,
-        recording.trajectory,
+        recording.observations(Kind.BOX),
         size_px=np.full(recording.camera.size, 30.0),
     )

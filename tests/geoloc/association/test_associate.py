@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from geoloc.arrays import IntArray
 from geoloc.association.associate import Association, associate, check_ids
 from geoloc.errors import CalibrationError
+from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
 from geoloc.reasons import Reason
 from geoloc.rig.rig import Rig
@@ -22,7 +23,7 @@ from geoloc.simulation.observe import project
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import PoleSpec, Scenario, SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory.poses import Poses
-from geoloc.trajectory.trajectory import trajectory_from_gnss
+from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
 
 FACE_HEIGHT_M = 2.5
 
@@ -46,6 +47,7 @@ class Seen:
     epoch_ns: IntArray
     truth: IntArray
     slip: NDArray[np.bool_]
+    trajectory: Trajectory
 
     def take(self, rows: NDArray[np.generic]) -> Seen:
         """Those rows alone."""
@@ -58,6 +60,7 @@ class Seen:
             self.epoch_ns[rows],
             self.truth[rows],
             self.slip[rows],
+            self.trajectory,
         )
 
     def of(self, kind: str) -> Seen:
@@ -70,12 +73,18 @@ class Seen:
 
     def associate(self) -> Association:
         """Associate without ids."""
-        return associate(self.rig, self.sightings, self.poses, self.kind, self.label, self.epoch_ns)
+        return associate(self.observations, self.label, self.poses)
+
+    @property
+    def observations(self) -> Observations:
+        """The sightings without their objects."""
+        unknown = np.full(self.kind.size, -1)
+        return Observations(self.rig, self.sightings, self.kind, unknown, self.epoch_ns, self.trajectory)
 
     def findings(self, ids: IntArray) -> list[tuple[str, tuple[str, ...]]]:
         """Kinds and ids of what `check_ids` finds, ids being named T0, T1, …."""
         names = np.array([f"T{number}" for number in ids])
-        found = check_ids(self.rig, self.sightings, self.poses, self.kind, self.label, self.epoch_ns, names)
+        found = check_ids(self.observations, self.label, names, self.poses)
         return [(finding.kind, finding.ids) for finding in found]
 
     def score(self, found: IntArray) -> Score:
@@ -115,6 +124,7 @@ def driven(world: Scenario, seed: int) -> Seen:
         np.tile(epoch, 2),
         np.tile(feet.object_index, 2),
         np.concatenate([feet.blunder, np.zeros(epoch.size, dtype=bool)]),
+        trajectory,
     )
     return every.take(np.flatnonzero(np.isfinite(every.sightings.pixel_px[:, 0])))
 

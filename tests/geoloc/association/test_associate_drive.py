@@ -13,6 +13,7 @@ from geoloc.adjustment.adjust import adjust
 from geoloc.arrays import IntArray
 from geoloc.association.associate import associate, associate_drive, check_ids, poses_by_objects
 from geoloc.earth.geodesy import wrap_deg
+from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
 from geoloc.simulation.simulate import PoleSpec, SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory.poses import GnssFixes, Poses
@@ -43,6 +44,12 @@ class Seen:
     def truth(self) -> IntArray:
         """Pole of each sighting."""
         return self.drive.sightings.object_index
+
+    def observations(self, object_index: IntArray) -> Observations:
+        """The sightings as of those objects."""
+        return Observations(
+            self.drive.rig, self.sightings, self.kind, object_index, self.epoch_ns, self.trajectory
+        )
 
     def objects(self, found: IntArray) -> list[set[int]]:
         """Poles of which an object has 5 % of its sightings or more, slips of the hand aside; by object."""
@@ -90,10 +97,8 @@ def _each_second(fixes: GnssFixes) -> GnssFixes:
 def test_poles_on_a_track_of_2_m_fixes_are_each_found_once() -> None:
     """The track as it is gives some poles twice; corrected by them, each once, also those 1.5 m apart."""
     seen = seen_with("2 m")
-    what = seen.kind, seen.code, seen.epoch_ns
-    poses = seen.trajectory.poses_at(seen.epoch_ns)
-    alone = associate(seen.drive.rig, seen.sightings, poses, *what)
-    found = associate_drive(seen.drive.rig, seen.sightings, seen.trajectory, *what)
+    what = seen.observations(np.full(seen.truth.size, -1)), seen.code
+    alone, found = associate(*what), associate_drive(*what)
     assert len(alone.objects) > len(POLES)
     assert sorted(map(sorted, seen.objects(found.object))) == [[k] for k in range(len(POLES))]
 
@@ -103,18 +108,14 @@ def test_codes_are_not_needed_on_either_track(fixes: str) -> None:
     """Without sign codes, too, each pole is one object."""
     seen = seen_with(fixes)
     nameless = np.full(seen.code.shape, "")
-    found = associate_drive(
-        seen.drive.rig, seen.sightings, seen.trajectory, seen.kind, nameless, seen.epoch_ns
-    )
+    found = associate_drive(seen.observations(np.full(seen.truth.size, -1)), nameless)
     assert sorted(map(sorted, seen.objects(found.object))) == [[k] for k in range(len(POLES))]
 
 
 def test_good_track_is_taken_as_it_is() -> None:
     """RTK poses are better than what association takes for granted: no adjustment is asked."""
     seen = seen_with("RTK")
-    poses = poses_by_objects(
-        seen.drive.rig, seen.sightings, seen.trajectory, seen.kind, seen.truth, seen.epoch_ns
-    )
+    poses = poses_by_objects(seen.observations(seen.truth))
     plain = seen.trajectory.poses_at(seen.epoch_ns)
     for field in fields(Poses):
         np.testing.assert_array_equal(getattr(poses, field.name), getattr(plain, field.name))
@@ -123,9 +124,7 @@ def test_good_track_is_taken_as_it_is() -> None:
 def test_adjusted_poses_turn_as_the_car_did() -> None:
     """Of what a heading errs from one moment to another, less than a third is left after the adjustment."""
     seen = seen_with("2 m")
-    adjusted = adjust(
-        seen.drive.rig, seen.sightings, seen.kind, seen.truth, seen.epoch_ns, seen.trajectory
-    ).poses
+    adjusted = adjust(seen.observations(seen.truth)).poses
     plain = seen.trajectory.poses_at(seen.epoch_ns)
     true_deg = seen.drive.poses.heading_deg[seen.drive.sightings.frame]
     before, after = (np.std(wrap_deg(poses.heading_deg - true_deg)) for poses in (plain, adjusted))
@@ -137,7 +136,7 @@ def test_sightings_that_took_no_part_are_corrected_as_their_neighbours() -> None
     seen = seen_with("2 m")
     ids = seen.truth.copy()
     ids[::7] = -1
-    poses = adjust(seen.drive.rig, seen.sightings, seen.kind, ids, seen.epoch_ns, seen.trajectory).poses
+    poses = adjust(seen.observations(ids)).poses
     plain = seen.trajectory.poses_at(seen.epoch_ns)
     true_deg = seen.drive.poses.heading_deg[seen.drive.sightings.frame]
     before, after = (np.std(wrap_deg(one.heading_deg - true_deg)[::7]) for one in (plain, poses))
@@ -147,24 +146,14 @@ def test_sightings_that_took_no_part_are_corrected_as_their_neighbours() -> None
 def test_right_ids_on_a_track_of_2_m_fixes_raise_no_alarm() -> None:
     """Ids are checked on the corrected track: the plain one contradicts right ids."""
     seen = seen_with("2 m")
-    rig, ids = seen.drive.rig, seen.drive.objects.object[seen.truth]
-    what = seen.kind, seen.code, seen.epoch_ns, ids
-    plain = seen.trajectory.poses_at(seen.epoch_ns)
-    poses = poses_by_objects(rig, seen.sightings, seen.trajectory, seen.kind, seen.truth, seen.epoch_ns)
-    assert check_ids(rig, seen.sightings, plain, *what)
-    assert check_ids(rig, seen.sightings, poses, *what) == ()
+    what = seen.observations(seen.truth), seen.code, seen.drive.objects.object[seen.truth]
+    assert check_ids(*what, seen.trajectory.poses_at(seen.epoch_ns))
+    assert check_ids(*what) == ()
 
 
 def test_drive_without_sightings_has_no_objects() -> None:
     """Nothing seen on a poor track is nothing found."""
     seen = seen_with("2 m")
-    none = np.zeros(0, dtype=np.int64)
-    found = associate_drive(
-        seen.drive.rig,
-        Sightings(np.zeros(0, dtype="U1"), np.zeros((0, 2))),
-        seen.trajectory,
-        np.zeros(0, dtype="U4"),
-        np.zeros(0, dtype="U4"),
-        none,
-    )
+    none = seen.observations(seen.truth).take(np.zeros(0, dtype=np.int64))
+    found = associate_drive(none, np.zeros(0, dtype="U4"))
     assert found.object.size == 0

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import IntArray
-from geoloc.association.associate import IdFinding, associate_drive, check_ids, poses_by_objects
+from geoloc.association.associate import IdFinding, associate_drive, check_ids
 from geoloc.doubts import Doubt
+from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
 from geoloc.reasons import Reason
-from geoloc.rig.rig import Rig
-from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.annotations.gather import epochs_of, only
 from twin.drives.drive import Annotations, Drive
@@ -54,8 +53,7 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
     notes = drive.annotations
     if notes.has_id.all():
         return drive
-    epoch = _epochs(drive)
-    association = associate_drive(drive.rig, _sightings(notes), trajectory, notes.kind, _labels(notes), epoch)
+    association = associate_drive(*association_input(drive, trajectory, np.full(notes.kind.size, "")))
     names = _names(notes, association.object)
     slip = ~notes.has_id & (association.reason == Reason.SLIP)
     placed = np.where(notes.has_id | (association.object < 0), notes.object, names[association.object])
@@ -152,8 +150,8 @@ def _pictures(notes: Annotations, rows: IntArray) -> str:
 
 def association_input(
     drive: Drive, trajectory: Trajectory, ids: NDArray[np.str_]
-) -> tuple[Rig, Sightings, Poses, NDArray[np.str_], NDArray[np.str_], IntArray]:
-    """Return the arguments of `check_ids` for all annotations of a drive but the ids themselves.
+) -> tuple[Observations, NDArray[np.str_]]:
+    """Return all annotations of a drive as observations, and their labels.
 
     Parameters
     ----------
@@ -163,12 +161,8 @@ def association_input(
     notes, epoch = drive.annotations, _epochs(drive)
     names, number = np.unique(ids, return_inverse=True)
     number = np.where(names[number] == "", -1, number)
-    poses = poses_by_objects(drive.rig, _sightings(notes), trajectory, notes.kind, number, epoch)
-    return drive.rig, _sightings(notes), poses, notes.kind, _labels(notes), epoch
-
-
-def _sightings(notes: Annotations) -> Sightings:
-    return Sightings(camera=notes.camera, pixel_px=notes.pixel_px)
+    sightings = Sightings(camera=notes.camera, pixel_px=notes.pixel_px)
+    return Observations(drive.rig, sightings, notes.kind, number, epoch, trajectory), _labels(notes)
 
 
 def _epochs(drive: Drive) -> IntArray:
