@@ -36,6 +36,7 @@ from twin.matching.save import save_changes
 from twin.mirror.raw import packed
 from twin.store import schema
 from twin.store.kinds import Method, Verdict
+from twin.store.records import Finding
 from twin.store.store import Store
 
 Times = tuple[float, float]
@@ -186,7 +187,9 @@ def fill(path: Path, n_changes: int, n_accepted: int) -> None:
         keys = {pole["estimate"]["estimate_id"]: str(i) for i, pole in enumerate(poles) if "estimate" in pole}
         run = {"method": METHOD, "at": "2026-06-10T08:00:00Z", "config_sha256": "9f" * 32}
         settings = {"software": "nvdb-twin 0.1.0"}
-        save_changes(store, [p["change"] for p in poles], keys, {**run, "settings": settings})
+        save_changes(
+            store, [Finding.from_row(p["change"]) for p in poles], keys, {**run, "settings": settings}
+        )
         accepted = [p["change"]["change_id"] for p in poles if p["change"]["verdict"] == "wrong_type"]
         if n_accepted:
             decide(store, accepted[:n_accepted], "accept", by="benchmark")

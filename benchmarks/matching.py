@@ -30,6 +30,7 @@ from twin.matching.poles.poles import observed_poles
 from twin.matching.sites import mirror_near, sites_from_mirror
 from twin.matching.verdicts.judge import judge
 from twin.store import schema
+from twin.store.records import Estimate
 from twin.store.store import Store
 
 TILE = 5000
@@ -77,9 +78,9 @@ _OBJECT = {
 }
 
 
-def estimate_rows(world: World, n_observed: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+def estimate_rows(world: World, n_observed: int, rng: np.random.Generator) -> list[Estimate]:
     """What two drives a tile estimated."""
-    found: list[dict[str, Any]] = []
+    found: list[Estimate] = []
     standing = np.flatnonzero(world.stands)
     for number in range(n_observed):
         tile, k = divmod(number, standing.size)
@@ -87,20 +88,18 @@ def estimate_rows(world: World, n_observed: int, rng: np.random.Generator) -> li
         for drive in range(2):
             east, north = (world.place[row] + _tile_origin(tile) + rng.normal(0, 0.08, 2)).tolist()
             found.append(
-                {
-                    "drive_id": f"T{tile:03}{drive}",
-                    "object": f"P{row}",
-                    "east_m": east,
-                    "north_m": north,
-                    "cov_ee_m2": 0.0064,
-                    "cov_en_m2": 0.0,
-                    "cov_nn_m2": 0.0064,
-                    "skiltnummer": ";".join(world.codes[row]),
-                    "cameras": ["C1"],
-                    "n_sightings": 20,
-                    "first_ns": 1_780_000_000_000_000_000,
-                    "last_ns": 1_780_000_000_000_000_000,
-                }
+                Estimate(
+                    drive_id=f"T{tile:03}{drive}",
+                    object=f"P{row}",
+                    east_m=east,
+                    north_m=north,
+                    covariance_m2=(0.0064, 0.0, 0.0064),
+                    codes=tuple(world.codes[row]),
+                    cameras=("C1",),
+                    n_sightings=20,
+                    first_ns=1_780_000_000_000_000_000,
+                    last_ns=1_780_000_000_000_000_000,
+                )
             )
     return found
 

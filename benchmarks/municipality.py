@@ -33,8 +33,8 @@ from twin.matching.config import MatchConfig
 from twin.matching.likelihood import TERMS, gated_pairs
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.sites import Site
-from twin.matching.verdicts.change import Change
 from twin.matching.verdicts.judge import judge
+from twin.store.records import Finding
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1.0001)
 
@@ -94,7 +94,7 @@ def add_score(
     rows: IntArray,
     poles: Sequence[ObservedPole],
     evidence: Evidence,
-    changes: Sequence[Change],
+    changes: Sequence[Finding],
 ) -> None:
     """Compare findings with the truth."""
     config = MatchConfig()
@@ -120,7 +120,7 @@ def add_score(
             right = paired and world.off_m[truth] > config.tolerance_m
         elif name == "wrong_type":
             right = paired and world.edit[truth] in {name, "exchanged"}
-            right = right and change.skiltnummer_seen in set(world.codes[truth]) - set(
+            right = right and set(change.skiltnummer_seen) <= set(world.codes[truth]) - set(
                 world.nvdb_codes[truth]
             )
         elif name == "new":

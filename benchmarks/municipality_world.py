@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,7 @@ from twin.matching.match import views_of_places
 from twin.matching.plates.readings import family
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
+from twin.store.records import Estimate
 
 ORIGIN = np.array([270_000.0, 7_040_000.0])
 BLOCK_M = 500.0
@@ -229,7 +229,7 @@ class Fleet:
     tracks : where they drove
     """
 
-    estimates: list[dict[str, Any]]
+    estimates: list[Estimate]
     seen_from_deg: dict[str, frozenset[float]]
     passages: list[Passage]
     order: list[str]
@@ -332,7 +332,7 @@ def _estimates(
     codes: Mapping[int, tuple[str, ...]],
     count: IntArray,
     rng: np.random.Generator,
-) -> list[dict[str, Any]]:
+) -> list[Estimate]:
     """Draw positions from their covariances; half of each variance is the drive's own."""
     common = rng.normal(size=2)
     found = []
@@ -343,19 +343,17 @@ def _estimates(
         error = axes @ (np.array([along, across]) * (common + rng.normal(size=2)) * math.sqrt(0.5))
         covariance = axes @ np.diag([along**2, across**2]) @ axes.T
         found.append(
-            {
-                "drive_id": name,
-                "object": str(k),
-                "east_m": float(world.place[k, 0] + error[0]),
-                "north_m": float(world.place[k, 1] + error[1]),
-                "cov_ee_m2": float(covariance[0, 0]),
-                "cov_en_m2": float(covariance[0, 1]),
-                "cov_nn_m2": float(covariance[1, 1]),
-                "skiltnummer": ";".join(codes[k]),
-                "cameras": ["C1_front60Single"],
-                "n_sightings": int(count[k]),
-                "first_ns": started_ns,
-                "last_ns": started_ns,
-            }
+            Estimate(
+                drive_id=name,
+                object=str(k),
+                east_m=float(world.place[k, 0] + error[0]),
+                north_m=float(world.place[k, 1] + error[1]),
+                covariance_m2=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+                codes=tuple(codes[k]),
+                cameras=("C1_front60Single",),
+                n_sightings=int(count[k]),
+                first_ns=started_ns,
+                last_ns=started_ns,
+            )
         )
     return found

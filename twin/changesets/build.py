@@ -16,9 +16,8 @@ from twin.decisions.findings import findings
 from twin.decisions.log import standing
 from twin.matching.sites import SKILTPUNKT, Site
 from twin.store.kinds import QUIET, Decision, Verdict
-from twin.store.store import Snapshot, Store
-
-Row = Mapping[str, Any]
+from twin.store.records import Finding
+from twin.store.store import Row, Snapshot, Store
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +54,7 @@ class ChangeSets:
     setts : tuple of Sett
     left_out : tuple of LeftOut
         Findings that cannot become an operation.
-    findings : mapping of change_id → row of the ``change`` table, of all that were looked at
+    findings : mapping of change_id → Finding, of all that were looked at
     seen : mapping of change_id → Seen
     read : mapping of change_id → when the mirror fetched its object; absent where NVDB has none
     decided : mapping of change_id → the standing entry of the log; absent where nobody ever decided
@@ -66,7 +65,7 @@ class ChangeSets:
     decision: str
     setts: tuple[Sett, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
-    findings: Mapping[str, Row] = field(default_factory=dict)
+    findings: Mapping[str, Finding] = field(default_factory=dict)
     seen: Mapping[str, Seen] = field(default_factory=dict)
     read: Mapping[str, str] = field(default_factory=dict)
     decided: Mapping[str, Row] = field(default_factory=dict)
@@ -106,7 +105,9 @@ def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSe
     fact = store.fact("datakatalog")
     katalog = katalog_from_document(fact) if fact else snapshot()
     with store.snapshot() as view:
-        chosen = [row for row in findings(view.rows, decision) if row["verdict"] not in QUIET]
+        chosen = [
+            Finding.from_row(row) for row in findings(view.rows, decision) if row["verdict"] not in QUIET
+        ]
         if not chosen:
             return ChangeSets(decision)
         said = standing(view.rows)
@@ -120,28 +121,28 @@ def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSe
         decision=decision,
         setts=setts,
         left_out=tuple(part for part in parts if isinstance(part, LeftOut)),
-        findings={row["change_id"]: row for row in chosen},
+        findings={finding.change_id: finding for finding in chosen},
         seen=seen,
         read={
-            row["change_id"]: mirrored.rows[key]["synced_at"]
-            for row in chosen
-            if (key := (row["nvdb_type"], row["nvdb_id"])) in mirrored.rows
+            finding.change_id: mirrored.rows[key]["synced_at"]
+            for finding in chosen
+            if (key := (finding.nvdb_type, finding.nvdb_id or 0)) in mirrored.rows
         },
-        decided={row["change_id"]: said[row["change_id"]] for row in chosen if row["change_id"] in said},
+        decided={one.change_id: said[one.change_id] for one in chosen if one.change_id in said},
         # Not when: the same findings give the same files.
         match={name: last.get(name) for name in ("method", "config_sha256", "settings")},
     )
 
 
-def _parts(chosen: Sequence[Row], scene: Scene) -> Iterator[Group | LeftOut]:
+def _parts(chosen: Sequence[Finding], scene: Scene) -> Iterator[Group | LeftOut]:
     """Groups in the order of their first finding's id; the same findings give the same groups."""
-    poles: dict[tuple[int, int], tuple[Site, list[Row]]] = {}
+    poles: dict[tuple[int, int], tuple[Site, list[Finding]]] = {}
     for finding in chosen:
-        key, verdict = finding["change_id"], finding["verdict"]
+        key, verdict = finding.change_id, finding.verdict
         if verdict == Verdict.REVIEW:
             yield LeftOut(key, f"{key} is left out: a finding for review is not sure enough to be sent.")
             continue
-        if verdict == Verdict.NEW and finding["nvdb_type"] == SKILTPUNKT:
+        if verdict == Verdict.NEW and finding.nvdb_type == SKILTPUNKT:
             yield new_pole(finding, scene)
             continue
         site = scene.mirrored.site_of(finding)

@@ -68,7 +68,7 @@ def datafangst(made: ChangeSets, sett: Sett) -> bytes:
 
 
 def _reasons(made: ChangeSets, change_ids: tuple[str, ...]) -> str:
-    return " ".join(f"twin {key}: {made.findings[key]['reason']}" for key in change_ids)
+    return " ".join(f"twin {key}: {made.findings[key].reason}" for key in change_ids)
 
 
 def _features(

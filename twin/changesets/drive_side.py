@@ -14,10 +14,10 @@ import sqlalchemy as sa
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
 from nvdb.endringssett import Measured
+from nvdb.errors import RequestError
 from twin.store import schema
-from twin.store.store import Snapshot
-
-Row = Mapping[str, Any]
+from twin.store.records import Finding
+from twin.store.store import Row, Snapshot
 
 _ESTIMATE = ("estimate_id", "drive_id", "object", "east_m", "north_m", "height_m", "sigma_height_m")
 _DRIVE = ("drive_id", "name", "started_ns", "ended_ns", "content_sha256", "software")
@@ -55,17 +55,17 @@ class Seen:
         return _day(self.drives[-1]["started_ns"])
 
 
-def seen_of(view: Snapshot, findings: Sequence[Row], method: str) -> dict[str, Seen]:
+def seen_of(view: Snapshot, findings: Sequence[Finding], method: str) -> dict[str, Seen]:
     """Gather what findings rest on, by ``change_id``.
 
     Parameters
     ----------
     view : Snapshot
-    findings : rows of the ``change`` table
+    findings : sequence of Finding
     method : str
         Whose estimates were matched.
     """
-    wanted = {drive_id for row in findings for drive_id in row["drive_ids"].split(",")}
+    wanted = {drive_id for finding in findings for drive_id in finding.drive_ids}
     drives = _asked(view, schema.drive, _DRIVE, schema.drive.c.drive_id, wanted)
     drives.sort(key=lambda row: (row["started_ns"], row["drive_id"]))
     estimates = [
@@ -75,34 +75,48 @@ def seen_of(view: Snapshot, findings: Sequence[Row], method: str) -> dict[str, S
     ]
     keys = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
     members = _by_pole(estimates, keys)
-    poles = {row["change_id"]: members.get((row["terms"] or {}).get("pole"), []) for row in findings}
+    poles = {one.change_id: members.get(one.terms.get("pole"), []) for one in findings}
     sightings = _sightings(view, {_member(e) for pole in poles.values() for e in pole}, method)
     return {
-        row["change_id"]: Seen(
-            tuple(drive for drive in drives if drive["drive_id"] in row["drive_ids"].split(",")),
-            tuple(poles[row["change_id"]]),
-            _frames(sightings, poles[row["change_id"]]),
-            _face_deg(sightings, poles[row["change_id"]]),
+        one.change_id: Seen(
+            tuple(drive for drive in drives if drive["drive_id"] in one.drive_ids),
+            tuple(poles[one.change_id]),
+            _frames(sightings, poles[one.change_id]),
+            _face_deg(sightings, poles[one.change_id]),
         )
-        for row in findings
+        for one in findings
     }
 
 
-def measured_position(finding: Row, seen: Seen) -> Measured:
+def measured_position(finding: Finding, seen: Seen) -> Measured:
     """Where a finding's pole stands, in the words of a change set.
 
-    The standard deviation in plan is √(σE² + σN²). The height is NN2000 of the estimate that knows it best;
+    The height is NN2000 of the estimate that knows it best;
     there is none where the method gives no standard deviation of it, or the geoid model is not installed.
     """
     height = height_of(seen)
     return Measured(
-        east_m=finding["east_m"],
-        north_m=finding["north_m"],
-        std_m=math.sqrt(finding["cov_ee_m2"] + finding["cov_nn_m2"]),
+        east_m=finding.east_m,
+        north_m=finding.north_m,
+        std_m=std_in_plan_m(finding),
         captured=seen.last_day,
         height_m=height.height_m,
         std_height_m=height.std_m,
     )
+
+
+def std_in_plan_m(finding: Finding) -> float:
+    """Standard deviation in plan of a measured position, √(σE² + σN²).
+
+    Raises
+    ------
+    RequestError
+        Nothing was measured.
+    """
+    if finding.covariance_m2 is None:
+        raise RequestError("it has no measured position: run `twin match` again")
+    east_m2, _, north_m2 = finding.covariance_m2
+    return math.sqrt(east_m2 + north_m2)
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,22 +100,22 @@ def _changes(made: ChangeSets) -> list[dict[str, Any]]:
     return [
         {
             "change_id": key,
-            "verdict": row["verdict"],
-            "reason": row["reason"],
-            "confidence": row["confidence"],
-            "terms": row["terms"],
+            "verdict": finding.verdict,
+            "reason": finding.reason,
+            "confidence": finding.confidence,
+            "terms": finding.terms,
             "set": where[key][0] if key in where else None,
             "operations": [endring.navn for endring in where[key][1].endringer] if key in where else [],
             "decision": _decision(made.decided.get(key)),
             "nvdb": {
-                "type": row["nvdb_type"],
-                "id": row["nvdb_id"],
-                "version": row["nvdb_version"],
+                "type": finding.nvdb_type,
+                "id": finding.nvdb_id,
+                "version": finding.nvdb_version,
                 "read": made.read.get(key),
             },
             **_evidence(made, key),
         }
-        for key, row in made.findings.items()
+        for key, finding in made.findings.items()
     ]
 
 
@@ -139,5 +139,5 @@ def _evidence(made: ChangeSets, key: str) -> dict[str, Any]:
         ],
         "estimates": [estimate["estimate_id"] for estimate in seen.estimates],
         "frames": seen.frames,
-        **({"height": height_of(seen).how} if made.findings[key]["verdict"] in _MEASURED else {}),
+        **({"height": height_of(seen).how} if made.findings[key].verdict in _MEASURED else {}),
     }

@@ -18,9 +18,9 @@ from twin.matching.config import MatchConfig
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site, mirror_near, sites_from_mirror
 from twin.mirror.raw import raw_object
 from twin.store import schema
-from twin.store.store import Snapshot
+from twin.store.records import Finding
+from twin.store.store import Row, Snapshot
 
-Row = Mapping[str, Any]
 Key = tuple[int, int]
 """Type and id of an object."""
 
@@ -42,12 +42,12 @@ class Mirrored:
     rows: Mapping[Key, Row]
     by_id: Mapping[Key, Site]
 
-    def site_of(self, finding: Row) -> Site | None:
+    def site_of(self, finding: Finding) -> Site | None:
         """The site that a finding is about; None for a new pole, or where the mirror has none."""
-        kind, number = finding["nvdb_type"], finding["nvdb_id"]
+        kind, number = finding.nvdb_type, finding.nvdb_id
         if number is None:
             # A new plate's finding names the pole that it hangs on.
-            site = (finding["terms"] or {}).get("site")
+            site = finding.terms.get("site")
             return None if site is None else self.by_id.get((site["nvdb_type"], site["nvdb_id"]))
         return self.by_id.get((kind, number))
 
@@ -92,9 +92,9 @@ class Mirrored:
         raise RequestError(f"the mirror has no stedfesting of {name(*key)}: run `twin sync-nvdb` again")
 
 
-def mirrored_near(view: Snapshot, findings: Sequence[Row]) -> Mirrored:
+def mirrored_near(view: Snapshot, findings: Sequence[Finding]) -> Mirrored:
     """Read the part of the mirror around findings."""
-    places = np.array([(row["east_m"], row["north_m"]) for row in findings]).reshape(-1, 2)
+    places = np.array([(finding.east_m, finding.north_m) for finding in findings]).reshape(-1, 2)
     config = replace(MatchConfig(), mirrored_m=_NEAR_M)
     points, plates = mirror_near(view, places, config)
     rows = {(SKILTPUNKT, row["nvdb_id"]): row for row in points}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -24,14 +23,12 @@ from nvdb.endringssett import (
     skiltnummer_enum,
 )
 from nvdb.errors import RequestError
-from twin.changesets.drive_side import Seen, measured_position
+from twin.changesets.drive_side import Seen, measured_position, std_in_plan_m
 from twin.changesets.nvdb_side import Mirrored
 from twin.changesets.places import Places
-from twin.matching.poles.poles import split_codes
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site
 from twin.store.kinds import Verdict
-
-Row = Mapping[str, Any]
+from twin.store.records import Finding
 
 BETTER = 0.5
 """Our standard deviation in plan is at most this share of NVDB's where a position is corrected."""
@@ -66,17 +63,19 @@ class Scene:
     katalog: Datakatalog
 
 
-def is_correction(finding: Row) -> bool:
+def is_correction(finding: Finding) -> bool:
     """Whether a sign that stands elsewhere than NVDB says was never moved, but badly measured before.
 
     NVDB's own standard deviation explains the distance, and ours is much better.
     """
-    nvdb_sigma_m = float((finding["terms"] or {}).get("nvdb_sigma_m") or DEFAULT_SIGMA_M)
-    ours_m = math.sqrt(finding["cov_ee_m2"] + finding["cov_nn_m2"])
-    return bool(ours_m <= BETTER * nvdb_sigma_m and finding["distance_m"] <= WITHIN_SIGMAS * nvdb_sigma_m)
+    nvdb_sigma_m = float(finding.terms.get("nvdb_sigma_m") or DEFAULT_SIGMA_M)
+    distance_m, ours_m = finding.distance_m, std_in_plan_m(finding)
+    if distance_m is None:
+        return False
+    return ours_m <= BETTER * nvdb_sigma_m and distance_m <= WITHIN_SIGMAS * nvdb_sigma_m
 
 
-def new_pole(finding: Row, scene: Scene) -> Group | LeftOut:
+def new_pole(finding: Finding, scene: Scene) -> Group | LeftOut:
     """``registrer`` of a Skiltpunkt and its plates."""
     try:
         seen = _need_seen(finding, scene)
@@ -89,7 +88,7 @@ def new_pole(finding: Row, scene: Scene) -> Group | LeftOut:
             for number, code in enumerate(codes, start=1)
         ]
         group = new_sign(
-            finding["change_id"],
+            finding.change_id,
             position,
             on_date=seen.first_day,
             stedfesting=scene.places.place(*where, face_deg=seen.face_deg),
@@ -98,19 +97,19 @@ def new_pole(finding: Row, scene: Scene) -> Group | LeftOut:
         )
     except RequestError as error:
         return _left_out(finding, error)
-    return Group((finding["change_id"],), group)
+    return Group((finding.change_id,), group)
 
 
-def known_pole(site: Site, findings: Sequence[Row], scene: Scene) -> Iterator[Group | LeftOut]:
+def known_pole(site: Site, findings: Sequence[Finding], scene: Scene) -> Iterator[Group | LeftOut]:
     """Everything that was found about one site of NVDB, as one group; what cannot be done is left out."""
     pole = _Pole(site, scene)
     done: list[str] = []
     endringer: list[Endring] = []
     order = {Verdict.MISSING: 0, Verdict.MOVED: 1, Verdict.WRONG_TYPE: 2, Verdict.NEW: 3}
-    for finding in sorted(findings, key=lambda row: (order[row["verdict"]], row["change_id"])):
+    for finding in sorted(findings, key=lambda one: (order[one.verdict], one.change_id)):
         try:
-            endringer += pole.work[finding["verdict"]](finding)
-            done.append(finding["change_id"])
+            endringer += pole.work[finding.verdict](finding)
+            done.append(finding.change_id)
         except RequestError as error:
             yield _left_out(finding, error)
     if done:
@@ -124,17 +123,17 @@ class _Pole:
         self.site, self.scene = site, scene
         self.closed: set[int] = set()
         self.place: Punkt | None = None
-        self.work: dict[str, Callable[[Row], Iterable[Endring]]] = {
+        self.work: dict[str, Callable[[Finding], Iterable[Endring]]] = {
             Verdict.MISSING: self.missing,
             Verdict.MOVED: self.moved,
             Verdict.WRONG_TYPE: self.wrong_type,
             Verdict.NEW: self.new_plate,
         }
 
-    def missing(self, finding: Row) -> Iterable[Endring]:
+    def missing(self, finding: Finding) -> Iterable[Endring]:
         """``lukk``, of a whole pole with its plates."""
-        kind, number = finding["nvdb_type"], finding["nvdb_id"]
-        if kind == SKILTPLATE and len(split_codes(finding["skiltnummer_nvdb"])) > 1:
+        kind, number = finding.nvdb_type, _id_of(finding)
+        if kind == SKILTPLATE and sum(map(bool, finding.skiltnummer_nvdb)) > 1:
             raise RequestError(
                 "it is about several plates that have no Skiltpunkt in the mirror: close them in NVDB by hand"
             )
@@ -146,7 +145,7 @@ class _Pole:
         self.closed.add(number)
         return endring
 
-    def moved(self, finding: Row) -> Iterable[Endring]:
+    def moved(self, finding: Finding) -> Iterable[Endring]:
         """A better position (``delvisKorriger``) or a new one (``delvisOppdater``), with the plates."""
         self._need_point("moves with its Skiltpunkt")
         seen, mirrored = _need_seen(finding, self.scene), self.scene.mirrored
@@ -165,14 +164,14 @@ class _Pole:
         self.place = place
         return moved(point, position, on_date=day, stedfesting=place, plates=targets)
 
-    def wrong_type(self, finding: Row) -> Iterable[Endring]:
+    def wrong_type(self, finding: Finding) -> Iterable[Endring]:
         """``delvisOppdater`` of the plate."""
         (code,) = _codes(finding, self.scene)
         day = _need_seen(finding, self.scene).last_day
-        plate = self._target(SKILTPLATE, finding["nvdb_id"], day)
+        plate = self._target(SKILTPLATE, _id_of(finding), day)
         return changed_type(plate, code, on_date=day, katalog=self.scene.katalog)
 
-    def new_plate(self, finding: Row) -> Iterable[Endring]:
+    def new_plate(self, finding: Finding) -> Iterable[Endring]:
         """``registrer`` of the plate, ``delvisOppdater`` of its Skiltpunkt."""
         self._need_point("is registered on its Skiltpunkt")
         seen = _need_seen(finding, self.scene)
@@ -181,7 +180,7 @@ class _Pole:
         side = self._side(position, seen)
         return new_plates(
             point,
-            finding["change_id"],
+            finding.change_id,
             position,
             on_date=seen.last_day,
             stedfesting=self.place or self.scene.mirrored.place((SKILTPUNKT, self.site.nvdb_id)),
@@ -216,8 +215,8 @@ class _Pole:
             return None
 
 
-def _codes(finding: Row, scene: Scene) -> tuple[str, ...]:
-    codes = split_codes(finding["skiltnummer_seen"])
+def _codes(finding: Finding, scene: Scene) -> tuple[str, ...]:
+    codes = finding.skiltnummer_seen
     if not codes:
         raise RequestError("no sign code was annotated: annotate it and ingest the drive again")
     for code in codes:
@@ -225,19 +224,23 @@ def _codes(finding: Row, scene: Scene) -> tuple[str, ...]:
     return codes
 
 
-def _need_seen(finding: Row, scene: Scene) -> Seen:
-    seen = scene.seen[finding["change_id"]]
+def _id_of(finding: Finding) -> int:
+    if finding.nvdb_id is None:
+        raise RequestError("it names no object of NVDB: run `twin match` again")
+    return finding.nvdb_id
+
+
+def _need_seen(finding: Finding, scene: Scene) -> Seen:
+    seen = scene.seen[finding.change_id]
     if not seen.drives:
         raise RequestError("the store has none of its drives any more: run `twin match` again")
     return seen
 
 
-def _left_out(finding: Row, error: RequestError) -> LeftOut:
-    about = finding["nvdb_id"] or finding["skiltnummer_seen"] or "without a sign code"
+def _left_out(finding: Finding, error: RequestError) -> LeftOut:
+    about = finding.nvdb_id or ";".join(finding.skiltnummer_seen) or "without a sign code"
     why = str(error).strip().rstrip(".")
-    return LeftOut(
-        finding["change_id"], f"{finding['change_id']} ({finding['verdict']}, {about}) is left out: {why}."
-    )
+    return LeftOut(finding.change_id, f"{finding.change_id} ({finding.verdict}, {about}) is left out: {why}.")
 
 
 def merged(endringer: Iterable[Endring]) -> tuple[Endring, ...]:

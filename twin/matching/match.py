@@ -6,7 +6,7 @@ import hashlib
 import json
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,15 +27,14 @@ from twin.matching.poles.same_pole import each_pole_once, may_be_one
 from twin.matching.poles.seen_in import pictures_of, seen_from
 from twin.matching.save import save_changes
 from twin.matching.sites import Site, along_the_road, mirror_near, sites_from_mirror
-from twin.matching.verdicts.change import doubt_of, doubtful_as_review
-from twin.matching.verdicts.judge import Change, judge
+from twin.matching.verdicts.finding import doubt_of, doubtful_as_review
+from twin.matching.verdicts.judge import judge
 from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store import schema
 from twin.store.kinds import Method, Verdict
 from twin.store.poses import poses_from_blob
-from twin.store.store import Snapshot, Store, utc_now
-
-Row = Mapping[str, Any]
+from twin.store.records import Estimate, Finding
+from twin.store.store import Row, Snapshot, Store, utc_now
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,8 @@ def match(
         drives = _drives(view, method)
         # What is no sign has nothing to be compared with in a mirror of signs.
         is_sign = schema.estimate.c.nvdb_type.is_(None)
-        estimates = view.rows(sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign))
+        asked = sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign)
+        estimates = [Estimate.from_row(row) for row in view.rows(asked)]
         known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
         has_network = store.fact(VEGNETT) is not None
         directions = seen_from(view, estimates, method) if has_network else {}
@@ -112,7 +112,7 @@ def match(
     seen = evidence_of_absence([drive.past(sites, config) for drive in drives], sites, config)
     say("assigning")
     assignment = assign(current, sites, seen.p_unannotated, config)
-    changes = judge(
+    findings = judge(
         current,
         sites,
         assignment,
@@ -122,21 +122,21 @@ def match(
         p_unannotated=seen.p_unannotated,
         passed=seen.passed,
     )
-    changes = doubtful_as_review(changes, {drive.drive_id: drive.doubt for drive in drives if drive.doubt})
+    findings = doubtful_as_review(findings, {drive.drive_id: drive.doubt for drive in drives if drive.doubt})
     keys = {member: pole.key for pole in poles for member in pole.members}
     measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
     watched = _Cameras.of(current, drives)
-    rows = [
-        {**asdict(change), **_covariance(change, measured), "cameras": watched.for_finding(change)}
-        for change in changes
+    findings = [
+        replace(finding, covariance_m2=_covariance(finding, measured), cameras=watched.for_finding(finding))
+        for finding in findings
     ]
     settings = _settings(method, config, drives, estimates) | {"road_network": has_network}
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
-    save_changes(store, rows, keys, run)
+    save_changes(store, findings, keys, run)
     return MatchReport(
         method=method,
-        verdicts=_counts(changes),
+        verdicts=_counts(findings),
         n_poles=len(current),
         n_sites=len(sites),
         n_in_view=int((seen.complete >= config.min_views).sum()),
@@ -200,7 +200,7 @@ class _Drive:
 
 
 def _settings(
-    method: str, config: MatchConfig, drives: Sequence[_Drive], estimates: Sequence[Row]
+    method: str, config: MatchConfig, drives: Sequence[_Drive], estimates: Sequence[Estimate]
 ) -> dict[str, Any]:
     """Everything that findings depend on but NVDB: by its SHA-256 two runs are known to be alike.
 
@@ -208,9 +208,10 @@ def _settings(
     budget, installed grids) is known by what came of it: the hash of its estimates.
     """
     digests = {drive.drive_id: hashlib.sha256() for drive in drives}
-    for row in sorted(estimates, key=lambda e: str(e["estimate_id"])):
+    for estimate in sorted(estimates, key=lambda e: e.estimate_id):
+        row = estimate.to_row()
         values = [row[name] for name in _HASHED]
-        digests[row["drive_id"]].update(json.dumps(values, sort_keys=True).encode())
+        digests[estimate.drive_id].update(json.dumps(values, sort_keys=True).encode())
     return {
         "software": f"nvdb-twin {__version__}",
         "method": method,
@@ -327,27 +328,29 @@ class _Cameras:
     def of(cls, poles: Sequence[ObservedPole], drives: Sequence[_Drive]) -> _Cameras:
         return cls({pole.key: pole.cameras for pole in poles}, {d.drive_id: d.cameras for d in drives})
 
-    def for_finding(self, change: Change) -> str:
-        """Names joined by ","; of a sign that was not seen, the cameras of the drives that looked for it."""
-        seen = self.of_pole.get(change.terms.get("pole", ""))
-        if seen is not None:
-            names = {camera.partition("/")[2] for camera in seen}
+    def for_finding(self, finding: Finding) -> tuple[str, ...]:
+        """Their names; of a sign that was not seen, the cameras of the drives that looked for it."""
+        of_pole = self.of_pole.get(finding.terms.get("pole", ""))
+        if of_pole is not None:
+            names = {camera.partition("/")[2] for camera in of_pole}
         else:
-            names = {name for drive in change.drive_ids.split(",") for name in self.of_drive.get(drive, ())}
-        return ",".join(sorted(names))
+            names = {name for drive in finding.drive_ids for name in self.of_drive.get(drive, ())}
+        return tuple(sorted(names))
 
 
 def _covariance(
-    change: Change, measured: Mapping[tuple[float, float], FloatArray]
-) -> dict[str, float | None]:
-    """Columns of the measured position's covariance; null where a finding stands at NVDB's position."""
-    found = measured.get((change.east_m, change.north_m))
-    values = [None] * 3 if found is None else found[[0, 0, 1], [0, 1, 1]].tolist()
-    return dict(zip(("cov_ee_m2", "cov_en_m2", "cov_nn_m2"), values, strict=True))
+    finding: Finding, measured: Mapping[tuple[float, float], FloatArray]
+) -> tuple[float, float, float] | None:
+    """Covariance of the measured position; None where a finding stands at NVDB's position."""
+    covariance_m2 = measured.get((finding.east_m, finding.north_m))
+    if covariance_m2 is None:
+        return None
+    (ee, en), (_, nn) = covariance_m2.tolist()
+    return ee, en, nn
 
 
-def _counts(changes: Sequence[Change]) -> dict[Verdict, int]:
+def _counts(findings: Sequence[Finding]) -> dict[Verdict, int]:
     counts = dict.fromkeys(Verdict, 0)
-    for change in changes:
-        counts[change.verdict] += 1
+    for finding in findings:
+        counts[finding.verdict] += 1
     return counts

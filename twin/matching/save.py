@@ -8,25 +8,26 @@ import sqlalchemy as sa
 
 from twin.decisions.reopen import reopen_changed
 from twin.store import schema
+from twin.store.records import Finding
 from twin.store.store import Row, Store, utc_now
 
 
-def save_changes(store: Store, changes: Sequence[Row], pole_keys: Mapping[str, str], run: Row) -> None:
+def save_changes(store: Store, findings: Sequence[Finding], pole_keys: Mapping[str, str], run: Row) -> None:
     """Replace the findings of the last match, in one transaction.
 
     Findings that were decided on other evidence are open again (:mod:`twin.decisions.reopen`).
 
     Parameters
     ----------
-    changes : rows of the ``change`` table
+    findings : sequence of Finding
     pole_keys : mapping of estimate (``drive:object``) to the key of its pole
     run : JSON object
         Facts of the match; the store's revision is added to them.
     """
     with store.transaction() as connection:
         connection.execute(sa.delete(schema.change))
-        if changes:
-            connection.execute(sa.insert(schema.change), [dict(row) for row in changes])
+        if findings:
+            connection.execute(sa.insert(schema.change), [finding.to_row() for finding in findings])
         if pole_keys:
             connection.execute(
                 sa.insert(schema.pole_key).prefix_with("OR REPLACE"),

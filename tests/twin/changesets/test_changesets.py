@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from findings import finding
 
 from nvdb.datakatalog import Ansiktsside, katalog_from_document, snapshot
 from nvdb.endringssett import (
@@ -27,6 +28,7 @@ from nvdb.endringssett import (
     validate,
 )
 from twin.changesets import ChangeSets, files_of, groups_from_store
+from twin.changesets.drive_side import std_in_plan_m
 from twin.changesets.operations import is_correction, merged
 from twin.changesets.places import Places
 from twin.export import FILES
@@ -158,8 +160,8 @@ def test_geometry_says_how_well_it_is_known(twin: Twin, road_store: Path) -> Non
     """Accuracy in whole centimetres from our covariance, rounded up; no height, no quality of a height."""
     accept_all(twin, road_store)
     made = made_from(road_store)
-    finding = next(row for row in made.findings.values() if row["verdict"] == "moved")
-    std_cm = 100 * (finding["cov_ee_m2"] + finding["cov_nn_m2"]) ** 0.5
+    moved = next(one for one in made.findings.values() if one.verdict == "moved")
+    std_cm = 100 * std_in_plan_m(moved)
     for endring in (e for e in made.setts[0].sett.endringer if e.nvdb_id in {MOVED, 1042600108}):
         (geometri,) = (e.geometri for e in endring.egenskaper if e.geometri is not None)
         kvalitet = geometri.kvalitet
@@ -204,13 +206,12 @@ def test_correction_needs_a_much_better_position_nearby(
     ours_m: float, nvdb_m: float, distance_m: float, wanted: bool
 ) -> None:
     """Half of NVDB's standard deviation, and no further than three of them."""
-    finding = {
-        "cov_ee_m2": ours_m**2 * 0.36,
-        "cov_nn_m2": ours_m**2 * 0.64,
-        "distance_m": distance_m,
-        "terms": {"nvdb_sigma_m": nvdb_m},
-    }
-    assert is_correction(finding) is wanted
+    moved = finding(
+        covariance_m2=(ours_m**2 * 0.36, 0.0, ours_m**2 * 0.64),
+        distance_m=distance_m,
+        terms={"nvdb_sigma_m": nvdb_m},
+    )
+    assert is_correction(moved) is wanted
 
 
 def test_findings_about_one_pole_make_one_operation_a_version(twin: Twin, store: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from findings import finding
 from pyproj import Transformer
 
 from nvdb.endringssett import Measured, Target, endringssett, position_correction
@@ -89,9 +90,9 @@ def test_every_accepted_verdict_reaches_datafangst(made: ChangeSets) -> None:
 def test_datafangst_gives_the_measured_place_in_degrees(made: ChangeSets) -> None:
     """Longitude before latitude, to a millimetre of PROJ's; the accuracy is that of the change set."""
     (moved,) = (f for f in features(made) if f["properties"].get("nvdbId") == MOVED)
-    finding = next(row for row in made.findings.values() if row["nvdb_id"] == MOVED)
+    stands = next(one for one in made.findings.values() if one.nvdb_id == MOVED)
     to_degrees = Transformer.from_crs(25833, 4326, always_xy=True)
-    wanted = to_degrees.transform(round(finding["east_m"], 3), round(finding["north_m"], 3))
+    wanted = to_degrees.transform(round(stands.east_m, 3), round(stands.north_m, 3))
     assert moved["geometry"]["coordinates"][:2] == pytest.approx(wanted, abs=1e-8)
     quality = moved["properties"]["geometryAttributes"]
     assert quality["captureDate"] == "2026-06-10"
@@ -123,7 +124,7 @@ def test_datafangst_keeps_heights_and_corrections() -> None:
     group = position_correction(Target(95, 78735745, 3, datetime(2026, 11, 1, tzinfo=UTC)), measured)
     (sett,) = endringssett([group], datakatalogversjon="2.38")
     part = Sett(sett=sett, groups=(Group(("abc",), group),), errors=(), warnings=(), before=(), not_undone=())
-    made = ChangeSets("accept", setts=(part,), findings={"abc": {"reason": "It stands elsewhere."}})
+    made = ChangeSets("accept", setts=(part,), findings={"abc": finding("abc")})
     (feature,) = json.loads(datafangst(made, part))["features"]
     assert feature["properties"]["operation"] == "CORRECT"
     assert feature["geometry"]["coordinates"][2] == 12.3

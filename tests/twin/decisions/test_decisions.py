@@ -24,6 +24,7 @@ from twin.decisions.log import history, position
 from twin.errors import ConfigError, RefusedError, StoreError
 from twin.matching.save import save_changes
 from twin.store import schema
+from twin.store.records import Finding
 from twin.store.store import Store
 
 EAST, NORTH = 270_000.0, 7_041_000.0
@@ -69,7 +70,9 @@ def new(change_id: str, **values: Any) -> dict[str, Any]:
 
 def match(store: Store, *changes: dict[str, Any]) -> None:
     """Leave what a match leaves."""
-    save_changes(store, changes, {}, {"method": "m", "at": "2026-06-11T00:00:00Z"})
+    save_changes(
+        store, [Finding.from_row(row) for row in changes], {}, {"method": "m", "at": "2026-06-11T00:00:00Z"}
+    )
 
 
 def decisions(store: Store) -> dict[str, str]:

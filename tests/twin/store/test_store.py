@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from checkout import ROOT
+from findings import finding
 
 from twin.errors import StoreError
 from twin.ingest.save import save_drive
@@ -26,28 +28,6 @@ def store(tmp_path: Path) -> Iterator[Store]:
     """A new store."""
     with Store.open(tmp_path / "twin.db") as opened:
         yield opened
-
-
-def change(change_id: str, **values: Any) -> dict[str, Any]:
-    """Make a row of the change table."""
-    return {
-        "change_id": change_id,
-        "verdict": "new",
-        "reason": "It stands here.",
-        "confidence": 0.9,
-        "nvdb_type": 95,
-        "nvdb_id": None,
-        "nvdb_version": None,
-        "skiltnummer_nvdb": "",
-        "skiltnummer_seen": "202",
-        "distance_m": None,
-        "distance_sigma_m": None,
-        "drive_ids": "d",
-        "n_sightings": 3,
-        "east_m": 1.0,
-        "north_m": 2.0,
-        **values,
-    }
 
 
 def drive(drive_id: str = "d") -> dict[str, Any]:
@@ -131,7 +111,7 @@ def test_store_in_a_missing_folder_is_said(tmp_path: Path) -> None:
 
 def test_transaction_rolls_back_on_any_exception(store: Store) -> None:
     """An exception in the middle leaves the old state."""
-    save_changes(store, [change("a")], {}, {"method": "m"})
+    save_changes(store, [finding("a")], {}, {"method": "m"})
 
     def fail_halfway() -> None:
         with store.transaction() as connection:
@@ -146,7 +126,7 @@ def test_transaction_rolls_back_on_any_exception(store: Store) -> None:
 def test_revision_counts_drives_but_not_matches(store: Store) -> None:
     """A match belongs to the revision it was made from: a drive that comes later makes it stale."""
     save_drive(store, drive(), "single-frame", [], [estimate("1")])
-    save_changes(store, [change("a")], {}, {"method": "m"})
+    save_changes(store, [finding("a")], {}, {"method": "m"})
     last = store.fact("last_match")
     assert last is not None
     assert last["revision"] == store.revision()
@@ -156,10 +136,10 @@ def test_revision_counts_drives_but_not_matches(store: Store) -> None:
 
 def test_snapshot_sees_one_state(store: Store) -> None:
     """What is written while a snapshot is open is not in it."""
-    save_changes(store, [change("a")], {}, {"method": "m"})
+    save_changes(store, [finding("a")], {}, {"method": "m"})
     with store.snapshot() as view:
         before = view.rows(sa.select(schema.change.c.change_id))
-        save_changes(store, [change("b")], {}, {"method": "m"})
+        save_changes(store, [finding("b")], {}, {"method": "m"})
         assert view.rows(sa.select(schema.change.c.change_id)) == before == [{"change_id": "a"}]
 
 
@@ -187,7 +167,7 @@ def test_store_locked_by_another_process_is_said(store: Store, monkeypatch: pyte
         raw = sqlite3.connect(store.path, isolation_level=None)
         raw.execute("BEGIN IMMEDIATE")
         with pytest.raises(StoreError, match="another process is writing"):
-            save_changes(second, [change("a")], {}, {"method": "m"})
+            save_changes(second, [finding("a")], {}, {"method": "m"})
         raw.execute("ROLLBACK")
         raw.close()
     assert store.count(schema.change) == 0
@@ -216,13 +196,13 @@ import sys
 sys.path.insert(0, sys.argv[2])
 from twin.matching.save import save_changes
 from twin.store.store import Store
-import test_store
+from findings import finding
 store = Store.open(sys.argv[1])
 print("ready", flush=True)
 n = 0
 while True:
     n += 1
-    save_changes(store, [test_store.change(f"{n}-{i}") for i in range(200)], {}, {"method": str(n)})
+    save_changes(store, [finding(f"{n}-{i}") for i in range(200)], {}, {"method": str(n)})
 """
 
 
@@ -232,7 +212,7 @@ def test_store_survives_sigkill_in_the_middle_of_writing(tmp_path: Path, written
     path = tmp_path / "twin.db"
     Store.open(path).close()
     with subprocess.Popen(
-        [sys.executable, "-c", _WRITER, str(path), str(Path(__file__).parent)], stdout=subprocess.PIPE
+        [sys.executable, "-c", _WRITER, str(path), str(ROOT / "tests")], stdout=subprocess.PIPE
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"

@@ -23,6 +23,7 @@ from twin.matching.plates.readings import (
     together,
 )
 from twin.matching.plates.texts import split_texts
+from twin.store.records import Estimate
 
 _CHI2_999_2DOF = 13.816
 """99.9 % quantile of chi-square with two degrees of freedom: one true pair in a thousand is torn apart."""
@@ -119,7 +120,7 @@ class ObservedPole:
 
 
 def observed_poles(
-    estimates: Sequence[Mapping[str, Any]],
+    estimates: Sequence[Estimate],
     drive_order: Sequence[str],
     config: MatchConfig,
     known_keys: Mapping[str, str] | None = None,
@@ -129,8 +130,8 @@ def observed_poles(
 
     Parameters
     ----------
-    estimates : rows of the ``estimate`` table, of one method
-        Or of several objects at once, with their ``members``: see :mod:`twin.matching.poles.same_pole`.
+    estimates : sequence of Estimate, of one method
+        Some may be of several objects at once: see :mod:`twin.matching.poles.same_pole`.
     drive_order : drive ids in time order
     known_keys : mapping of member to key, optional
         Keys that poles got in earlier runs: a pole keeps the key of its first member that has one.
@@ -143,14 +144,14 @@ def observed_poles(
         In the order of their keys.
     """
     gathered = _Gathered(config)
-    by_drive: dict[str, list[Mapping[str, Any]]] = {}
-    for row in estimates:
-        by_drive.setdefault(row["drive_id"], []).append(row)
+    by_drive: dict[str, list[Estimate]] = {}
+    for estimate in estimates:
+        by_drive.setdefault(estimate.drive_id, []).append(estimate)
     for drive_id in drive_order:
         by_cameras: dict[tuple[str, ...], list[ObservedPole]] = {}
-        for row in sorted(by_drive.get(drive_id, ()), key=lambda e: str(e["object"])):
-            pole = _pole_of_estimate(row, seen_from_deg or {})
-            by_cameras.setdefault(tuple(sorted(row["cameras"])), []).append(pole)
+        for estimate in sorted(by_drive.get(drive_id, ()), key=lambda e: e.object):
+            pole = _pole_of_estimate(estimate, seen_from_deg or {})
+            by_cameras.setdefault(tuple(sorted(estimate.cameras)), []).append(pole)
         # Objects that several cameras share (by the annotator's id) come first: single ones join them.
         seen = _Gathered(config)
         for cameras in sorted(by_cameras, key=lambda names: (-len(names), names)):
@@ -175,31 +176,23 @@ def _with_keys(poles: Sequence[ObservedPole], known: Mapping[str, str]) -> list[
     return keyed
 
 
-def split_codes(text: str) -> tuple[str, ...]:
-    """``"362.50;808.1"`` → ``("362.50", "808.1")``."""
-    return tuple(code.strip() for code in text.split(";") if code.strip())
-
-
-def _pole_of_estimate(row: Mapping[str, Any], seen_from_deg: Mapping[str, frozenset[float]]) -> ObservedPole:
-    covariance = np.array(
-        [[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]], dtype=np.float64
-    )
-    members = tuple(row.get("members", (f"{row['drive_id']}:{row['object']}",)))
-    codes = split_codes(row["skiltnummer"])
+def _pole_of_estimate(estimate: Estimate, seen_from_deg: Mapping[str, frozenset[float]]) -> ObservedPole:
+    ee, en, nn = estimate.covariance_m2
+    members = estimate.members
     return ObservedPole(
         members=members,
         key=members[0],
-        east_m=row["east_m"],
-        north_m=row["north_m"],
-        covariance_m2=covariance,
-        codes=codes,
-        drive_ids=(row["drive_id"],),
-        cameras=frozenset(f"{row['drive_id']}/{camera}" for camera in row["cameras"]),
-        n_sightings=row["n_sightings"],
-        first_ns=row.get("first_ns", 0),
-        last_ns=row.get("last_ns", 0),
+        east_m=estimate.east_m,
+        north_m=estimate.north_m,
+        covariance_m2=np.array([[ee, en], [en, nn]], dtype=np.float64),
+        codes=estimate.codes,
+        drive_ids=(estimate.drive_id,),
+        cameras=frozenset(f"{estimate.drive_id}/{camera}" for camera in estimate.cameras),
+        n_sightings=estimate.n_sightings,
+        first_ns=estimate.first_ns,
+        last_ns=estimate.last_ns,
         seen_from_deg=frozenset().union(*(seen_from_deg.get(member, ()) for member in members)),
-        texts=split_texts(row.get("text"), codes),
+        texts=split_texts(estimate.text, estimate.codes),
     )
 
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import sqlalchemy as sa
@@ -11,9 +10,8 @@ import sqlalchemy as sa
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from twin.matching.poles.same_pole import Picture
 from twin.store import schema
+from twin.store.records import Estimate
 from twin.store.store import Snapshot
-
-Row = Mapping[str, Any]
 
 
 def pictures_of(
@@ -32,7 +30,7 @@ def pictures_of(
     return {member: frozenset(pictures) for member, pictures in found.items()}
 
 
-def seen_from(view: Snapshot, estimates: Sequence[Row], method: str) -> dict[str, frozenset[float]]:
+def seen_from(view: Snapshot, estimates: Sequence[Estimate], method: str) -> dict[str, frozenset[float]]:
     """From which directions each estimate's object was seen, in steps of 30° from true north."""
     t = schema.sighting
     rows = view.rows(
@@ -40,7 +38,7 @@ def seen_from(view: Snapshot, estimates: Sequence[Row], method: str) -> dict[str
             t.c.method == method, t.c.rejected == "", t.c.eye_east_m.is_not(None)
         )
     )
-    foot = {(e["drive_id"], e["object"]): (e["east_m"], e["north_m"]) for e in estimates}
+    foot = {(e.drive_id, e.object): (e.east_m, e.north_m) for e in estimates}
     kept = [row for row in rows if (row["drive_id"], row["object"]) in foot]
     if not kept:
         return {}

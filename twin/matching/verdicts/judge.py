@@ -18,8 +18,7 @@ from twin.matching.plates.readings import family
 from twin.matching.plates.texts import texts_compared
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPUNKT, Site
-from twin.matching.verdicts.change import (
-    Change,
+from twin.matching.verdicts.finding import (
     Offset,
     change_id,
     name_of,
@@ -30,8 +29,7 @@ from twin.matching.verdicts.change import (
 )
 from twin.matching.verdicts.judge_plates import MatchedPole, plate_findings
 from twin.store.kinds import Verdict
-
-__all__ = ["Change", "judge"]
+from twin.store.records import Finding
 
 
 def judge(
@@ -44,7 +42,7 @@ def judge(
     *,
     p_unannotated: FloatArray | None = None,
     passed: BoolArray | None = None,
-) -> list[Change]:
+) -> list[Finding]:
     """Give every pole and every site in view its verdict.
 
     A site whose position and plates are as NVDB has them gives one ``unchanged``; otherwise each finding is a
@@ -62,7 +60,7 @@ def judge(
 
     Returns
     -------
-    list of Change
+    list of Finding
         In the order of ``change_id``.
     """
     if p_unannotated is None:
@@ -78,14 +76,14 @@ def judge(
         mirrored=_mirrored(poles, sites, config),
         config=config,
     )
-    changes: list[Change] = []
+    findings: list[Finding] = []
     for index, site_index in enumerate(assignment.site_of_pole.tolist()):
-        changes += _new_pole(scene, index) if site_index < 0 else _pair(scene, index, site_index)
+        findings += _new_pole(scene, index) if site_index < 0 else _pair(scene, index, site_index)
     paired = set(assignment.site_of_pole.tolist())
     for j in np.flatnonzero(scene.passed).tolist():
         if j not in paired and sites[j].own_geometry:
-            changes += _unseen_site(scene, j)
-    return sorted(changes, key=lambda change: change.change_id)
+            findings += _unseen_site(scene, j)
+    return sorted(findings, key=lambda finding: finding.change_id)
 
 
 def _mirrored(poles: Sequence[ObservedPole], sites: Sequence[Site], config: MatchConfig) -> BoolArray:
@@ -123,7 +121,7 @@ class _Scene:
         return self.confidence(index) < self.config.review_below
 
 
-def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
+def _pair(scene: _Scene, index: int, site_index: int) -> list[Finding]:
     """Findings of a pole and the site it was assigned to."""
     pole, site, config = scene.poles[index], scene.sites[site_index], scene.config
     offset = offset_of(pole, site, config)
@@ -142,7 +140,7 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
             f"{name_of(site)} is the likeliest match ({confidence:.0%}), but {_rival(scene, index)} "
             f"({_why(match)}): look before deciding."
         )
-        return [_pole_change(Verdict.REVIEW, reason, match, confidence)]
+        return [_pole_finding(Verdict.REVIEW, reason, match, confidence)]
     plates = plate_findings(match, config)
     findings = plates.findings
     match = replace(match, pole=replace(pole, codes=plates.codes))
@@ -151,13 +149,13 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
             f"{name_of(site)} has no position of its own in NVDB, only the road's centre line: here is one, "
             f"± {pole.sigma_m:.2f} m ({_why(match)})."
         )
-        return [_pole_change(Verdict.REVIEW, reason, match, confidence), *findings]
+        return [_pole_finding(Verdict.REVIEW, reason, match, confidence), *findings]
     if offset.distance_m - config.tolerance_m > config.moved_quantile * offset.sigma_m:
         reason = (
             f"{name_of(site)} stands {offset.distance_m:.2f} m (± {offset.sigma_m:.2f} m) from NVDB's "
             f"position, beyond the tolerance of {config.tolerance_m:.1f} m ({_why(match)})."
         )
-        return [_pole_change(Verdict.MOVED, reason, match, confidence * offset.p_beyond), *findings]
+        return [_pole_finding(Verdict.MOVED, reason, match, confidence * offset.p_beyond), *findings]
     if findings:
         return findings
     reason = (
@@ -165,7 +163,7 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Change]:
         f"({_why(match)})."
     )
     confidence *= (1 - offset.p_beyond) * plates.p_as_known
-    return [_pole_change(Verdict.UNCHANGED, reason, match, confidence)]
+    return [_pole_finding(Verdict.UNCHANGED, reason, match, confidence)]
 
 
 def _rival(scene: _Scene, index: int) -> str:
@@ -226,9 +224,9 @@ def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[s
     }
 
 
-def _pole_change(verdict: Verdict, reason: str, match: MatchedPole, confidence: float) -> Change:
+def _pole_finding(verdict: Verdict, reason: str, match: MatchedPole, confidence: float) -> Finding:
     pole, site = match.pole, match.site
-    return Change(
+    return Finding(
         change_id=change_id(verdict, site.nvdb_type, site.nvdb_id),
         verdict=verdict,
         reason=reason,
@@ -236,11 +234,11 @@ def _pole_change(verdict: Verdict, reason: str, match: MatchedPole, confidence: 
         nvdb_type=site.nvdb_type,
         nvdb_id=site.nvdb_id,
         nvdb_version=site.version,
-        skiltnummer_nvdb=";".join(site.codes),
-        skiltnummer_seen=";".join(pole.codes),
+        skiltnummer_nvdb=site.codes,
+        skiltnummer_seen=pole.codes,
         distance_m=match.offset.distance_m,
         distance_sigma_m=match.offset.sigma_m,
-        drive_ids=",".join(pole.drive_ids),
+        drive_ids=pole.drive_ids,
         n_sightings=pole.n_sightings,
         east_m=pole.east_m,
         north_m=pole.north_m,
@@ -248,7 +246,7 @@ def _pole_change(verdict: Verdict, reason: str, match: MatchedPole, confidence: 
     )
 
 
-def _new_pole(scene: _Scene, index: int) -> list[Change]:
+def _new_pole(scene: _Scene, index: int) -> list[Finding]:
     pole, config = scene.poles[index], scene.config
     rival = int(scene.assignment.rival_of_pole[index])
     codes = " ".join(pole.codes) or "a sign without an annotated code"
@@ -268,7 +266,7 @@ def _new_pole(scene: _Scene, index: int) -> list[Change]:
         reason = f"{codes} stands here, and no sign of NVDB within {config.gate_m:.0f} m is left for it."
     confidence = scene.confidence(index)
     alternatives = scene.assignment.alternatives_of_pole.get(index, ())
-    change = Change(
+    finding = Finding(
         change_id=change_id(verdict, SKILTPUNKT, pole.key),
         verdict=verdict,
         reason=reason,
@@ -276,11 +274,11 @@ def _new_pole(scene: _Scene, index: int) -> list[Change]:
         nvdb_type=SKILTPUNKT,
         nvdb_id=None,
         nvdb_version=None,
-        skiltnummer_nvdb="",
-        skiltnummer_seen=";".join(pole.codes),
+        skiltnummer_nvdb=(),
+        skiltnummer_seen=pole.codes,
         distance_m=None,
         distance_sigma_m=None,
-        drive_ids=",".join(pole.drive_ids),
+        drive_ids=pole.drive_ids,
         n_sightings=pole.n_sightings,
         east_m=pole.east_m,
         north_m=pole.north_m,
@@ -292,10 +290,10 @@ def _new_pole(scene: _Scene, index: int) -> list[Change]:
             "alternatives": other_sites(alternatives, scene.sites),
         },
     )
-    return [change]
+    return [finding]
 
 
-def _unseen_site(scene: _Scene, j: int) -> list[Change]:
+def _unseen_site(scene: _Scene, j: int) -> list[Finding]:
     """A site that a complete drive passed, and that no pole belongs to."""
     site, config, frames = scene.sites[j], scene.config, int(scene.views[j])
     alone, gone = float(scene.assignment.confidence_of_site[j]), float(scene.p_gone[j])
@@ -320,7 +318,7 @@ def _unseen_site(scene: _Scene, j: int) -> list[Change]:
         reason = (
             f"{name_of(site)} was not seen for certain in {frames} frames: a sign near it may be this one."
         )
-    change = Change(
+    finding = Finding(
         change_id=change_id(verdict, site.nvdb_type, site.nvdb_id),
         verdict=verdict,
         reason=reason,
@@ -328,11 +326,11 @@ def _unseen_site(scene: _Scene, j: int) -> list[Change]:
         nvdb_type=site.nvdb_type,
         nvdb_id=site.nvdb_id,
         nvdb_version=site.version,
-        skiltnummer_nvdb=";".join(site.codes),
-        skiltnummer_seen="",
+        skiltnummer_nvdb=site.codes,
+        skiltnummer_seen=(),
         distance_m=None,
         distance_sigma_m=None,
-        drive_ids=",".join(scene.drives[j]),
+        drive_ids=tuple(scene.drives[j]),
         n_sightings=0,
         east_m=site.east_m,
         north_m=site.north_m,
@@ -342,4 +340,4 @@ def _unseen_site(scene: _Scene, j: int) -> list[Change]:
             "alternatives": other_poles(alternatives, scene.poles),
         },
     )
-    return [change]
+    return [finding]

@@ -13,8 +13,9 @@ from twin.matching.plates.readings import PlateRead, code_chances, family, is_di
 from twin.matching.plates.texts import text_pairs
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPLATE, Plate, Site
-from twin.matching.verdicts.change import Change, Offset, change_id, name_of, utc_time
+from twin.matching.verdicts.finding import Offset, change_id, name_of, utc_time
 from twin.store.kinds import Verdict
+from twin.store.records import Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class PlatesFound:
 
     Attributes
     ----------
-    findings : list of Change
+    findings : list of Finding
         Of the plates that differ from NVDB, or may.
     codes : tuple of str
         Code of each plate seen, the readings and NVDB's own word together.
@@ -53,7 +54,7 @@ class PlatesFound:
         Probability that the plates of which nothing was found carry NVDB's codes.
     """
 
-    findings: list[Change]
+    findings: list[Finding]
     codes: tuple[str, ...]
     p_as_known: float
 
@@ -65,7 +66,7 @@ def plate_findings(match: MatchedPole, config: MatchConfig) -> PlatesFound:
         return PlatesFound([], pole.codes, 1.0)
     read = pole.readings()
     partner = _pairs(pole, read, site.plates, config)
-    findings: list[Change] = []
+    findings: list[Finding] = []
     codes = list(pole.codes)
     p_as_known = 1.0
     for k, plate in sorted(partner.items()):
@@ -135,7 +136,7 @@ def _pairs(
     return partner
 
 
-def _plate_change(
+def _plate_finding(
     match: MatchedPole,
     identity: tuple[object, ...],
     verdict: Verdict,
@@ -144,8 +145,8 @@ def _plate_change(
     seen: str,
     confidence: float,
     terms: Mapping[str, Any] | None = None,
-) -> Change:
-    return Change(
+) -> Finding:
+    return Finding(
         change_id=change_id(verdict, SKILTPLATE, *identity),
         verdict=verdict,
         reason=reason,
@@ -153,11 +154,11 @@ def _plate_change(
         nvdb_type=SKILTPLATE,
         nvdb_id=plate.nvdb_id if plate else None,
         nvdb_version=plate.version if plate else None,
-        skiltnummer_nvdb=plate.code if plate else "",
-        skiltnummer_seen=seen,
+        skiltnummer_nvdb=(plate.code,) if plate and plate.code else (),
+        skiltnummer_seen=(seen,) if seen else (),
         distance_m=match.offset.distance_m,
         distance_sigma_m=match.offset.sigma_m,
-        drive_ids=",".join(match.pole.drive_ids),
+        drive_ids=match.pole.drive_ids,
         n_sightings=match.pole.n_sightings,
         east_m=match.pole.east_m,
         north_m=match.pole.north_m,
@@ -169,17 +170,17 @@ def _plate_change(
     )
 
 
-def _wrong_type(match: MatchedPole, plate: Plate, read: PlateRead, seen: str, chance: float) -> Change:
+def _wrong_type(match: MatchedPole, plate: Plate, read: PlateRead, seen: str, chance: float) -> Finding:
     reason = f"Skiltplate {plate.nvdb_id} is {plate.code or 'without a code'} in NVDB, but {seen} was seen"
     reason += f" ({_in_words(read)})." if is_disputed(read) else "."
     terms = {"readings": _told(read), "code": round(chance, 4)}
     confidence = match.confidence * chance
-    return _plate_change(
+    return _plate_finding(
         match, (plate.nvdb_id, seen), Verdict.WRONG_TYPE, reason, plate, seen, confidence, terms
     )
 
 
-def _unclear_type(match: MatchedPole, plate: Plate, read: PlateRead, chance: Mapping[str, float]) -> Change:
+def _unclear_type(match: MatchedPole, plate: Plate, read: PlateRead, chance: Mapping[str, float]) -> Finding:
     """Drives contradict each other, and neither an exchange nor a slip is likely enough."""
     seen = max((code for code in chance if code != plate.code), key=lambda code: chance[code])
     reason = (
@@ -189,7 +190,7 @@ def _unclear_type(match: MatchedPole, plate: Plate, read: PlateRead, chance: Map
     terms = {"readings": _told(read), "code": round(chance[seen], 4)}
     confidence = match.confidence * max(chance.values())
     # Its own kind of question: the plate may be a site of its own, with a review of that.
-    return _plate_change(
+    return _plate_finding(
         match, (plate.nvdb_id, "code"), Verdict.REVIEW, reason, plate, seen, confidence, terms
     )
 
@@ -206,18 +207,18 @@ def _told(read: PlateRead) -> list[dict[str, Any]]:
     ]
 
 
-def _new_plate(match: MatchedPole, seen: str, number: int) -> Change:
+def _new_plate(match: MatchedPole, seen: str, number: int) -> Finding:
     """One plate more than NVDB has; `number` tells plates of the same code apart."""
     site = match.site
     reason = f"{seen} was seen on {name_of(site)}, where NVDB has no such plate."
     identity = (site.nvdb_type, site.nvdb_id, seen, *([number] if number else []))
-    return _plate_change(match, identity, Verdict.NEW, reason, None, seen, match.confidence)
+    return _plate_finding(match, identity, Verdict.NEW, reason, None, seen, match.confidence)
 
 
-def _missing_plate(match: MatchedPole, plate: Plate) -> Change:
+def _missing_plate(match: MatchedPole, plate: Plate) -> Finding:
     reason = (
         f"Skiltplate {plate.nvdb_id} ({plate.code}) was not seen on {name_of(match.site)}, whose other "
         "plates were, in a completely annotated drive."
     )
     confidence = match.confidence * match.p_gone
-    return _plate_change(match, (plate.nvdb_id,), Verdict.MISSING, reason, plate, "", confidence)
+    return _plate_finding(match, (plate.nvdb_id,), Verdict.MISSING, reason, plate, "", confidence)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +14,8 @@ from twin.matching.plates.texts import split_texts, text_odds, text_pairs
 from twin.matching.plates.wording import normalised, similarity
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.sites import Plate, Site
-from twin.matching.verdicts.judge import Change, judge
+from twin.matching.verdicts.judge import judge
+from twin.store.records import Estimate, Finding, split_codes
 
 CONFIG = MatchConfig()
 BUS, LENGTH = "Gjelder buss", "200 m"
@@ -45,7 +44,7 @@ def site(nvdb_id: int, east: float, *plates: tuple[str, str]) -> Site:
     return Site(95, nvdb_id, 1, east, 0.0, 0.3, True, made)
 
 
-def matched(poles: list[ObservedPole], sites: list[Site]) -> tuple[Assignment, list[Change]]:
+def matched(poles: list[ObservedPole], sites: list[Site]) -> tuple[Assignment, list[Finding]]:
     """Assign and judge, every site in view of a complete drive."""
     assignment = assign(poles, sites, np.full(len(sites), CONFIG.p_missed), CONFIG)
     return assignment, judge(poles, sites, assignment, np.full(len(sites), 50), [["d"]] * len(sites), CONFIG)
@@ -189,11 +188,10 @@ def test_text_of_one_side_alone_changes_nothing() -> None:
     assert "texts" not in without[0].terms
 
 
-def estimate(drive: str, code: str, text: str | None, name: str = "1", camera: str = "C1") -> dict[str, Any]:
-    """Make a row of the estimate table."""
-    place = {"east_m": 0.0, "north_m": 0.0, "cov_ee_m2": 0.04, "cov_en_m2": 0.0, "cov_nn_m2": 0.04}
-    about = {"drive_id": drive, "object": name, "skiltnummer": code, "text": text}
-    return {**place, **about, "cameras": [camera], "n_sightings": 5}
+def estimate(drive: str, code: str, text: str | None, name: str = "1", camera: str = "C1") -> Estimate:
+    """Make an estimate at the origin."""
+    place = (0.0, 0.0, (0.04, 0.0, 0.04))
+    return Estimate(drive, name, split_codes(code), *place, cameras=(camera,), n_sightings=5, text=text)
 
 
 def test_observed_pole_has_the_text_that_was_read_last() -> None:
@@ -223,13 +221,3 @@ def test_observed_pole_of_plates_drawn_one_by_one_has_their_texts() -> None:
     (one,) = observed_poles(rows, ["a"], CONFIG)
     assert one.texts == (LENGTH,)
     assert len(one.readings()[0]) == 1
-
-
-def test_observed_pole_without_texts_is_the_same_as_before() -> None:
-    """A null or an absent column leaves no trace."""
-    rows = [estimate(d, "362.50;808.1", None) for d in "ab"]
-    (one,) = observed_poles(rows, ["a", "b"], CONFIG)
-    bare = [{name: value for name, value in row.items() if name != "text"} for row in rows]
-    (other,) = observed_poles(bare, ["a", "b"], CONFIG)
-    assert one.texts == other.texts == ()
-    assert replace(one, covariance_m2=other.covariance_m2) == other

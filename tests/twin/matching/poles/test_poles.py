@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from twin.matching.config import MatchConfig
-from twin.matching.poles.poles import observed_poles, split_codes
+from twin.matching.poles.poles import observed_poles
+from twin.store.records import Estimate, split_codes
 
 CONFIG = MatchConfig()
 
@@ -22,20 +23,18 @@ def estimate(
     north: float = 0.0,
     sigma: float = 0.2,
     cameras: tuple[str, ...] = ("C1",),
-) -> dict[str, Any]:
-    """Make a row of the estimate table."""
-    return {
-        "drive_id": drive_id,
-        "object": name,
-        "east_m": east,
-        "north_m": north,
-        "cov_ee_m2": sigma**2,
-        "cov_en_m2": 0.0,
-        "cov_nn_m2": sigma**2,
-        "skiltnummer": code,
-        "cameras": list(cameras),
-        "n_sightings": 5,
-    }
+) -> Estimate:
+    """Make an estimate as well known in all directions."""
+    return Estimate(
+        drive_id=drive_id,
+        object=name,
+        codes=split_codes(code),
+        east_m=east,
+        north_m=north,
+        covariance_m2=(sigma**2, 0.0, sigma**2),
+        cameras=cameras,
+        n_sightings=5,
+    )
 
 
 def test_observed_poles_join_plates_of_one_foot() -> None:
@@ -73,8 +72,8 @@ def test_observed_poles_weigh_the_better_drive_more() -> None:
 
 def test_observed_poles_follow_a_change_that_stays() -> None:
     """A 50 in two drives and a 60 at the same place in two later ones: the sign was changed."""
-    rows = [estimate(d, "1", 0.0, code) for d, code in zip("abcd", ("50", "50", "60", "60"), strict=True)]
-    rows = [{**row, "skiltnummer": f"362.{row['skiltnummer']}", "last_ns": k} for k, row in enumerate(rows)]
+    codes = ("362.50", "362.50", "362.60", "362.60")
+    rows = [replace(estimate(d, "1", 0.0, codes[k]), last_ns=k) for k, d in enumerate("abcd")]
     (pole,) = observed_poles(rows, ["a", "b", "c", "d"], CONFIG)
     assert pole.codes == ("362.60",)
     assert [reading.drive_id for reading in pole.readings()[0]] == ["a", "b", "c", "d"]
@@ -83,7 +82,7 @@ def test_observed_poles_follow_a_change_that_stays() -> None:
 def test_observed_poles_outvote_a_slip() -> None:
     """One drive of four that reads a 60, not the last: the sign is a 50 still, and no plate was added."""
     rows = [estimate(d, "1", 0.0, "362.50;808") for d in "abcd"]
-    rows[1]["skiltnummer"] = "362.60;808"
+    rows[1] = replace(rows[1], codes=("362.60", "808"))
     (pole,) = observed_poles(rows, ["a", "b", "c", "d"], CONFIG)
     assert pole.codes == ("362.50", "808")
 
@@ -163,8 +162,8 @@ def test_split_codes_ignores_blanks() -> None:
 
 def test_observed_poles_know_when_they_were_seen() -> None:
     """First and last sighting span the drives, and the directions of all members are kept."""
-    early = {**estimate("a", "1", 0.0, "202"), "first_ns": 10, "last_ns": 20}
-    late = {**estimate("b", "9", 0.1, "202"), "first_ns": 50, "last_ns": 60}
+    early = replace(estimate("a", "1", 0.0, "202"), first_ns=10, last_ns=20)
+    late = replace(estimate("b", "9", 0.1, "202"), first_ns=50, last_ns=60)
     directions = {"a:1": frozenset({0.0}), "b:9": frozenset({30.0})}
     (pole,) = observed_poles([late, early], ["a", "b"], CONFIG, None, directions)
     assert (pole.first_ns, pole.last_ns, pole.drive_ids) == (10, 60, ("a", "b"))
@@ -174,7 +173,7 @@ def test_observed_poles_know_when_they_were_seen() -> None:
 def test_observed_poles_fuse_as_the_matrices_say() -> None:
     """The fused position is that of covariance intersection written out with inverses."""
     rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 0.2, "202", north=0.1)]
-    rows[0] |= {"cov_ee_m2": 0.05, "cov_en_m2": 0.02, "cov_nn_m2": 0.03}
+    rows[0] = replace(rows[0], covariance_m2=(0.05, 0.02, 0.03))
     rows[1] |= {"cov_ee_m2": 0.02, "cov_en_m2": -0.01, "cov_nn_m2": 0.06}
     a, b = np.array([[0.05, 0.02], [0.02, 0.03]]), np.array([[0.02, -0.01], [-0.01, 0.06]])
     share = 0.08 / 0.16

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -10,28 +11,27 @@ import pytest
 from twin.matching.config import MatchConfig
 from twin.matching.poles.poles import observed_poles
 from twin.matching.poles.same_pole import Picture, each_pole_once, may_be_one
+from twin.store.records import Estimate, split_codes
 
 CONFIG = MatchConfig()
 
 
-def estimate(name: str, east_m: float, codes: str = "366;372", **other: Any) -> dict[str, Any]:
-    """Make a row of the estimate table: 2 m in common with all of its drive, 0.2 m of its own."""
-    return {
-        "drive_id": "d",
-        "object": name,
-        "east_m": east_m,
-        "north_m": 0.0,
-        "cov_ee_m2": 4.04,
-        "cov_en_m2": 0.0,
-        "cov_nn_m2": 4.04,
-        "budget": {"gnss": [4.0, 0.0, 4.0], "pixels": [0.04, 0.0, 0.04]},
-        "skiltnummer": codes,
-        "cameras": ["C1", "C2"],
-        "n_sightings": 20,
-        "first_ns": 0,
-        "last_ns": 1_000_000_000,
-        **other,
-    }
+def estimate(name: str, east_m: float, codes: str = "366;372", **other: Any) -> Estimate:
+    """Make an estimate: 2 m in common with all of its drive, 0.2 m of its own."""
+    usual = Estimate(
+        drive_id="d",
+        object=name,
+        codes=split_codes(codes),
+        east_m=east_m,
+        north_m=0.0,
+        covariance_m2=(4.04, 0.0, 4.04),
+        budget={"gnss": (4.0, 0.0, 4.0), "pixels": (0.04, 0.0, 0.04)},
+        cameras=("C1", "C2"),
+        n_sightings=20,
+        first_ns=0,
+        last_ns=1_000_000_000,
+    )
+    return replace(usual, **other)
 
 
 def pictures(**frames: range) -> Mapping[str, frozenset[Picture]]:
@@ -66,7 +66,7 @@ def test_foot_and_face_of_one_picture_prove_no_second_pole() -> None:
     rows = [estimate("a", 0.0), estimate("b", 0.1)]
     seen = {"d:a": frozenset({("C1", 1, "foot")}), "d:b": frozenset({("C1", 1, "box")})}
     (row,) = each_pole_once(rows, may_be_one(rows, CONFIG), seen)
-    assert row["members"] == ["d:a", "d:b"]
+    assert row.members == ("d:a", "d:b")
 
 
 def test_objects_whose_pictures_are_unknown_are_left_alone() -> None:
@@ -81,10 +81,10 @@ def test_objects_whose_pictures_are_unknown_are_left_alone() -> None:
         (estimate("b", 1.5), "1.5 m is five sigmas of what they do not share"),
         (estimate("b", 0.5, "202"), "another plate"),
         (estimate("b", 0.5, drive_id="e"), "another drive: fused with its own rules"),
-        (estimate("b", 0.5, cameras=["C3"]), "another camera: paired one-to-one"),
+        (estimate("b", 0.5, cameras=("C3",)), "another camera: paired one-to-one"),
     ],
 )
-def test_objects_that_differ_are_not_compared(other: dict[str, Any], why: str) -> None:
+def test_objects_that_differ_are_not_compared(other: Estimate, why: str) -> None:
     """Place, plates, drive or cameras speak against one pole."""
     assert may_be_one([estimate("a", 0.0), other], CONFIG) == [], why
 
@@ -105,7 +105,7 @@ def test_part_of_the_plates_is_enough() -> None:
     """From afar only the first plate was read: the pole keeps those that were read from nearby."""
     rows = [estimate("a", 0.0, "366"), estimate("b", 0.2, "366;372")]
     (row,) = each_pole_once(rows, may_be_one(rows, CONFIG), ONE_AFTER_THE_OTHER)
-    assert row["skiltnummer"] == "366;372"
+    assert row.codes == ("366", "372")
 
 
 def test_three_tracks_of_which_two_share_a_picture_stay_two_poles() -> None:
@@ -113,4 +113,4 @@ def test_three_tracks_of_which_two_share_a_picture_stay_two_poles() -> None:
     rows = [estimate("a", 0.0), estimate("b", 0.1), estimate("c", 0.3)]
     seen = pictures(a=range(10), b=range(10, 20), c=range(15, 30))
     joined = each_pole_once(rows, may_be_one(rows, CONFIG), seen)
-    assert [row.get("members", [f"d:{row['object']}"]) for row in joined] == [["d:a", "d:b"], ["d:c"]]
+    assert [row.members for row in joined] == [("d:a", "d:b"), ("d:c",)]

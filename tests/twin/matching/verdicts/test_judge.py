@@ -15,15 +15,16 @@ from twin.matching.likelihood import TERMS
 from twin.matching.plates.readings import Reading, code_now
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
-from twin.matching.verdicts.change import offset_of
-from twin.matching.verdicts.judge import Change, judge
+from twin.matching.verdicts.finding import offset_of
+from twin.matching.verdicts.judge import judge
+from twin.store.records import Finding
 
 CONFIG = MatchConfig()
 
 
 def found(
     poles: list[ObservedPole], sites: list[Site], *, views: int = 50, config: MatchConfig = CONFIG
-) -> list[Change]:
+) -> list[Finding]:
     """Assign and judge with every site equally in view of one complete drive."""
     p_unannotated = np.full(len(sites), CONFIG.p_missed if views >= CONFIG.min_views else 1.0)
     assignment = assign(poles, sites, p_unannotated, config)
@@ -43,7 +44,7 @@ def site(nvdb_id: int, *plates: Plate | str, east: float = 0.0, sigma: float = 0
     return Site(95, nvdb_id, 7, east, 0.0, sigma, own, made)
 
 
-def verdicts(changes: list[Change]) -> list[tuple[str, int, int | None]]:
+def verdicts(changes: list[Finding]) -> list[tuple[str, int, int | None]]:
     """Verdict, type and id, sorted."""
     return sorted((c.verdict, c.nvdb_type, c.nvdb_id) for c in changes)
 
@@ -78,7 +79,7 @@ def test_judge_wrong_type_is_the_plates() -> None:
     """A 60 seen where NVDB has a 50 is one finding, of that plate; the other plate of the pole is fine."""
     changes = found([pole(0, 0, "362.60", "808")], [site(1, "362.50", "808")])
     assert verdicts(changes) == [("wrong_type", 96, 10)]
-    assert (changes[0].skiltnummer_nvdb, changes[0].skiltnummer_seen) == ("362.50", "362.60")
+    assert (changes[0].skiltnummer_nvdb, changes[0].skiltnummer_seen) == (("362.50",), ("362.60",))
 
 
 def read_as(one: ObservedPole, *codes: str, days: int = 30) -> ObservedPole:
@@ -105,7 +106,7 @@ def test_judge_takes_a_reading_that_was_not_confirmed_for_a_slip() -> None:
     (change,) = found(
         [read_as(pole(0, 0, "362.50"), "362.50", "362.60", "362.50", "362.50")], [site(1, "362.50")]
     )
-    assert (change.verdict, change.skiltnummer_seen) == ("unchanged", "362.50")
+    assert (change.verdict, change.skiltnummer_seen) == ("unchanged", ("362.50",))
 
 
 def test_judge_takes_a_slip_that_reads_like_the_plate_beside_it_for_a_slip() -> None:
@@ -115,7 +116,7 @@ def test_judge_takes_a_slip_that_reads_like_the_plate_beside_it_for_a_slip() -> 
     lower = (Reading("362.40", "a", month), Reading("362.40", "b", month + 1))
     seen = replace(pole(0, 0, "362.40", "362.40"), plates=(upper, lower), disputed=True)
     (change,) = found([seen], [site(1, "362.30", "362.40")])
-    assert (change.verdict, change.skiltnummer_seen) == ("unchanged", "362.30;362.40")
+    assert (change.verdict, change.skiltnummer_seen) == ("unchanged", ("362.30", "362.40"))
 
 
 def test_judge_reviews_what_drives_contradict() -> None:
@@ -123,7 +124,7 @@ def test_judge_reviews_what_drives_contradict() -> None:
     (change,) = found([read_as(pole(0, 0, "362.60"), "362.50", "362.60", days=182)], [site(1, "362.50")])
     assert (change.verdict, change.nvdb_type, change.nvdb_id) == ("review", 96, 10)
     assert "362.50, 362.60 in this order" in change.reason
-    assert change.skiltnummer_seen == "362.60"
+    assert change.skiltnummer_seen == ("362.60",)
 
 
 def test_judge_does_not_hold_an_old_reading_against_a_newer_version() -> None:
@@ -131,7 +132,7 @@ def test_judge_does_not_hold_an_old_reading_against_a_newer_version() -> None:
     newer = site(1, Plate(10, 3, "362.50", "med", start_date="1970-03-15"))
     (before,) = found([read_as(pole(0, 0, "362.60"), "362.60", "362.60")], [newer])
     (after,) = found([read_as(pole(0, 0, "362.60"), "362.60", "362.60", "362.60")], [newer])
-    assert (before.verdict, before.skiltnummer_seen) == ("unchanged", "362.60")
+    assert (before.verdict, before.skiltnummer_seen) == ("unchanged", ("362.60",))
     assert after.verdict == "wrong_type"
     assert len(after.terms["readings"]) == 1
 

@@ -1,4 +1,4 @@
-"""A finding, and what it rests on."""
+"""What findings of every verdict have in common: ids, names, distances, when, and doubts of a drive."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import datetime as dt
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from twin.matching.assign import Alternatives
@@ -15,33 +15,7 @@ from twin.matching.likelihood import moved_density
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPUNKT, Site
 from twin.store.kinds import Verdict
-
-
-@dataclass(frozen=True, slots=True)
-class Change:
-    """One finding. Field names are the columns of the table ``change``.
-
-    ``east_m, north_m`` (EPSG:25833) is where the sign stands now: the measured position, or NVDB's for
-    what was not seen. `confidence` is the probability that the verdict is right; for ``review`` that of the
-    likeliest reading. `terms` says what both rest on (``docs/matching.md``).
-    """
-
-    change_id: str
-    verdict: Verdict
-    reason: str
-    confidence: float
-    nvdb_type: int
-    nvdb_id: int | None
-    nvdb_version: int | None
-    skiltnummer_nvdb: str
-    skiltnummer_seen: str
-    distance_m: float | None
-    distance_sigma_m: float | None
-    drive_ids: str
-    n_sightings: int
-    east_m: float
-    north_m: float
-    terms: Mapping[str, Any] = field(default_factory=dict)
+from twin.store.records import Finding
 
 
 def change_id(*identity: object) -> str:
@@ -150,7 +124,7 @@ def doubt_of(name: str, misfits: Sequence[str]) -> str:
     return f"The drive {name} does not fit itself ({'; '.join(misfits)}): mend it and ingest it again."
 
 
-def doubtful_as_review(changes: Sequence[Change], doubts: Mapping[str, str]) -> list[Change]:
+def doubtful_as_review(findings: Sequence[Finding], doubts: Mapping[str, str]) -> list[Finding]:
     """Turn what contradicts NVDB into ``review`` where it rests on a drive whose positions are not trusted.
 
     Parameters
@@ -159,16 +133,16 @@ def doubtful_as_review(changes: Sequence[Change], doubts: Mapping[str, str]) -> 
         Of the drives that are not trusted alone.
     """
 
-    def judged(change: Change) -> Change:
-        doubt = next((doubts[one] for one in change.drive_ids.split(",") if one in doubts), "")
-        if not doubt or change.verdict not in _CLAIMS:
-            return change
+    def judged(finding: Finding) -> Finding:
+        doubt = next((doubts[one] for one in finding.drive_ids if one in doubts), None)
+        if doubt is None or finding.verdict not in _CLAIMS:
+            return finding
         return replace(
-            change,
+            finding,
             # An id of its own: the same site may have another review.
-            change_id=change_id(Verdict.REVIEW, change.change_id),
+            change_id=change_id(Verdict.REVIEW, finding.change_id),
             verdict=Verdict.REVIEW,
-            reason=f"{doubt} Else this would be {change.verdict.replace('_', ' ')}: {change.reason}",
+            reason=f"{doubt} Else this would be {finding.verdict.replace('_', ' ')}: {finding.reason}",
         )
 
-    return sorted(map(judged, changes), key=lambda change: change.change_id)
+    return sorted(map(judged, findings), key=lambda finding: finding.change_id)

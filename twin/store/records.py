@@ -1,0 +1,206 @@
+"""Rows of the store as records: what a drive measured of an object, and what a match says of a sign.
+
+Rows and joined strings stay at the store's edge (`from_row`, `to_row`); inside, codes, drives, cameras and
+flags are tuples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from twin.store.kinds import Method, Verdict
+
+Row = Mapping[str, Any]
+Covariance = tuple[float, float, float]
+"""East-east, east-north and north-north [m²]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Where one annotated object stands, as one drive gives it by one method: a row of ``estimate``.
+
+    Attributes
+    ----------
+    codes : tuple of str
+        Sign code of each plate, top down; empty if not annotated.
+    east_m, north_m : float
+        EPSG:25833.
+    height_m : float
+        Ellipsoidal.
+    sigma_height_m : float or None
+        None where the method does not tell.
+    covariance_m2 : (float, float, float)
+        Grid east and grid north.
+    first_ns, last_ns : int
+        Epochs of the first and last sighting, UTC.
+    budget : mapping of source → covariance, true east and north
+        Empty where the method does not tell.
+    nvdb_type : int or None
+        Of an object that is no sign.
+    text : str or None
+        On its plates, joined by ";" as NVDB's codes are; None where none was annotated.
+    joined : tuple of str
+        ``drive:object`` of the objects of one drive that were put together into this one; empty in the store.
+    """
+
+    drive_id: str
+    object: str
+    codes: tuple[str, ...]
+    east_m: float
+    north_m: float
+    covariance_m2: Covariance
+    cameras: tuple[str, ...]
+    n_sightings: int
+    first_ns: int = 0
+    last_ns: int = 0
+    text: str | None = None
+    budget: Mapping[str, Covariance] = field(default_factory=dict)
+    estimate_id: str = ""
+    method: Method = Method.ADJUSTED
+    label: str = ""
+    height_m: float = math.nan
+    sigma_height_m: float | None = None
+    n_frames: int = 0
+    n_cameras: int = 0
+    range_min_m: float = math.nan
+    n_rejected: int = 0
+    flags: tuple[str, ...] = ()
+    nvdb_type: int | None = None
+    joined: tuple[str, ...] = ()
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """``drive:object`` of everything that it is made of."""
+        return self.joined or (f"{self.drive_id}:{self.object}",)
+
+    @property
+    def member(self) -> str:
+        """``drive:object`` of itself."""
+        return f"{self.drive_id}:{self.object}"
+
+    @classmethod
+    def from_row(cls, row: Row) -> Estimate:
+        """Take it from a row of the table ``estimate``."""
+        return cls(
+            **{name: row[name] for name in _SAME_IN_ESTIMATE},
+            method=Method(row["method"]),
+            codes=split_codes(row["skiltnummer"]),
+            covariance_m2=(row["cov_ee_m2"], row["cov_en_m2"], row["cov_nn_m2"]),
+            cameras=tuple(row["cameras"]),
+            flags=tuple(flag for flag in row["flags"].split(";") if flag),
+            budget={source: (ee, en, nn) for source, (ee, en, nn) in row["budget"].items()},
+        )
+
+    def to_row(self) -> dict[str, Any]:
+        """Return its row of the table ``estimate``."""
+        return {
+            **{name: getattr(self, name) for name in _SAME_IN_ESTIMATE},
+            "method": self.method.value,
+            "skiltnummer": ";".join(self.codes),
+            **_covariance_columns(self.covariance_m2),
+            "cameras": list(self.cameras),
+            "flags": ";".join(self.flags),
+            "budget": {source: list(covariance) for source, covariance in self.budget.items()},
+        }
+
+
+_SAME_IN_ESTIMATE = (
+    *("estimate_id", "drive_id", "object", "label", "east_m", "north_m", "height_m", "sigma_height_m"),
+    *("n_sightings", "n_frames", "n_cameras", "first_ns", "last_ns", "range_min_m", "n_rejected"),
+    *("nvdb_type", "text"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a match says of one sign: a row of ``change``.
+
+    Attributes
+    ----------
+    change_id : str
+        The same finding has the same one in every run (:func:`twin.matching.verdicts.finding.change_id`).
+    confidence : float
+        Probability that the verdict is right; of ``review`` that of the likeliest reading.
+    skiltnummer_nvdb, skiltnummer_seen : tuple of str
+        Codes of the plates, top down.
+    drive_ids : tuple of str
+        The drives that saw it, or looked for it, in time order.
+    east_m, north_m : float
+        EPSG:25833, where the sign stands now: the measured position, or NVDB's for what was not seen.
+    covariance_m2 : (float, float, float) or None
+        Of the measured position, grid east and grid north; None where nothing was measured.
+    terms : mapping
+        What verdict and confidence rest on, as JSON (``docs/matching.md``).
+    cameras : tuple of str
+        That saw it, or looked for it.
+    """
+
+    change_id: str
+    verdict: Verdict
+    reason: str
+    confidence: float
+    nvdb_type: int
+    nvdb_id: int | None
+    nvdb_version: int | None
+    skiltnummer_nvdb: tuple[str, ...]
+    skiltnummer_seen: tuple[str, ...]
+    distance_m: float | None
+    distance_sigma_m: float | None
+    drive_ids: tuple[str, ...]
+    n_sightings: int
+    east_m: float
+    north_m: float
+    terms: Mapping[str, Any] = field(default_factory=dict)
+    covariance_m2: Covariance | None = None
+    cameras: tuple[str, ...] = ()
+
+    @classmethod
+    def from_row(cls, row: Row) -> Finding:
+        """Take it from a row of the table ``change``."""
+        covariance = (row["cov_ee_m2"], row["cov_en_m2"], row["cov_nn_m2"])
+        return cls(
+            **{name: row[name] for name in _SAME_IN_FINDING},
+            verdict=Verdict(row["verdict"]),
+            skiltnummer_nvdb=_parts(row["skiltnummer_nvdb"], ";"),
+            skiltnummer_seen=_parts(row["skiltnummer_seen"], ";"),
+            drive_ids=_parts(row["drive_ids"], ","),
+            cameras=_parts(row["cameras"], ","),
+            terms=row["terms"] or {},
+            covariance_m2=None if None in covariance else covariance,
+        )
+
+    def to_row(self) -> dict[str, Any]:
+        """Return its row of the table ``change``."""
+        return {
+            **{name: getattr(self, name) for name in _SAME_IN_FINDING},
+            "verdict": self.verdict.value,
+            "skiltnummer_nvdb": ";".join(self.skiltnummer_nvdb),
+            "skiltnummer_seen": ";".join(self.skiltnummer_seen),
+            "drive_ids": ",".join(self.drive_ids),
+            "cameras": ",".join(self.cameras),
+            "terms": self.terms,
+            **_covariance_columns(self.covariance_m2),
+        }
+
+
+_SAME_IN_FINDING = (
+    *("change_id", "reason", "confidence", "nvdb_type", "nvdb_id", "nvdb_version"),
+    *("distance_m", "distance_sigma_m", "n_sightings", "east_m", "north_m"),
+)
+
+
+def split_codes(text: str) -> tuple[str, ...]:
+    """``"362.50;808.1"`` → ``("362.50", "808.1")``."""
+    return tuple(code.strip() for code in text.split(";") if code.strip())
+
+
+def _parts(text: str | None, separator: str) -> tuple[str, ...]:
+    return tuple(text.split(separator)) if text else ()
+
+
+def _covariance_columns(covariance_m2: Covariance | None) -> dict[str, float | None]:
+    ee, en, nn = covariance_m2 or (None, None, None)
+    return {"cov_ee_m2": ee, "cov_en_m2": en, "cov_nn_m2": nn}
