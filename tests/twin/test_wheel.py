@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from checkout import ROOT
 
+from twin.export.layers import COLUMNS
+
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -59,3 +61,9 @@ def test_wheel_carries_types_and_no_tests(installed: Path) -> None:
 def test_wheel_carries_the_default_labels(installed: Path) -> None:
     """What Mapillary's labels mean in Norway travels with the package."""
     assert (installed / "twin" / "drives" / "annotations" / "labels_default.toml").exists()
+
+
+def test_wheel_carries_the_qgis_styles(installed: Path) -> None:
+    """One for every layer of an export."""
+    styles = installed / "twin" / "export" / "qgis" / "saved_styles"
+    assert {path.stem for path in styles.iterdir()} == set(COLUMNS)

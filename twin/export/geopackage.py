@@ -19,7 +19,7 @@ import numpy as np
 from twin.errors import ExportRefusedError
 from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY
 from twin.export.qgis.project import PROJECTS_TABLE, project_row
-from twin.export.qgis.styles import style
+from twin.export.qgis.qml import style
 from twin.store.kinds import Decision
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from twin.export.folder import UTM33, WGS84
 from twin.export.layers import normalised
 from twin.export.open_in_qgis import project_uri
 from twin.export.qgis.project import GROUPS, document, project_row
-from twin.export.qgis.styles import style
+from twin.export.qgis.qml import style
 
 SYSTEM_PYTHON = Path("/usr/bin/python3")
 SCRIPT = ROOT / "tests" / "qgis_open_project.py"

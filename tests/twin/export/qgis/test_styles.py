@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from defusedxml.ElementTree import fromstring
 
-from twin.export.appearance import MARKS, SIGMAS_95
+from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARKS, NVDB_COLOUR, SIGMAS_95
 from twin.export.layers import COLUMNS
-from twin.export.qgis.map_tips import MAP_TIPS, map_tip
-from twin.export.qgis.styles import style
+from twin.export.qgis.qml import style
 from twin.store.kinds import Decision, Verdict
 
 ALL = list(Verdict)
@@ -61,6 +60,79 @@ def test_verdict_colours_stay_apart_for_every_eye(sight: str) -> None:
     assert closest > 15
 
 
+SHAPES = {
+    "o": ("circle", "0"),
+    "s": ("square", "0"),
+    "^": ("triangle", "0"),
+    "D": ("diamond", "0"),
+    "P": ("cross_fill", "0"),
+    "X": ("cross_fill", "45"),
+}
+"""Matplotlib's name of a shape → QGIS's, and its rotation in degrees."""
+
+
+def drawn(layer: str) -> dict[tuple[str, str], dict[str, str]]:
+    """Value and label of a style's categories → what their symbols are drawn with."""
+    renderer = fromstring(style(layer, verdicts=ALL)).find("renderer-v2")
+    symbols = {symbol.get("name"): symbol for symbol in renderer.find("symbols")}
+    return {
+        (category.get("value"), category.get("label")): {
+            prop.get("k"): prop.get("v") for prop in symbols[category.get("symbol")].iter("prop")
+        }
+        for category in renderer.find("categories")
+    }
+
+
+def rgba(colour: str, alpha: int = 255) -> str:
+    """``#rrggbb`` as QGIS writes it."""
+    return ",".join(str(int(colour[i : i + 2], 16)) for i in (1, 3, 5)) + f",{alpha}"
+
+
+def test_styles_draw_verdicts_as_the_picture_does() -> None:
+    """Colour, shape and size of a mark, colour and width of a move; what matters most comes first."""
+    changes, moves = drawn("changes"), drawn("moves")
+    assert list(changes) == [*((m.verdict, m.label) for m in reversed(MARKS)), ("", "Other")]
+    assert list(moves) == [(m.verdict, m.label) for m in reversed(MARKS)]
+    for mark in MARKS:
+        one, line = changes[mark.verdict, mark.label], moves[mark.verdict, mark.label]
+        assert (one["color"], float(one["size"])) == (rgba(mark.colour), mark.size_mm)
+        assert (one["name"], one["angle"]) == SHAPES[mark.mpl_marker]
+        width = pytest.approx(0.2 * mark.size_mm)
+        assert (line["line_color"], float(line["line_width"])) == (rgba(mark.colour), width)
+    assert changes["", "Other"]["outline_color"] == rgba("#000000")
+
+
+@pytest.mark.parametrize("layer", ["changes", "moves"])
+def test_styles_draw_what_matters_most_last(layer: str) -> None:
+    """In the order of the marks; labels of the verdicts are those of the legend."""
+    root = fromstring(style(layer, verdicts=ALL))
+    order = " ".join(f"WHEN '{mark.verdict}' THEN {number}" for number, mark in enumerate(MARKS))
+    assert (
+        root.findtext("renderer-v2/orderby/orderByClause") == f'CASE "verdict" {order} ELSE {len(MARKS)} END'
+    )
+    widget = root.find("fieldConfiguration/field[@name='verdict']/editWidget")
+    options = [(o.get("value"), o.get("name")) for o in widget.iter("Option") if o.get("value")]
+    assert options == [(mark.verdict, mark.label) for mark in MARKS]
+
+
+@pytest.mark.parametrize(
+    ("layer", "name", "colour"),
+    [
+        ("estimates", "outline_color", ESTIMATE_COLOUR),
+        ("ellipses", "outline_color", ESTIMATE_COLOUR),
+        ("nvdb_signs", "outline_color", NVDB_COLOUR),
+        ("drives", "line_color", DRIVE_COLOUR),
+    ],
+)
+def test_styles_have_the_colours_of_the_picture(layer: str, name: str, colour: str) -> None:
+    """Of the layers beside the findings."""
+    symbols = list(drawn(layer).values())
+    if layer == "estimates":
+        dot = symbols.pop(0)  # filled, with a white rim
+        assert (dot["color"], dot["outline_color"]) == (rgba(colour), rgba("#ffffff"))
+    assert {symbol[name] for symbol in symbols} == {rgba(colour)}
+
+
 def test_unchanged_is_the_smallest_mark() -> None:
     """What needs no decision steps back on the map."""
     assert min(MARKS, key=lambda mark: mark.size_mm).verdict == Verdict.UNCHANGED
@@ -68,12 +140,12 @@ def test_unchanged_is_the_smallest_mark() -> None:
 
 @pytest.mark.parametrize("layer", COLUMNS)
 def test_style_is_well_formed_and_names_every_field(layer: str) -> None:
-    """The QML parses, and every column has a non-empty alias at its place after the fid."""
+    """The QML parses, and every column has its label at its place after the fid."""
     root = fromstring(style(layer, verdicts=ALL))
-    aliases = [
-        (alias.get("field"), alias.get("index"), bool(alias.get("name"))) for alias in root.iter("alias")
+    aliases = [(alias.get("field"), alias.get("index"), alias.get("name")) for alias in root.iter("alias")]
+    assert aliases == [
+        (column.name, str(i), column.label) for i, column in enumerate(COLUMNS[layer], start=1)
     ]
-    assert aliases == [(column.name, str(i), True) for i, column in enumerate(COLUMNS[layer], start=1)]
     assert root.findtext("mapTip")
 
 
@@ -103,10 +175,10 @@ def test_style_of_changes_lets_only_the_decision_be_edited() -> None:
     assert [o.get("value") for o in widget.iter("Option") if o.get("value")] == list(Decision)
 
 
-@pytest.mark.parametrize("layer", MAP_TIPS)
+@pytest.mark.parametrize("layer", COLUMNS)
 def test_map_tip_uses_fields_of_its_layer(layer: str) -> None:
     """Every quoted name in a map tip is a column, and no notation is left over."""
-    tip = map_tip(layer)
+    tip = fromstring(style(layer, verdicts=ALL)).findtext("mapTip")
     quoted = {
         part for expression in tip.split("[%")[1:] for part in expression.split("%]")[0].split('"')[1::2]
     }
