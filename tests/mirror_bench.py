@@ -12,7 +12,8 @@ import sqlalchemy as sa
 from nvdb.area import Area
 from nvdb.mirror import LesV4Source, Source, SyncReport, UberiketSource, sync
 from nvdb.replay import Fault, ReplayWorld, RequestInfo
-from twin.mirror.mirror_tables import StoreMirror, raw_object
+from twin.mirror.mirror_tables import StoreMirror
+from twin.mirror.raw import raw_object
 from twin.store import schema
 from twin.store.store import Store
 

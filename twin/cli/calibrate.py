@@ -73,7 +73,7 @@ def intrinsics(
     distances_m = _distances(distance or [])
     check_rig(out, camera, rig, add=add)
     with bar(quiet=json_output) as progress:
-        made = calibrate_intrinsics(
+        calibration = calibrate_intrinsics(
             sources,
             board,
             model=model,
@@ -83,14 +83,14 @@ def intrinsics(
             distances_m=distances_m,
             progress=progress,
         )
-    files = write_calibration(made, out, camera, rig, add=add)
-    report = intrinsics_report(made, camera)
+    files = write_calibration(calibration, out, camera, rig, add=add)
+    report = intrinsics_report(calibration, camera)
     if json_output:
         print_json(report.document([str(file) for file in files]))
         return
     _print_report(report)
     print_paths("Written:", files)
-    for fault in made.faults:
+    for fault in calibration.faults:
         warn(fault.sentence)
     for line in left_out_lines(report.left_out):
         note(f"Left out: {line}")

@@ -158,36 +158,36 @@ def verify(
     from twin.calibrate.drives.verify import verify_drive
 
     with steps(quiet=json_output) as say:
-        found = verify_drive(drive, known, apply=apply, level_deg=level, progress=say)
+        verification = verify_drive(drive, known, apply=apply, level_deg=level, progress=say)
     if plot is not None:
-        draw_verification(found, plot)
+        draw_verification(verification, plot)
     if json_output:
-        document = {k: v for k, v in asdict(found).items() if k != "errors_at"}
+        document = {k: v for k, v in asdict(verification).items() if k != "errors_at"}
         print_json({**document, "plot": None if plot is None else str(plot)})
         return
-    _print_verification(found)
+    _print_verification(verification)
     if plot is not None:
         note(f"wrote {plot}")
-    note(f"Next: {_after_verify(found, drive, known, level)}")
+    note(f"Next: {_after_verify(verification, drive, known, level)}")
 
 
-def _after_verify(found: Verification, drive: Path, known: Path, level: float | None) -> str:
-    if found.doubt:
+def _after_verify(verification: Verification, drive: Path, known: Path, level: float | None) -> str:
+    if verification.doubt:
         return f"look at {known} and the rig file, then twin calibrate verify {drive} --known {known}"
-    if found.rig is not None and found.advised:
-        files = [found.rig] if found.tables is None else [found.rig, found.tables]
-        return _to_ingest(drive, found.rig_file, files)
-    if found.advised:
+    if verification.rig is not None and verification.advised:
+        files = [verification.rig] if verification.tables is None else [verification.rig, verification.tables]
+        return _to_ingest(drive, verification.rig_file, files)
+    if verification.advised:
         given = "" if level is None else f" --level {level:g}"
         return f"twin calibrate verify {drive} --known {known}{given} --apply rig_corrected.json"
     return f"twin ingest-drive {drive}"
 
 
-def _print_verification(found: Verification) -> None:
+def _print_verification(verification: Verification) -> None:
     print_table(
-        f"{found.drive}: horizontal error of single frames, median",
+        f"{verification.drive}: horizontal error of single frames, median",
         ["camera", "distance [m]", "n", "now [m]", "turned [m]"],
-        [(e.camera, f"{e.distance_m:.1f}", e.n, e.before_m, e.after_m) for e in found.errors],
+        [(e.camera, f"{e.distance_m:.1f}", e.n, e.before_m, e.after_m) for e in verification.errors],
     )
     print_table(
         "Turn of each camera that fits best, about its own axes",
@@ -203,34 +203,34 @@ def _print_verification(found: Verification) -> None:
                 turn.n_objects,
                 turn.n_sightings,
             )
-            for turn in found.turns.values()
+            for turn in verification.turns.values()
         ],
     )
-    for warning in (*found.warnings, *filter(None, [found.doubt])):
+    for warning in (*verification.warnings, *filter(None, [verification.doubt])):
         warn(warning)
-    if found.not_seen:
-        note(f"Not annotated in this drive: {', '.join(found.not_seen)}.")
+    if verification.not_seen:
+        note(f"Not annotated in this drive: {', '.join(verification.not_seen)}.")
     note("Positive pitch looks up, positive yaw right; in rig files and drive.toml it is down and left.")
-    _print_correction(found)
+    _print_correction(verification)
 
 
-def _print_correction(found: Verification) -> None:
-    for name in found.advised:
-        turn = found.certain[name]
+def _print_correction(verification: Verification) -> None:
+    for name in verification.advised:
+        turn = verification.certain[name]
         parts = ("pitch", turn.pitch_deg), ("yaw", turn.yaw_deg), ("roll", turn.roll_deg)
         note(f"{name} is off for certain: {', '.join(f'{a} {v:+.2f}°' for a, v in parts if v)}.")
-    if found.doubt:
+    if verification.doubt:
         note("Nothing of this can be applied.")
-    elif not found.advised:
+    elif not verification.advised:
         note("No camera needs a correction: none is off by more than two sigmas and 0.02°.")
-    elif found.rig is None:
+    elif verification.rig is None:
         note("--apply FILE writes the corrected rig.")
-    if found.drive_tables:
-        typer.echo(f"For drive.toml, over its tables of these names:\n{found.drive_tables}", nl=False)
-    if found.rig is not None:
-        note(f"wrote {found.rig}, with {', '.join(found.advised) or 'nothing'} corrected")
-    if found.tables is not None:
-        note(f"wrote {found.tables}, the same for drive.toml")
+    if verification.drive_tables:
+        typer.echo(f"For drive.toml, over its tables of these names:\n{verification.drive_tables}", nl=False)
+    if verification.rig is not None:
+        note(f"wrote {verification.rig}, with {', '.join(verification.advised) or 'nothing'} corrected")
+    if verification.tables is not None:
+        note(f"wrote {verification.tables}, the same for drive.toml")
 
 
 @app.command("from-drives", epilog="Example: twin calibrate from-drives --plot cameras.png")
@@ -249,24 +249,24 @@ def from_drives(
     from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
-        found = cameras_from_drives(opened, apply=apply)
+        histories = cameras_from_drives(opened, apply=apply)
     if plot is not None:
-        draw_histories(found, plot)
+        draw_histories(histories, plot)
     if json_output:
-        print_json({**asdict(found), "plot": None if plot is None else str(plot)})
+        print_json({**asdict(histories), "plot": None if plot is None else str(plot)})
         return
-    _print_histories(found)
+    _print_histories(histories)
     if plot is not None:
         note(f"wrote {plot}")
 
 
-def _print_histories(found: Histories) -> None:
+def _print_histories(histories: Histories) -> None:
     print_table(
         "Cameras by drive, against the newest drive's rig file",
         ["camera", "drive", "", "pitch [°]", "yaw [°]", "roll [°]"],
         [
             (history.camera, drive.name, _day(drive.started_ns), *_angles(drive.turn_deg, drive.sigma_deg))
-            for history in found.cameras
+            for history in histories.cameras
             for drive in history.drives
         ],
         right_from=3,
@@ -275,16 +275,16 @@ def _print_histories(found: Histories) -> None:
         f"{h.camera}, {_drives(len(h.drives) - h.since)}": "pitch {}°, yaw {}°, roll {}°".format(
             *_angles(h.turn_deg, h.sigma_deg)
         )
-        for h in found.cameras
+        for h in histories.cameras
     }
     print_pairs("Mean since it last moved (positive pitch looks up, positive yaw right)", means)
-    for warning in found.warnings:
+    for warning in histories.warnings:
         warn(warning)
-    if found.rig is not None:
-        corrected = ", ".join(found.advised) or "nothing"
-        note(f"wrote {found.rig}, with {corrected} corrected")
-    elif found.advised:
-        note(f"Off for certain: {', '.join(found.advised)}. --apply FILE writes the corrected rig.")
+    if histories.rig is not None:
+        corrected = ", ".join(histories.advised) or "nothing"
+        note(f"wrote {histories.rig}, with {corrected} corrected")
+    elif histories.advised:
+        note(f"Off for certain: {', '.join(histories.advised)}. --apply FILE writes the corrected rig.")
 
 
 def _drives(count: int) -> str:

@@ -118,37 +118,37 @@ def inspect(
     from twin.drives.inspection.picture import draw_timeline
 
     with steps(quiet=json_output) as say:
-        found = inspect_drive(drive, progress=say)
-    picture = draw_timeline(found, out) if out is not None and found.sensors else None
+        inspection = inspect_drive(drive, progress=say)
+    picture = draw_timeline(inspection, out) if out is not None and inspection.sensors else None
     if json_output:
-        print_json({**found.as_json(), "picture": None if picture is None else str(picture)})
+        print_json({**inspection.as_json(), "picture": None if picture is None else str(picture)})
     else:
-        _print(found, out, picture)
-    if not found.ready:
+        _print(inspection, out, picture)
+    if not inspection.ready:
         raise typer.Exit(EXIT_DATA)
 
 
-def _print(found: Inspection, out: Path | None, picture: Path | None) -> None:
-    _print_files(found)
-    _print_rig(found)
-    _print_sensors(found)
-    for skipped in found.skipped[:_MOST_SKIPPED]:
+def _print(inspection: Inspection, out: Path | None, picture: Path | None) -> None:
+    _print_files(inspection)
+    _print_rig(inspection)
+    _print_sensors(inspection)
+    for skipped in inspection.skipped[:_MOST_SKIPPED]:
         note(f"left out: {skipped.count:,} {skipped.what} of {skipped.where}: {skipped.reason}")
-    if len(found.skipped) > _MOST_SKIPPED:
-        note(f"… and {len(found.skipped) - _MOST_SKIPPED} more; --json lists them all.")
-    for warning in found.warnings:
+    if len(inspection.skipped) > _MOST_SKIPPED:
+        note(f"… and {len(inspection.skipped) - _MOST_SKIPPED} more; --json lists them all.")
+    for warning in inspection.warnings:
         warn(warning)
     if picture is not None:
         note(f"wrote {picture}")
     elif out is not None:
-        note(f"Nothing in {found.path} has a time, so there is no timeline to draw.")
-    if found.ready:
-        note(f"Ready: twin ingest-drive {found.path}")
-    for refusal in found.refusals:
+        note(f"Nothing in {inspection.path} has a time, so there is no timeline to draw.")
+    if inspection.ready:
+        note(f"Ready: twin ingest-drive {inspection.path}")
+    for refusal in inspection.refusals:
         note(f"twin ingest-drive would refuse: {refusal}")
 
 
-def _print_files(found: Inspection) -> None:
+def _print_files(inspection: Inspection) -> None:
     rows = [
         (
             file.name,
@@ -157,11 +157,11 @@ def _print_files(found: Inspection) -> None:
             file.kind,
             _used(file.used),
         )
-        for file in found.files[:_MOST_FILES]
+        for file in inspection.files[:_MOST_FILES]
     ]
-    print_table(f"{found.name}: files", ["file", "", "size", "what it is", "read"], rows)
-    if len(found.files) > _MOST_FILES:
-        note(f"… and {len(found.files) - _MOST_FILES} more files; --json lists them all.")
+    print_table(f"{inspection.name}: files", ["file", "", "size", "what it is", "read"], rows)
+    if len(inspection.files) > _MOST_FILES:
+        note(f"… and {len(inspection.files) - _MOST_FILES} more files; --json lists them all.")
 
 
 def _used(used: bool) -> str:
@@ -175,13 +175,13 @@ def _size(n_bytes: int) -> str:
     return f"{n_bytes} B"
 
 
-def _print_rig(found: Inspection) -> None:
-    cameras = {camera.name: _camera(camera) for camera in found.cameras}
+def _print_rig(inspection: Inspection) -> None:
+    cameras = {camera.name: _camera(camera) for camera in inspection.cameras}
     antennas = {
         name: f"lever arm {x:g}, {y:g}, {z:g} m" if any((x, y, z)) else "lever arm all zero"
-        for name, (x, y, z) in found.antennas.items()
+        for name, (x, y, z) in inspection.antennas.items()
     }
-    print_pairs("Drive", {**found.settings, **cameras, **antennas})
+    print_pairs("Drive", {**inspection.settings, **cameras, **antennas})
 
 
 def _camera(camera: CameraSeen) -> str:
@@ -192,17 +192,17 @@ def _camera(camera: CameraSeen) -> str:
     return f"{camera.model}, {width} x {height}{across}"
 
 
-def _print_sensors(found: Inspection) -> None:
-    if not found.sensors:
+def _print_sensors(inspection: Inspection) -> None:
+    if not inspection.sensors:
         return
     from twin.drives.epochs import utc_text
     from twin.drives.inspection.picture import text_timeline, told
 
-    first, last = min(s.first_ns for s in found.sensors), max(s.last_ns for s in found.sensors)
-    lines = text_timeline(found.sensors)
+    first, last = min(s.first_ns for s in inspection.sensors), max(s.last_ns for s in inspection.sensors)
+    lines = text_timeline(inspection.sensors)
     print_table(
         f"Sensors, {utc_text(first)} and {(last - first) / 1e9:.1f} s on",
         ["sensor", "", "timeline", "samples"],
-        [(s.name, s.kind, line, told(s)) for s, line in zip(found.sensors, lines, strict=True)],
+        [(s.name, s.kind, line, told(s)) for s, line in zip(inspection.sensors, lines, strict=True)],
         right_from=4,
     )

@@ -51,7 +51,7 @@ def export(
     from twin.export import export_findings as write
     from twin.store.store import Store
 
-    made: list[ChangeSets] = []
+    handed_out: list[ChangeSets] = []
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         files = write(
             opened,
@@ -59,15 +59,16 @@ def export(
             by=person(by),
             decision=decision,
             project=project,
-            change_sets=made.append,
+            change_sets=handed_out.append,
             progress=progress,
         )
+    (change_sets,) = handed_out
     if json_output:
-        print_json({"files": [str(path) for path in files], **_change_sets_as_json(made[0])})
+        print_json({"files": [str(path) for path in files], **_change_sets_as_json(change_sets)})
     else:
         _print_export(files, folder)
-        _print_change_sets(made[0], folder)
-    if any(sett.errors for sett in made[0].setts):
+        _print_change_sets(change_sets, folder)
+    if any(sett.errors for sett in change_sets.setts):
         raise typer.Exit(EXIT_DATA)
 
 
@@ -81,29 +82,29 @@ def _print_export(files: Sequence[Path], folder: Path) -> None:
         note(geoid.how)
 
 
-def _print_change_sets(made: ChangeSets, folder: Path) -> None:
+def _print_change_sets(change_sets: ChangeSets, folder: Path) -> None:
     """Say what became of the findings: sets, warnings, what was left out."""
-    for item in made.left_out:
+    for item in change_sets.left_out:
         warn(item.sentence)
-    for number, sett in enumerate(made.setts, start=1):
+    for number, sett in enumerate(change_sets.setts, start=1):
         for sentence in sett.warnings:
             note(f"set {number}: {sentence}")
         for sentence in sett.errors:
             warn(f"set {number} is not written: {sentence}")
         for clause in sett.not_undone:
             note(f"set {number} cannot be undone by twin: {clause}.")
-    n = sum(len(sett.groups) for sett in made.setts if not sett.errors)
-    if n and made.is_preview:
+    n = sum(len(sett.groups) for sett in change_sets.setts if not sett.errors)
+    if n and change_sets.is_preview:
         note(f"Previews of change sets: they cannot be sent, since nobody has accepted these findings ({n}).")
     elif n:
         note(f"Check the change sets with `twin submit {folder}`, send them with --go.")
 
 
-def _change_sets_as_json(made: ChangeSets) -> dict[str, Any]:
+def _change_sets_as_json(change_sets: ChangeSets) -> dict[str, Any]:
     """The same for programs."""
     return {
-        "errors": [sentence for sett in made.setts for sentence in sett.errors],
-        "left_out": {item.change_id: item.sentence for item in made.left_out},
+        "errors": [sentence for sett in change_sets.setts for sentence in sett.errors],
+        "left_out": {item.change_id: item.sentence for item in change_sets.left_out},
     }
 
 
@@ -118,41 +119,41 @@ def qgis(
     """Say how to open an export in QGIS, what its layers are, and how decisions made there come back."""
     from twin.export.open_in_qgis import qgis_export, qgis_program, start_qgis
 
-    found = qgis_export(folder)
+    exported = qgis_export(folder)
     if not json_output:
-        _print(found, folder)
+        _print(exported, folder)
     program = qgis_program() if start else "qgis"
     if json_output:
         print_json(
             {
-                "file": str(found.file),
-                "project": found.uri,
-                "command": [program, *found.arguments],
+                "file": str(exported.file),
+                "project": exported.uri,
+                "command": [program, *exported.arguments],
                 "layers": [
-                    {"name": layer.name, "rows": layer.rows, "what": layer.what} for layer in found.layers
+                    {"name": layer.name, "rows": layer.rows, "what": layer.what} for layer in exported.layers
                 ],
-                "decisions": dict(found.decisions),
-                "decided_in_qgis": dict(found.edited),
+                "decisions": dict(exported.decisions),
+                "decided_in_qgis": dict(exported.edited),
             }
         )
     if start:
-        start_qgis(program, found)
+        start_qgis(program, exported)
 
 
-def _print(found: QgisExport, folder: Path) -> None:
+def _print(exported: QgisExport, folder: Path) -> None:
     from twin.export.qgis.project import PROJECT
 
-    sys.stdout.write(f"Open it:\n  {shlex.join(['qgis', *found.arguments])}\n")
-    if found.uri is None:
+    sys.stdout.write(f"Open it:\n  {shlex.join(['qgis', *exported.arguments])}\n")
+    if exported.uri is None:
         note(f"It has no QGIS project: `twin export {folder} --project` puts one in.")
     else:
-        note(f"or in QGIS: in the browser panel, the project {PROJECT} below the file {found.file.name}.")
-    layers = [(layer.name, f"{layer.rows:,}", layer.what) for layer in found.layers]
-    print_table(f"Layers of {found.file}", ["layer", "rows", "what"], layers, right_from=3)
-    print_table("Decisions", ["decision", "findings"], list(found.decisions.items()))
-    if found.edited:
-        note(f"{len(found.edited)} decided in QGIS since the export: the next export brings them home.")
-    again = f"twin export {folder}" + (" --project" if found.uri else "")
+        note(f"or in QGIS: in the browser panel, the project {PROJECT} below the file {exported.file.name}.")
+    layers = [(layer.name, f"{layer.rows:,}", layer.what) for layer in exported.layers]
+    print_table(f"Layers of {exported.file}", ["layer", "rows", "what"], layers, right_from=3)
+    print_table("Decisions", ["decision", "findings"], list(exported.decisions.items()))
+    if exported.edited:
+        note(f"{len(exported.edited)} decided in QGIS since the export: the next export brings them home.")
+    again = f"twin export {folder}" + (" --project" if exported.uri else "")
     note(
         "Decide in the column decision of the layer changes: accept, dismiss or defer; open takes a decision "
         f"back. Save the edits and close QGIS; then `{again}` keeps what was decided."

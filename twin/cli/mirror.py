@@ -20,7 +20,7 @@ DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
 
 
 class SourceName(StrEnum):
-    """APIs that a mirror can follow, as in :data:`twin.mirror.sync.SOURCES`."""
+    """APIs that a mirror can follow."""
 
     LES_V4 = "les-v4"
     UBERIKET = "uberiket"

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 def console(*, stderr: bool = False) -> Console:
-    """Return a rich console; made when needed, since importing rich costs start-up time."""
+    """Return a rich console; console when needed, since importing rich costs start-up time."""
     from rich.console import Console
 
-    made = Console(stderr=stderr, highlight=False)
-    if not made.is_terminal:
+    terminal = Console(stderr=stderr, highlight=False)
+    if not terminal.is_terminal:
         # A pipe has no width: nothing is to be cut to the 80 columns that rich assumes.
-        made.width = 200
-    return made
+        terminal.width = 200
+    return terminal
 
 
 def error_line(text: str) -> None:

@@ -17,6 +17,7 @@ from twin.cli.output import note, print_json, print_pairs, print_table, warn
 if TYPE_CHECKING:
     from twin.reports.estimate import EstimateExplained
     from twin.reports.evaluate import MethodResult
+    from twin.reports.status import Status
 
 app = typer.Typer()
 _MAX_REJECTED = 12
@@ -227,8 +228,8 @@ def _print_rejected(e: EstimateExplained) -> None:
         note(f"… and {rejected.size - _MAX_REJECTED:,} more; --json lists them all.")
 
 
-def _print_corrections(found: Mapping[str, Any]) -> None:
-    if "boresight_deg" not in found:
+def _print_corrections(corrections: Mapping[str, Any]) -> None:
+    if "boresight_deg" not in corrections:
         return
 
     def told(correction: Mapping[str, float | None], form: str) -> str:
@@ -236,16 +237,16 @@ def _print_corrections(found: Mapping[str, Any]) -> None:
         return f"{correction['value']:+{form}}" + ("" if sigma is None else f" ± {sigma:{form}}")
 
     print_pairs(
-        "What the adjustment found in this drive",
+        "What the adjustment corrections in this drive",
         {
-            "added to the camera clock [ms]": told(found["camera_offset_ms"], ".1f"),
-            "rolling shutter, first to last row [ms]": told(found["rolling_shutter_ms"], ".1f"),
-            "noise of a pixel against the stated one": f"× {found['pixel_noise_factor']:.2f}",
+            "added to the camera clock [ms]": told(corrections["camera_offset_ms"], ".1f"),
+            "rolling shutter, first to last row [ms]": told(corrections["rolling_shutter_ms"], ".1f"),
+            "noise of a pixel against the stated one": f"× {corrections['pixel_noise_factor']:.2f}",
         },
     )
     rows = [
         (camera, *(told(angles[name], ".2f") for name in ("pitch", "yaw", "roll")))
-        for camera, angles in found["boresight_deg"].items()
+        for camera, angles in corrections["boresight_deg"].items()
     ]
     print_table("Boresight corrections [°]", ["camera", "pitch", "yaw", "roll"], rows)
 
@@ -274,41 +275,41 @@ def _sigma(value: float) -> str:
 @app.command("status", epilog="Example: twin status")
 def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) -> None:
     """Say what the store holds: the mirror and its age, drives, estimates, findings."""
-    from twin.reports.status import status as run
+    from twin.reports.status import status as status_of
     from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
-        found = run(opened)
+        held = status_of(opened)
     if json_output:
-        print_json(found)
+        print_json(held)
         return
     print_pairs(
-        f"Store {found['store']}",
+        f"Store {held.store}",
         {
-            **_mirror_pairs(found),
-            "drives": len(found["drives"]),
-            "estimates": ", ".join(f"{n} {m}" for m, n in found["estimates"].items()) or None,
-            "last match": (found["last_match"] or {}).get("at"),
-            "findings": ", ".join(f"{n} {v}" for v, n in found["verdicts"].items()) or None,
+            **_mirror_pairs(held),
+            "drives": len(held.drives),
+            "estimates": ", ".join(f"{n} {m}" for m, n in held.estimates.items()) or None,
+            "last match": (held.last_match or {}).get("at"),
+            "findings": ", ".join(f"{n} {v}" for v, n in held.verdicts.items()) or None,
         },
     )
 
 
-def _mirror_pairs(found: Mapping[str, Any]) -> dict[str, object]:
-    mirror, unfinished, vegnett = found["mirror"] or {}, found["unfinished"], found["vegnett"]
+def _mirror_pairs(held: Status) -> dict[str, object]:
+    mirror = held.mirror or {}
     pairs: dict[str, object] = {
         "NVDB area": mirror.get("area"),
-        "Skiltpunkt": found["skiltpunkt"],
-        "Skiltplate": found["skiltplate"],
+        "Skiltpunkt": held.skiltpunkt,
+        "Skiltplate": held.skiltplate,
         "last synced": f"{mirror['synced_at']}, {_ago(mirror['age_hours'])}" if mirror else None,
         "follows": mirror.get("source"),
         "position in its change feed": mirror.get("position"),
     }
-    if unfinished:
-        kept = " and ".join(f"{n:,} {name}" for name, n in unfinished["kept"].items())
-        pairs["unfinished backfill"] = f"{unfinished['area']}: {kept} so far"
-    if vegnett:
-        pairs["road network"] = f"{vegnett['count']:,} links of {vegnett['area']}, {vegnett['fetched_at']}"
+    if held.unfinished:
+        kept = " and ".join(f"{n:,} {name}" for name, n in held.unfinished["kept"].items())
+        pairs["unfinished backfill"] = f"{held.unfinished['area']}: {kept} so far"
+    if network := held.vegnett:
+        pairs["road network"] = f"{network['count']:,} links of {network['area']}, {network['fetched_at']}"
     return pairs
 
 

@@ -67,7 +67,7 @@ def submit(
     from nvdb.errors import LoginError
     from twin.changesets.read_exported import exported_sets
 
-    found = exported_sets(path)
+    exported = exported_sets(path)
     credentials = _credentials(user)
     if go and credentials is None:
         raise ConfigError(
@@ -76,7 +76,7 @@ def submit(
         )
     done: list[Submitted] = []
     try:
-        _do(found, credentials, go, _Api(api_url, realm, wait), done, quiet=json_output)
+        _do(exported, credentials, go, _Api(api_url, realm, wait), done, quiet=json_output)
     except LoginError as error:
         raise RefusedError(str(error)) from error
     finally:
@@ -96,7 +96,7 @@ class _Api:
 
 
 def _do(
-    found: Sequence[ExportedSet],
+    exported: Sequence[ExportedSet],
     credentials: Credentials | None,
     go: bool,
     api: _Api,
@@ -109,14 +109,14 @@ def _do(
     from twin.changesets.submit import checked, not_done, sent
 
     if credentials is None:
-        done += [checked(item) for item in found]
+        done += [checked(item) for item in exported]
         return
     with steps(quiet=quiet) as say, _client(api, credentials, say) as client:
         if not go:
-            done += [checked(item, client) for item in found]
+            done += [checked(item, client) for item in exported]
             return
-        receipts = {folder: Receipts(folder, api.url) for folder in {item.path.parent for item in found}}
-        for item in not_done(found, receipts):
+        receipts = {folder: Receipts(folder, api.url) for folder in {item.path.parent for item in exported}}
+        for item in not_done(exported, receipts):
             done.append(sent(item, client, receipts[item.path.parent], timeout_s=api.wait_s, say=say))
 
 

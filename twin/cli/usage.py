@@ -60,12 +60,12 @@ def _command_of(group: Any, arguments: Sequence[str]) -> tuple[Any, Sequence[str
 
 def _option_sentence(option: str, context: Any) -> str:
     command, path = context.command, context.command_path
-    known = {name: each for each in command.params for name in (*each.opts, *each.secondary_opts)}
-    if option not in known:
-        return f"`{path}` has no option {option}{_perhaps(option, known)}: see `{path} --help`."
-    if known[option].is_flag:
+    options = {name: each for each in command.params for name in (*each.opts, *each.secondary_opts)}
+    if option not in options:
+        return f"`{path}` has no option {option}{_perhaps(option, options)}: see `{path} --help`."
+    if options[option].is_flag:
         return f"{option} takes no value: write it alone."
-    return f"{option} needs a value: write {_wanted(known[option], command)}."
+    return f"{option} needs a value: write {_wanted(options[option], command)}."
 
 
 def _value_sentence(parameter: Any, context: Any, given: Sequence[str]) -> str:

@@ -98,8 +98,8 @@ def _as_of(
         present = present.where(sa.or_(_inside_box(tables.visible, within), moved))
     for row in view.rows(present):
         states.setdefault(row["nvdb_id"], []).append(row)
-    found = (_state_on(states[nvdb_id], day, since) for nvdb_id in sorted(states))
-    return [row for row in found if row is not None and (within is None or _is_inside(row, within))]
+    rows = (_state_on(states[nvdb_id], day, since) for nvdb_id in sorted(states))
+    return [row for row in rows if row is not None and (within is None or _is_inside(row, within))]
 
 
 def _inside_box(table: sa.Table, box: Box) -> sa.ColumnElement[bool]:
@@ -134,13 +134,13 @@ def _state_on(states: list[Row], day: str, since: str) -> Row | None:
 
 def _begins(ordered: Sequence[Row]) -> Iterator[str]:
     """Yield the day from which each state of one object holds."""
-    seen, gone = "", _NEVER
+    last_fetched, gone = "", _NEVER
     for state in ordered:
         fetched, modified = _instant(state["synced_at"]), _instant(state["last_modified"] or "")
         # A state that was replaced ends after the next was fetched; one that ended before was deleted.
-        after = gone if gone < fetched else seen
+        after = gone if gone < fetched else last_fetched
         yield _day(modified if after < modified <= fetched else fetched)
-        seen, gone = fetched, _instant(state.get("seen_until") or _NEVER)
+        last_fetched, gone = fetched, _instant(state.get("seen_until") or _NEVER)
 
 
 def _day(text: str) -> str:

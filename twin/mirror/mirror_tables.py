@@ -12,12 +12,10 @@ import sqlalchemy as sa
 from nvdb.mirror import Applied, Backfill, FetchResult, Following, Ids, SourcePage
 from nvdb.objects import Skiltplate, Skiltpunkt
 from twin.mirror.counts import Counts, Kind, counted, counts_from_document, document_from_counts
-from twin.mirror.raw import raw_object, same_object
+from twin.mirror.raw import same_object
 from twin.mirror.rows import mirror_row
 from twin.store import schema
 from twin.store.store import Store, utc_now
-
-__all__ = ["StoreMirror", "raw_object"]
 
 _FACT = "mirror"
 _BACKFILL = "mirror_backfill"
@@ -68,10 +66,10 @@ class StoreMirror:
         fact = self._store.fact(_COUNTS)
         if fact is not None:
             return counts_from_document(fact)
-        made = self.recounted()  # a store from before counts were kept
+        counts = self.recounted()  # a store from before counts were kept
         with self._store.transaction() as connection:
-            self._store.put_fact(connection, _COUNTS, document_from_counts(made))
-        return made
+            self._store.put_fact(connection, _COUNTS, document_from_counts(counts))
+        return counts
 
     def recounted(self) -> dict[int, Counter[Kind]]:
         """What :meth:`counts` says, from the objects themselves: reads the whole mirror."""
@@ -196,8 +194,8 @@ class StoreMirror:
         """Keep the first end dates up to date with what came; those in the past are looked for anew."""
         ends = self._store.fact(_ENDS) or {}
         for type_id, tables in schema.MIRROR.items():
-            known = (ends.get(str(type_id)), coming[type_id])
-            first = min((day for day in known if day is not None), default=None)
+            days = (ends.get(str(type_id)), coming[type_id])
+            first = min((day for day in days if day is not None), default=None)
             late = first is not None and first <= today
             ends[str(type_id)] = _first_end(connection, tables.visible) if late else first
         self._store.put_fact(connection, _ENDS, ends)
@@ -205,9 +203,9 @@ class StoreMirror:
     def _publish_facts(
         self, connection: sa.Connection, following: Following, applied: Applied, counts: Counts, now: str
     ) -> None:
-        known = self._store.fact(_FACT) or {}
+        before = self._store.fact(_FACT) or {}
         # From when on this area's states were observed; before it only their own dates speak.
-        since = known.get("since", now) if known.get("area") == following.area else now
+        since = before.get("since", now) if before.get("area") == following.area else now
         fact = {**_document(following), "since": since, "synced_at": now}
         self._store.put_fact(connection, _FACT, fact)
         self._store.put_fact(connection, _COUNTS, document_from_counts(counts))
@@ -281,8 +279,8 @@ def _settle_spelling(connection: sa.Connection, tables: schema.MirrorTables) -> 
     differing = connection.execute(both.where(a.c.raw != v.c.raw))
     same = [nvdb_id for nvdb_id, ours, theirs in differing if same_object(ours, theirs)]
     for chunk in _chunks(same):
-        known = sa.update(a).values(raw=v.c.raw).where(a.c.nvdb_id == v.c.nvdb_id)
-        connection.execute(known.where(a.c.nvdb_id.in_(chunk)))
+        take = sa.update(a).values(raw=v.c.raw).where(a.c.nvdb_id == v.c.nvdb_id)
+        connection.execute(take.where(a.c.nvdb_id.in_(chunk)))
 
 
 def _compare(connection: sa.Connection, tables: schema.MirrorTables) -> tuple[int, int]:

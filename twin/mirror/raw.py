@@ -105,8 +105,8 @@ def packed(raw: Mapping[str, Any]) -> bytes:
         # A lone surrogate has no UTF-8, but JSON may hold one.
         text = json.dumps(raw, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "surrogatepass")
     compressor = _FRESH.copy()
-    made: bytes = compressor.compress(text) + compressor.flush()
-    return made
+    deflated: bytes = compressor.compress(text) + compressor.flush()
+    return deflated
 
 
 def raw_text(stored: bytes) -> str:
@@ -123,5 +123,5 @@ def same_object(stored: bytes, other: bytes) -> bool:
 
 def raw_object(row: Mapping[str, Any]) -> dict[str, Any]:
     """The object of a row of the mirror (its column ``raw``), parsed as it was received."""
-    found: dict[str, Any] = json.loads(raw_text(row["raw"]))
-    return found
+    parsed: dict[str, Any] = json.loads(raw_text(row["raw"]))
+    return parsed

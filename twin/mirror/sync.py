@@ -35,8 +35,6 @@ from twin.store.store import Store
 log = logging.getLogger("nvdb.sync")
 
 _KATALOG = "datakatalog"
-SOURCES = ("les-v4", "uberiket")
-"""The APIs that a mirror can follow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,23 +147,24 @@ def area_from_options(
         (kontraktsomrade, Area.from_kontraktsomrader_text),
         (bbox, Area.from_bbox_text),
     )
-    found = [read(text) for text, read in readers if text is not None] + [Area()] * everything
-    known = None if found else _known_area(store)
-    if len(found) > 1 or (not found and known is None):
+    named = [read(text) for text, read in readers if text is not None] + [Area()] * everything
+    area = named[0] if named else _mirrored_area(store)
+    if len(named) > 1 or area is None:
         raise AreaError(
             "Say which signs: one of --kommune 5001, --fylke 50, --kontraktsomrade NAME, "
             "--bbox minE,minN,maxE,maxN (UTM33) or --all."
         )
-    return known or found[0]
+    return area
 
 
-def _known_area(path: Path) -> Area | None:
+def _mirrored_area(path: Path) -> Area | None:
     """The area of a store's mirror, or of its unfinished backfill."""
     if not path.exists():
         return None
     with Store.open(path, create=False) as store:
-        fact = store.fact("mirror") or store.fact("mirror_backfill")
-    return None if fact is None else Area.from_text(fact["area"])
+        mirror = StoreMirror(store)
+        state = mirror.following() or mirror.backfill()
+    return None if state is None else Area.from_text(state.area)
 
 
 def sync_nvdb(
@@ -267,13 +266,13 @@ def dry_run(
 def _plan(source: Source, area: Area, store: Store | None, fresh: bool) -> tuple[str, str | None, str | None]:
     """Mode, position in the feed and cursor with which :func:`nvdb.mirror.sync` would begin."""
     mirror = None if store is None else StoreMirror(store)
-    known = mirror and mirror.following()
+    following = mirror and mirror.following()
     begun = mirror and mirror.backfill()
     if begun and can_resume(source, area, begun):
         return "resumed", begun.position, begun.cursors.get(SKILT_TYPES[0])
-    ours = known and (known.source, known.area) == (identity(source), area.text())
-    if known and ours and not begun and not fresh and reaches(source, known.position):
-        return "changes", known.position, None
+    ours = following and (following.source, following.area) == (identity(source), area.text())
+    if following and ours and not begun and not fresh and reaches(source, following.position):
+        return "changes", following.position, None
     return "backfill", None, None
 
 
@@ -356,27 +355,27 @@ def _sync(
 
 
 def _source(name: str, client: NvdbClient, katalog: Datakatalog) -> Source:
-    made = UberiketSource if name == "uberiket" else LesV4Source
-    return made(client, katalog=katalog)
+    source = UberiketSource if name == "uberiket" else LesV4Source
+    return source(client, katalog=katalog)
 
 
 def _katalog(client: NvdbClient, store: Store) -> tuple[Datakatalog, list[str]]:
     """Fetch the datakatalog and say what changed; the known one, where the API has none to give."""
     fact = store.fact(_KATALOG)
-    known = katalog_from_document(fact) if fact else snapshot()
+    last = katalog_from_document(fact) if fact else snapshot()
     try:
         fetched = hent_datakatalog(client)
     except (HttpStatusError, BodyError, SchemaError) as error:
-        log.info("The datakatalog could not be fetched (%s); version %s is used.", error, known.version)
-        return known, []
-    return fetched, diff(known, fetched)
+        log.info("The datakatalog could not be fetched (%s); version %s is used.", error, last.version)
+        return last, []
+    return fetched, diff(last, fetched)
 
 
 def _check_area(store: Store, area: Area, replace: bool) -> None:
-    known = store.fact("mirror")
-    if known is not None and known["area"] != area.text() and not replace:
+    following = StoreMirror(store).following()
+    if following is not None and following.area != area.text() and not replace:
         raise RefusedError(
-            f"The store {store.path} mirrors {known['area']}, not {area.text()}: name another --store, "
+            f"The store {store.path} mirrors {following.area}, not {area.text()}: name another --store, "
             "or let --replace throw the old mirror away."
         )
 

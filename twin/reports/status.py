@@ -4,46 +4,75 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
 from twin.store import schema
-from twin.store.store import Snapshot, Store
+from twin.store.store import Row, Snapshot, Store
 
 _FACTS = ("mirror", "mirror_backfill", "vegnett", "last_match")
 
 
-def status(store: Store) -> dict[str, Any]:
-    """Summarise mirror, drives, estimates and findings: one state of the store, also while a sync is at work.
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What a store holds.
 
-    Returns
-    -------
-    dict
-        ``mirror`` (area, source, position in the change feed, synced_at, age_hours) or None, ``unfinished``
-        (a backfill that was interrupted, and how many objects it has ``kept``) or None, ``vegnett`` (the road
-        network) or None, ``skiltpunkt``, ``skiltplate``, ``drives``, ``estimates`` by method, ``verdicts``
-        and ``last_match`` (or None).
+    Attributes
+    ----------
+    store : str
+        Its path.
+    mirror : mapping or None
+        Fact of the mirror: area, source, position in the change feed, synced_at, age_hours.
+    unfinished : mapping or None
+        Fact of a backfill that was interrupted, and how many objects of which type it has ``kept``.
+    vegnett : mapping or None
+        Fact of the road network: area, fetched_at, count.
+    skiltpunkt, skiltplate : int
+        Objects in the mirror.
+    drives : list of rows
+        drive_id, name, length_m, n_annotations; in order of time.
+    estimates, verdicts : dict
+        Method → estimates; verdict → findings.
+    last_match : mapping or None
+        Fact of the last match.
     """
+
+    store: str
+    mirror: Mapping[str, Any] | None
+    unfinished: Mapping[str, Any] | None
+    vegnett: Mapping[str, Any] | None
+    skiltpunkt: int
+    skiltplate: int
+    drives: list[Row]
+    estimates: dict[str, int]
+    verdicts: dict[str, int]
+    last_match: Mapping[str, Any] | None
+
+
+def status(store: Store) -> Status:
+    """Summarise mirror, drives, estimates and findings: one state, also while a sync is at work."""
     drive = schema.drive.c
     with store.snapshot() as view:
         facts = _facts(view)
-        return {
-            "store": str(store.path),
-            "mirror": _with_age(facts.get("mirror")),
-            "unfinished": _with_kept(view, facts.get("mirror_backfill")),
-            "vegnett": facts.get("vegnett"),
-            "skiltpunkt": _count(view, schema.skiltpunkt),
-            "skiltplate": _count(view, schema.skiltplate),
-            "drives": view.rows(
+        return Status(
+            store=str(store.path),
+            mirror=_with_age(facts.get("mirror")),
+            unfinished=_with_kept(view, facts.get("mirror_backfill")),
+            vegnett=facts.get("vegnett"),
+            skiltpunkt=_count(view, schema.skiltpunkt),
+            skiltplate=_count(view, schema.skiltplate),
+            drives=view.rows(
                 sa.select(drive.drive_id, drive.name, drive.length_m, drive.n_annotations).order_by(
                     drive.started_ns
                 )
             ),
-            "estimates": _counts_by(view, schema.estimate.c.method),
-            "verdicts": _counts_by(view, schema.change.c.verdict),
-            "last_match": facts.get("last_match"),
-        }
+            estimates=_counts_by(view, schema.estimate.c.method),
+            verdicts=_counts_by(view, schema.change.c.verdict),
+            last_match=facts.get("last_match"),
+        )
 
 
 def _facts(view: Snapshot) -> dict[str, Any]:

@@ -29,7 +29,8 @@ from nvdb.objects import in_norway
 from nvdb.replay import Fault, ReplayServer, ReplayWorld, RequestInfo
 from twin.cli.exit_codes import exit_code
 from twin.errors import RefusedError, StoreError, TwinError
-from twin.mirror.mirror_tables import StoreMirror, raw_object
+from twin.mirror.mirror_tables import StoreMirror
+from twin.mirror.raw import raw_object
 from twin.mirror.sync import SyncResult, sync_nvdb
 from twin.store import schema
 from twin.store.store import Store

@@ -27,7 +27,8 @@ from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.replay import ReplayServer, RequestInfo
-from twin.mirror.mirror_tables import StoreMirror, raw_object
+from twin.mirror.mirror_tables import StoreMirror
+from twin.mirror.raw import raw_object
 from twin.mirror.sync import sync_nvdb
 from twin.store import schema
 from twin.store.store import Store

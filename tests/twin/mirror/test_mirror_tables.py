@@ -16,7 +16,8 @@ from nvdb.area import Area
 from nvdb.mirror import Backfill, FetchResult, Following, MassDeletionError, SourcePage
 from nvdb.objects import skilt_from_les_v4
 from nvdb.replay import ReplayServer
-from twin.mirror.mirror_tables import StoreMirror, raw_object
+from twin.mirror.mirror_tables import StoreMirror
+from twin.mirror.raw import raw_object
 from twin.mirror.sync import sync_nvdb
 from twin.store import schema
 from twin.store.store import Store

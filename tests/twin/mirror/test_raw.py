@@ -16,8 +16,8 @@ from nvdb_country import GeneratedWorld
 from nvdb.client import JsonObject, json_from_body
 from nvdb.mirror import SourcePage
 from nvdb.objects import Stedfesting, skilt_from_les_v4
-from twin.mirror.mirror_tables import StoreMirror, raw_object
-from twin.mirror.raw import packed, raw_text, same_object
+from twin.mirror.mirror_tables import StoreMirror
+from twin.mirror.raw import packed, raw_object, raw_text, same_object
 from twin.mirror.rows import _place_json
 from twin.store import schema
 from twin.store.store import Store

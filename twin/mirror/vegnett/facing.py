@@ -83,7 +83,7 @@ def facing(
     nett = load_vegnett(store)
     roads = _Roads(nett, on_date, max_distance_m)
     enums = _enum_ids(store)
-    found: dict[int, tuple[float, float]] = {}
+    azimuths: dict[int, tuple[float, float]] = {}
     with store.snapshot() as view:
         for plates in in_chunks(view, schema.skiltplate, *_COLUMNS):
             places = roads.beside(plates)
@@ -91,8 +91,10 @@ def facing(
             metering = true_azimuth(places.metering_grid_deg, places.east, places.north)
             faces = facing_azimuth(enum, metering, places.side.astype(np.str_))
             ids = (plate["nvdb_id"] for plate in plates)
-            found.update((i, (first, second)) for i, (first, second) in zip(ids, faces.tolist(), strict=True))
-    return found
+            azimuths.update(
+                (i, (first, second)) for i, (first, second) in zip(ids, faces.tolist(), strict=True)
+            )
+    return azimuths
 
 
 class _Roads:
@@ -160,8 +162,8 @@ class _Roads:
         azimuth = polylinjer.feet(each, east, north).azimuth_deg
         places.metering_grid_deg[placed] = np.where(retning > 0, azimuth, azimuth + 180.0) % 360.0
         places.east[placed], places.north[placed] = east, north
-        known = np.isfinite(at[0]) & np.isfinite(at[1])
-        own = polylinjer.feet(each, np.where(known, at[0], east), np.where(known, at[1], north))
+        is_placed = np.isfinite(at[0]) & np.isfinite(at[1])
+        own = polylinjer.feet(each, np.where(is_placed, at[0], east), np.where(is_placed, at[1], north))
         right = np.where(own.distance_m <= self._max_distance_m, own.right_m * retning, 0.0)
         geometric = np.select([right > ON_THE_LINE_M, right < -ON_THE_LINE_M], ["H", "V"], "")
         places.side[placed] = [

@@ -188,10 +188,10 @@ def _problem(store: Store, fetch: _Fetch) -> NvdbError | None:
 
 def _too_few(store: Store, fetch: _Fetch) -> NvdbError | None:
     """What is wrong with a fetch that would empty the network, by the measure of the mirror of signs."""
-    known = store.fact(FACT)
-    if known is None or known["area"] != fetch.area:
+    fact = store.fact(FACT)
+    if fact is None or fact["area"] != fetch.area:
         return None
-    before, after = int(known["count"]), store.count(schema.veglenke_aside)
+    before, after = int(fact["count"]), store.count(schema.veglenke_aside)
     if before - after <= max(min(FEW_DELETED, before / 2), MAX_DELETED_SHARE * before):
         return None
     return MassDeletionError(
