@@ -76,7 +76,8 @@ def submit(
         )
     done: list[Submitted] = []
     try:
-        _do(exported, credentials, go, _Api(api_url, realm, wait), done, quiet=json_output)
+        for item in _results(exported, credentials, go, _Api(api_url, realm, wait), quiet=json_output):
+            done.append(item)  # noqa: PERF402  # what has ended is kept where a later one fails
     except LoginError as error:
         raise RefusedError(str(error)) from error
     finally:
@@ -95,29 +96,23 @@ class _Api:
     wait_s: float
 
 
-def _do(
-    exported: Sequence[ExportedSet],
-    credentials: Credentials | None,
-    go: bool,
-    api: _Api,
-    done: list[Submitted],
-    *,
-    quiet: bool,
-) -> None:
-    """Check or send the sets; each is added to `done` when it has ended."""
+def _results(
+    exported: Sequence[ExportedSet], credentials: Credentials | None, go: bool, api: _Api, *, quiet: bool
+) -> Iterator[Submitted]:
+    """Check or send the sets, and yield each when it has ended."""
     from twin.changesets.receipts import Receipts
     from twin.changesets.submit import checked, not_done, sent
 
     if credentials is None:
-        done += [checked(item) for item in exported]
+        yield from (checked(item) for item in exported)
         return
     with steps(quiet=quiet) as say, _client(api, credentials, say) as client:
         if not go:
-            done += [checked(item, client) for item in exported]
+            yield from (checked(item, client) for item in exported)
             return
         receipts = {folder: Receipts(folder, api.url) for folder in {item.path.parent for item in exported}}
         for item in not_done(exported, receipts):
-            done.append(sent(item, client, receipts[item.path.parent], timeout_s=api.wait_s, say=say))
+            yield sent(item, client, receipts[item.path.parent], timeout_s=api.wait_s, say=say)
 
 
 @contextmanager
