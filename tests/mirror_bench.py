@@ -110,6 +110,15 @@ def visible(store: Store) -> Visible:
     }
 
 
+def visible_at(path: Path) -> Visible:
+    """The visible mirror of a store, nothing where there is none; the counts kept beside it must agree."""
+    if not path.exists():
+        return {}
+    with Store.open(path) as store:
+        assert StoreMirror(store).counts() == StoreMirror(store).recounted()
+        return visible(store)
+
+
 def history(store: Store) -> list[dict[str, Any]]:
     """States that were replaced, of both types."""
     return [row for tables in schema.MIRROR.values() for row in rows(store, tables.history)]

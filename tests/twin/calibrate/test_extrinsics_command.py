@@ -35,12 +35,13 @@ def yard(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def arguments(yard: Path, out: Path) -> list[object]:
-    """The worked example's own command."""
-    return [
-        *("calibrate", "extrinsics", yard / "pictures", "--tags", yard / "layout.toml"),
-        *("--rig", yard / "drawn_rig.json", "--out", out),
-    ]
+def arguments(yard: Path, out: Path, **instead: Path) -> list[object]:
+    """The worked example's own command, with other `pictures`, `tags` or `rig`."""
+    files = {"pictures": yard / "pictures", "tags": yard / "layout.toml", "rig": yard / "drawn_rig.json"}
+    files |= instead
+    pictures = files.pop("pictures")
+    options = [word for name, path in files.items() for word in (f"--{name}", path)]
+    return ["calibrate", "extrinsics", pictures, *options, "--out", out]
 
 
 def test_corners_by_edges_are_found_to_hundredths_of_a_pixel() -> None:
@@ -78,9 +79,7 @@ def test_written_rig_keeps_what_twin_does_not_know(yard: Path, tmp_path: Path, t
     document["rig"]["sensors"][0]["calibrated-by"] = "someone"
     document["rig"]["sensors"].append({"name": "lidar", "protocol": "lidar.virtual"})
     (tmp_path / "rig.json").write_text(json.dumps(document))
-    command = arguments(yard, tmp_path / "out")
-    command[command.index("--rig") + 1] = tmp_path / "rig.json"
-    assert twin(*command).code == 0
+    assert twin(*arguments(yard, tmp_path / "out", rig=tmp_path / "rig.json")).code == 0
     written = json.loads((tmp_path / "out" / "rig.json").read_text())
     assert written["rig"]["vehicle"] == document["rig"]["vehicle"]
     assert written["rig"]["sensors"][0]["calibrated-by"] == "someone"
@@ -91,9 +90,7 @@ def test_table_and_warnings_say_what_was_found(yard: Path, tmp_path: Path, twin:
     """The table names every camera with its sigmas; a tag that the layout lacks is told."""
     text = (yard / "layout.toml").read_text()
     (tmp_path / "layout.toml").write_text(text.replace("id = 10\n", "id = 400\n"))
-    command = arguments(yard, tmp_path / "out")
-    command[command.index("--tags") + 1] = tmp_path / "layout.toml"
-    answer = twin(*command)
+    answer = twin(*arguments(yard, tmp_path / "out", tags=tmp_path / "layout.toml"))
     assert answer.code == 0
     assert "C3_tricam120" in answer.out
     assert "tag 10 is not in the layout" in answer.err
@@ -128,9 +125,7 @@ def test_bad_pictures_are_refused_in_one_sentence(
     else:
         shutil.rmtree(pictures)
         pictures.mkdir()
-    command = arguments(yard, tmp_path / "out")
-    command[2] = pictures
-    answer = twin(*command)
+    answer = twin(*arguments(yard, tmp_path / "out", pictures=pictures))
     assert answer.code == 4 or (change in ("name", "empty") and answer.code == 2), answer.err
     assert told in answer.err
     assert not (tmp_path / "out").exists()
@@ -159,9 +154,7 @@ def test_bad_layouts_are_refused_in_one_sentence(
 ) -> None:
     """A layout that cannot be meant is refused with the key and the cure."""
     (tmp_path / "layout.toml").write_text(text)
-    command = arguments(yard, tmp_path / "out")
-    command[command.index("--tags") + 1] = tmp_path / "layout.toml"
-    answer = twin(*command)
+    answer = twin(*arguments(yard, tmp_path / "out", tags=tmp_path / "layout.toml"))
     assert answer.code == 4
     assert told in answer.err.replace("\n", " ")
 
@@ -182,9 +175,7 @@ def test_layout_of_the_documentation_is_read() -> None:
 def test_layout_that_settles_no_camera_is_refused(yard: Path, tmp_path: Path, twin: Twin) -> None:
     """One tag settles no camera: refused with what is open of each, and nothing is written."""
     (tmp_path / "layout.toml").write_text("size_m = 0.6\n[[tag]]\nid = 9\ncentre = [8.93, -1.02, 1.36]\n")
-    command = arguments(yard, tmp_path / "out")
-    command[command.index("--tags") + 1] = tmp_path / "layout.toml"
-    answer = twin(*command)
+    answer = twin(*arguments(yard, tmp_path / "out", tags=tmp_path / "layout.toml"))
     assert answer.code == 4
     assert "No camera was calibrated" in answer.err
     assert "C3_tricam120: roll, pitch, yaw, x, y, z are not determined" in answer.err
@@ -209,9 +200,7 @@ def test_camera_that_is_left_open_stays_as_it_was(yard: Path, tmp_path: Path, tw
                 )
                 image[top : bottom + 1, left : right + 1] = 150
         cv2.imwrite(str(path), image)
-    command = arguments(yard, tmp_path / "out")
-    command[2] = tmp_path / "pictures"
-    answer = twin(*command)
+    answer = twin(*arguments(yard, tmp_path / "out", pictures=tmp_path / "pictures"))
     assert answer.code == 0, answer.err
     assert "open" in answer.out
     assert "C1_front60Single: " in answer.err
@@ -308,9 +297,7 @@ def test_rig_without_poses_is_a_start(yard: Path, tmp_path: Path, twin: Twin) ->
         if sensor["protocol"].startswith("camera"):
             del sensor["nominalSensor2Rig_FLU"]
     (tmp_path / "rig.json").write_text(json.dumps(document))
-    command = arguments(yard, tmp_path / "out")
-    command[command.index("--rig") + 1] = tmp_path / "rig.json"
-    answer = twin(*command, "--json")
+    answer = twin(*arguments(yard, tmp_path / "out", rig=tmp_path / "rig.json"), "--json")
     assert answer.code == 0, answer.err
     assert all(camera["moved_m"] is None for camera in answer.json["cameras"])
     found, true = read_rig(tmp_path / "out" / "rig.json"), read_rig(yard / "true_rig.json")
@@ -324,9 +311,7 @@ def test_one_camera_takes_only_the_pictures_that_name_it(yard: Path, tmp_path: P
     sensors = document["rig"]["sensors"]
     document["rig"]["sensors"] = [s for s in sensors if s["name"] == "C3_tricam120"]
     (tmp_path / "rig.json").write_text(json.dumps(document))
-    command = arguments(yard, tmp_path / "out")
-    command[command.index("--rig") + 1] = tmp_path / "rig.json"
-    answer = twin(*command, "--json")
+    answer = twin(*arguments(yard, tmp_path / "out", rig=tmp_path / "rig.json"), "--json")
     assert answer.code == 0, answer.err
     assert [camera["camera"] for camera in answer.json["cameras"]] == ["C3_tricam120"]
     assert any(

@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import sqlite3
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from qgis_edits import decide_in_qgis
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from twin.cli.options import person
@@ -32,15 +31,6 @@ def found(twin: Twin, store: Path) -> dict[str, dict[str, Any]]:
     """Match, and return the findings that are not unchanged, by verdict: the sample has one of each."""
     changes = twin("match", "--store", store, "--json").json["changes"]
     return {change["verdict"]: change for change in changes if change["verdict"] != "unchanged"}
-
-
-def in_qgis(path: Path, change_id: str, decision: str) -> None:
-    """Decide as QGIS does: in a row of the layer."""
-    with closing(sqlite3.connect(path)) as database:
-        for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):
-            database.create_function(name, 1, lambda _: 0)
-        database.execute("UPDATE changes SET decision = ? WHERE change_id = ?", (decision, change_id))
-        database.commit()
 
 
 def test_match_exits_with_one_while_findings_are_open(twin: Twin, store: Path) -> None:
@@ -142,8 +132,8 @@ def test_decide_from_a_file_that_was_decided_in_elsewhere(twin: Twin, store: Pat
     twin("export", tmp_path / "out", "--store", store)
     utm33 = Path(shutil.copy(tmp_path / "out" / "twin_utm33.gpkg", tmp_path / "mine.gpkg"))
     wgs84 = Path(shutil.copy(tmp_path / "out" / "twin_wgs84.gpkg", tmp_path / "yours.gpkg"))
-    in_qgis(utm33, ids["new"], "accept")
-    in_qgis(wgs84, ids["missing"], "dismiss")
+    decide_in_qgis(utm33, ids["new"], "accept")
+    decide_in_qgis(wgs84, ids["missing"], "dismiss")
     before = utm33.read_bytes()
     for path, change_id in ((utm33, ids["new"]), (wgs84, ids["missing"])):
         assert twin("decide", "--from", path, "--store", store, "--json").json["change_ids"] == [change_id]
@@ -151,7 +141,7 @@ def test_decide_from_a_file_that_was_decided_in_elsewhere(twin: Twin, store: Pat
     assert utm33.read_bytes() == before
     decided = {verdict: finding["decision"] for verdict, finding in found(twin, store).items()}
     assert decided == {"new": "accept", "missing": "dismiss", "moved": "open", "wrong_type": "open"}
-    in_qgis(utm33, ids["moved"], "perhaps")
+    decide_in_qgis(utm33, ids["moved"], "perhaps")
     assert '"perhaps"' in twin("decide", "--from", utm33, "--store", store).err
     assert twin("decide", "--from", store, "--store", store).code == 5
     assert twin("decide", "--from", tmp_path / "none.gpkg", "--store", store).code == 5
@@ -161,12 +151,12 @@ def test_export_does_not_bring_back_what_was_undone(twin: Twin, store: Path, tmp
     """A decision of QGIS that came home and was taken back stays so when its old file is exported over."""
     new, out = found(twin, store)["new"]["change_id"], tmp_path / "out"
     twin("export", out, "--store", store)
-    in_qgis(out / "twin_utm33.gpkg", new, "dismiss")
+    decide_in_qgis(out / "twin_utm33.gpkg", new, "dismiss")
     assert twin("decide", "--from", out / "twin_utm33.gpkg", "--store", store).code == 0
     assert twin("decide", "undo", "--store", store).code == 0
     assert twin("export", out, "--store", store).code == 0
     assert found(twin, store)["new"]["decision"] == "open"
-    in_qgis(out / "twin_utm33.gpkg", new, "dismiss")
+    decide_in_qgis(out / "twin_utm33.gpkg", new, "dismiss")
     assert twin("export", out, "--store", store).code == 0
     assert found(twin, store)["new"]["decision"] == "dismiss"
 

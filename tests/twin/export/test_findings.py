@@ -14,6 +14,7 @@ import pyogrio
 import pytest
 import shapely
 import sqlalchemy as sa
+from qgis_edits import decide_in_qgis
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
@@ -87,15 +88,6 @@ def store(tmp_path: Path) -> Iterator[Store]:
 def out(tmp_path: Path) -> Path:
     """Return the folder to export to, which does not exist yet."""
     return tmp_path / "out"
-
-
-def _decide(path: Path, change: str, decision: str | None) -> None:
-    with closing(sqlite3.connect(path)) as database:
-        # GeoPackage's triggers call these; QGIS and GDAL bring them along.
-        for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):
-            database.create_function(name, 1, lambda _: 0)
-        database.execute("UPDATE changes SET decision = ? WHERE change_id = ?", (decision, change))
-        database.commit()
 
 
 def _decisions(folder: Path) -> dict[str, str]:
@@ -184,7 +176,7 @@ def test_export_findings_older_than_the_store_is_refused(store: Store, out: Path
 def test_decisions_made_in_qgis_come_home_with_the_next_export(store: Store, out: Path, file: str) -> None:
     """A decision in either GeoPackage is kept in the store and stands in all files, no longer an edit."""
     export_findings(store, out)
-    _decide(out / file, "c-1", "accept")
+    decide_in_qgis(out / file, "c-1", "accept")
     told: list[str] = []
     export_findings(store, out, progress=told.append)
     assert told[0] == "keeping 1 decision(s) made in QGIS"
@@ -198,8 +190,8 @@ def test_decisions_can_be_taken_back_in_qgis(store: Store, out: Path) -> None:
     decide(store, ["c-1"], "accept", by="ola")
     decide(store, ["c-2"], "defer", by="ola")
     export_findings(store, out)
-    _decide(out / UTM33, "c-1", "open")
-    _decide(out / UTM33, "c-2", None)
+    decide_in_qgis(out / UTM33, "c-1", "open")
+    decide_in_qgis(out / UTM33, "c-2", None)
     export_findings(store, out)
     assert _decisions(out) == {"c-1": "open", "c-2": "open"}
 
@@ -207,7 +199,7 @@ def test_decisions_can_be_taken_back_in_qgis(store: Store, out: Path) -> None:
 def test_decisions_outlive_findings_that_come_and_go(store: Store, out: Path) -> None:
     """A decision on a change that the next match does not find is kept, and is back when the change is."""
     export_findings(store, out)
-    _decide(out / UTM33, "c-1", "dismiss")
+    decide_in_qgis(out / UTM33, "c-1", "dismiss")
     _matched(store, ["c-2"])
     export_findings(store, out)
     assert _decisions(out) == {"c-2": "open"}
@@ -219,11 +211,11 @@ def test_decisions_outlive_findings_that_come_and_go(store: Store, out: Path) ->
 def test_decisions_agree_or_are_refused(store: Store, out: Path) -> None:
     """The files may say the same, or one of them nothing; where they disagree nothing is kept or written."""
     export_findings(store, out)
-    _decide(out / UTM33, "c-1", "accept")
-    _decide(out / WGS84, "c-1", "accept")
-    _decide(out / WGS84, "c-2", "defer")
+    decide_in_qgis(out / UTM33, "c-1", "accept")
+    decide_in_qgis(out / WGS84, "c-1", "accept")
+    decide_in_qgis(out / WGS84, "c-2", "defer")
     assert decisions_made_in(out) == {"c-1": "accept", "c-2": "defer"}
-    _decide(out / WGS84, "c-1", "dismiss")
+    decide_in_qgis(out / WGS84, "c-1", "dismiss")
     before = {name: (out / name).read_bytes() for name in FILES}
     with pytest.raises(
         ExportRefusedError, match=r"disagree about 1 .*change c-1: accept and dismiss\): decide"
@@ -237,7 +229,7 @@ def test_decisions_agree_or_are_refused(store: Store, out: Path) -> None:
 def test_decisions_that_are_none_are_refused(store: Store, out: Path, typed: str) -> None:
     """What was typed in the attribute table and is no decision stays out of the store; the cure is told."""
     export_findings(store, out)
-    _decide(out / UTM33, "c-2", typed)
+    decide_in_qgis(out / UTM33, "c-2", typed)
     with pytest.raises(ExportRefusedError, match=f'"{typed}" for change c-2: choose one of open, accept'):
         export_findings(store, out)
     assert _kept(store) == {}
@@ -249,7 +241,7 @@ def test_decisions_in_a_file_that_is_open_in_qgis_are_waited_for(store: Store, o
     with closing(sqlite3.connect(out / UTM33)) as qgis:
         qgis.execute("PRAGMA journal_mode=WAL")
         qgis.execute("SELECT * FROM changes").fetchall()
-        _decide(out / UTM33, "c-1", "accept")
+        decide_in_qgis(out / UTM33, "c-1", "accept")
         with pytest.raises(ExportRefusedError, match="close the layer in QGIS"):
             export_findings(store, out)
         assert _kept(store) == {}
@@ -263,7 +255,7 @@ def test_decision_made_while_the_export_runs_is_not_lost(store: Store, out: Path
 
     def late(message: str) -> None:
         if GEOJSON in message:
-            _decide(out / UTM33, "c-1", "accept")
+            decide_in_qgis(out / UTM33, "c-1", "accept")
 
     with pytest.raises(ExportRefusedError, match=r"c-1: accept\): run `twin export` again"):
         export_findings(store, out, progress=late)

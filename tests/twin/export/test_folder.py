@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from checkout import ROOT
+from qgis_edits import decide_in_qgis
 
 from twin.errors import ExportRefusedError
 from twin.export import FILES, ExportLayers, export_all
@@ -277,18 +278,10 @@ def test_two_exports_at_once_do_not_mix(layers: ExportLayers, tmp_path: Path) ->
     assert {entry.name for entry in tmp_path.iterdir()} == set(FILES)
 
 
-def _decide(path: Path, change: str, decision: str) -> None:
-    with closing(sqlite3.connect(path)) as database:
-        for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):
-            database.create_function(name, 1, lambda _: 0)
-        database.execute("UPDATE changes SET decision = ? WHERE change_id = ?", (decision, change))
-        database.commit()
-
-
 @pytest.mark.parametrize("file", [0, 1])
 def test_export_does_not_lose_decisions_made_in_qgis(layers: ExportLayers, folder: Path, file: int) -> None:
     """A decision in the old file that the new data do not have stops the export; known ones do not."""
-    _decide(folder / FILES[file], "c-01", "accept")
+    decide_in_qgis(folder / FILES[file], "c-01", "accept")
     before = _bytes(folder)
     with pytest.raises(ExportRefusedError, match=r"holds 1 decision\(s\) made in QGIS .*c-01: accept"):
         export_all(layers, folder)
@@ -299,7 +292,7 @@ def test_export_does_not_lose_decisions_made_in_qgis(layers: ExportLayers, folde
 
 def test_export_lets_go_of_decisions_that_are_kept_elsewhere(newer: ExportLayers, folder: Path) -> None:
     """A decision on a change that the layers no longer have stops the export, unless it is known as kept."""
-    _decide(folder / UTM33, "c-00", "accept")
+    decide_in_qgis(folder / UTM33, "c-00", "accept")
     for known in ({}, {"c-00": "dismiss"}, {"c-01": "accept"}):
         with pytest.raises(ExportRefusedError, match="c-00: accept"):
             export_all(newer, folder, known_decisions=known)

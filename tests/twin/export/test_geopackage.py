@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-import sqlite3
 import subprocess
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +12,7 @@ import pyogrio
 import pytest
 from defusedxml.ElementTree import fromstring
 from pyproj import Transformer
+from qgis_edits import opened_as_qgis_does
 
 from twin.errors import ExportRefusedError
 from twin.export import COLUMNS, ExportLayers, edited_decisions, empty_layers, export_all
@@ -53,17 +51,6 @@ def filled(layers: ExportLayers, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return path
 
 
-@contextmanager
-def _database(path: Path) -> Iterator[sqlite3.Connection]:
-    with closing(sqlite3.connect(path)) as connection:
-        # GeoPackage's triggers call these; QGIS and GDAL bring them along.
-        connection.create_function("ST_IsEmpty", 1, lambda _: 0)
-        for name in ("ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):
-            connection.create_function(name, 1, lambda _: 0.0)
-        yield connection
-        connection.commit()
-
-
 @pytest.mark.parametrize("file", FILES)
 @pytest.mark.parametrize("layer", COLUMNS)
 def test_geopackage_schema_reads_back(folder: Path, file: str, layer: str) -> None:
@@ -93,7 +80,7 @@ def test_geopackage_values_read_back(layers: ExportLayers, filled: Path, layer: 
 def test_geopackage_is_version_1_3_in_delete_mode(folder: Path) -> None:
     """OGC 12-128r17, requirement 2: user_version 10300; no write-ahead log, nothing but the three files."""
     for file in FILES:
-        with _database(folder / file) as database:
+        with opened_as_qgis_does(folder / file) as database:
             assert database.execute("PRAGMA user_version").fetchone() == (10300,)
             assert database.execute("PRAGMA application_id").fetchone() == (0x47504B47,)  # "GPKG"
             assert database.execute("PRAGMA journal_mode").fetchone() == ("delete",)
@@ -104,7 +91,7 @@ def test_geopackage_is_version_1_3_in_delete_mode(folder: Path) -> None:
 @pytest.mark.parametrize("file", FILES)
 def test_geopackage_holds_a_default_style_a_layer(folder: Path, file: str) -> None:
     """layer_styles has one default a layer, for its real geometry column, and is a registered table."""
-    with _database(folder / file) as database:
+    with opened_as_qgis_does(folder / file) as database:
         rows = database.execute(
             "SELECT f_table_catalog, f_table_schema, f_table_name, s.useAsDefault, g.column_name, styleQML "
             "FROM layer_styles s JOIN gpkg_geometry_columns g "
@@ -163,7 +150,7 @@ def test_edited_decisions_are_those_changed_since_the_export(layers: ExportLayer
     """A decision that came from the store is no edit; one that a person sets, changes or clears is."""
     path = export_all(layers, tmp_path)[0]
     assert edited_decisions(path) == {}
-    with _database(path) as database:
+    with opened_as_qgis_does(path) as database:
         database.execute("UPDATE changes SET decision = 'accept' WHERE change_id = 'c-01'")
         database.execute("UPDATE changes SET decision = NULL WHERE change_id = 'c-06'")
     assert edited_decisions(path) == {"c-01": "accept", "c-06": "open"}
@@ -174,7 +161,7 @@ def test_geopackage_row_numbers_of_changes_last(layers: ExportLayers, filled: Pa
     export_all(dataclasses.replace(layers, changes=layers.changes.iloc[2:]), tmp_path)
     fids = []
     for folder in (filled, tmp_path):
-        with _database(folder / UTM33) as database:
+        with opened_as_qgis_does(folder / UTM33) as database:
             fids.append(dict(database.execute("SELECT change_id, fid FROM changes")))
     assert fids[1].items() < fids[0].items()
 
@@ -193,7 +180,7 @@ def test_geopackage_that_lacks_a_row_is_refused(layers: ExportLayers, tmp_path: 
     path = tmp_path / "x.gpkg"
     write_geopackage(file_layers(normalised(layers)), path, time="2026-06-10T08:00:00.000Z")
     with (
-        _database(path) as database,
+        opened_as_qgis_does(path) as database,
         pytest.raises(
             ExportRefusedError, match=r"x\.gpkg could not be written in full: layer changes has 7 of 8"
         ),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sqlite3
 import time
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
+from qgis_edits import opened_as_qgis_does
 
 from twin.export import COLUMNS
 
@@ -46,12 +45,8 @@ def test_qgis_as_json_has_the_same(twin: Twin, exported: Path) -> None:
 
 def test_qgis_counts_decisions_that_wait_in_the_file(twin: Twin, exported: Path) -> None:
     """What was decided in QGIS and not yet exported again is told."""
-    with closing(sqlite3.connect(exported / "twin_utm33.gpkg")) as database:
-        # GeoPackage's triggers call these; QGIS and GDAL bring them along.
-        for name in ("ST_IsEmpty", "ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY"):
-            database.create_function(name, 1, lambda _: 0)
+    with opened_as_qgis_does(exported / "twin_utm33.gpkg") as database:
         database.execute("UPDATE changes SET decision = 'dismiss' WHERE verdict = 'new'")
-        database.commit()
     found = twin("qgis", exported, "--json").json
     assert found["decisions"] == {"open": 15, "dismiss": 1}
     assert list(found["decided_in_qgis"].values()) == ["dismiss"]

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from mirror_bench import Visible, visible_at
 from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
@@ -29,29 +30,14 @@ from nvdb.objects import in_norway
 from nvdb.replay import Fault, ReplayServer, ReplayWorld, RequestInfo
 from twin.cli.exit_codes import exit_code
 from twin.errors import RefusedError, StoreError, TwinError
-from twin.mirror.mirror_tables import StoreMirror
-from twin.mirror.raw import raw_object
 from twin.mirror.sync import SyncResult, sync_nvdb
-from twin.store import schema
 from twin.store.store import Store
 
 N_POINTS, N_PLATES, PAGE = 8, 24, 7
 GENERATED = GeneratedWorld(N_POINTS, N_PLATES, seed=11)
 PLATES = GENERATED.ids(96, N_PLATES)
 CLIENT_DEFAULTS: dict[str, Any] = NvdbClient.__init__.__kwdefaults__ or {}
-Visible = dict[int, dict[str, Any]]
 Raw = dict[str, Any]
-
-
-def visible(path: Path) -> Visible:
-    """The visible mirror, all but when it was fetched, the raw object decoded; the kept counts must agree."""
-    found: Visible = {}
-    with Store.open(path) as store:
-        assert StoreMirror(store).counts() == StoreMirror(store).recounted()
-        for tables in schema.MIRROR.values():
-            for row in store.rows(sa.select(tables.visible)):
-                found[row["nvdb_id"]] = {**row, "raw": raw_object(row), "synced_at": None}
-    return found
 
 
 def new_world() -> ReplayWorld:
@@ -109,17 +95,17 @@ class Scene:
         clean = self.path.with_name(f"clean-{len(self.server.requests)}.db")
         self.sync(clean)
         self.world.on_request = hook
-        return visible(clean)
+        return visible_at(clean)
 
     def stays_old(self) -> None:
         """The visible mirror is the old one."""
-        assert visible(self.path) == self.old
+        assert visible_at(self.path) == self.old
 
     def gets_new(self, **options: Any) -> None:
         """Without faults the next sync brings the new mirror."""
         self.faults = lambda _: None
         self.sync(**options)
-        assert visible(self.path) == self.new() != self.old
+        assert visible_at(self.path) == self.new() != self.old
 
 
 @pytest.fixture(scope="module", params=["les-v4", "uberiket"])
@@ -128,7 +114,7 @@ def synced(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     made = Scene(request.param, new_world(), tmp_path_factory.mktemp("synced") / "twin.db")
     with ReplayServer(made.world, faults=made.fault_now) as made.server:
         made.sync()
-        made.old = visible(made.path)
+        made.old = visible_at(made.path)
         yield made
 
 
@@ -254,7 +240,7 @@ def test_page_order_changing_between_runs(scene: Scene) -> None:
     scene.faults = lambda _: None
     scene.sync()
     scene.world.order_seed = None
-    assert visible(scene.path) == scene.new() != scene.old
+    assert visible_at(scene.path) == scene.new() != scene.old
 
 
 def test_object_changed_between_two_pages(scene: Scene) -> None:
@@ -274,7 +260,7 @@ def test_object_changed_between_two_pages(scene: Scene) -> None:
     scene.world.on_request = interfere
     scene.sync(fresh=True)
     assert changed
-    assert visible(scene.path) == scene.new() != scene.old
+    assert visible_at(scene.path) == scene.new() != scene.old
 
 
 @pytest.mark.parametrize("drift", ["new", "missing", "null"])
@@ -293,7 +279,7 @@ def test_schema_drift_of_fields(scene: Scene, drift: str) -> None:
 
     scene.world.drift = change
     scene.sync()
-    changed = visible(scene.path)[PLATES[3]]
+    changed = visible_at(scene.path)[96, PLATES[3]]
     assert ("nyttFelt" in changed["raw"]) == (drift == "new")
     assert (changed["east_m"] is None) == (drift != "new")
 
@@ -305,11 +291,11 @@ def test_schema_drift_of_a_type(scene: Scene) -> None:
     for fresh in (False, True):
         result = scene.sync(fresh=fresh)
         assert any(str(PLATES[3]) in problem for problem in result.problems)
-        assert visible(scene.path)[PLATES[3]] == scene.old[PLATES[3]]
-    before = visible(scene.path)
+        assert visible_at(scene.path)[96, PLATES[3]] == scene.old[96, PLATES[3]]
+    before = visible_at(scene.path)
     odd |= set(PLATES)
     assert isinstance(scene.attempt(fresh=True), SchemaError)
-    assert visible(scene.path) == before
+    assert visible_at(scene.path) == before
     scene.world.drift = None
     scene.gets_new()
 
@@ -353,9 +339,9 @@ def test_swapped_axes_and_absurd_coordinates_and_wrong_srid(scene: Scene) -> Non
     scene.world.drift = lambda made, api: moved(made, *odd[made["id"]]) if made["id"] in odd else made
     scene.world.touch(odd)
     result = scene.sync()
-    rows = visible(scene.path)
+    rows = visible_at(scene.path)
     assert rows == scene.new()
-    for number, row in rows.items():
+    for (_, number), row in rows.items():
         if number in odd:
             assert (row["east_m"], row["north_m"]) == (None, None)
             assert any(f"Vegobjekt {number}: " in problem for problem in result.problems)
@@ -380,7 +366,7 @@ def test_two_syncs_at_once(scene: Scene) -> None:
     (error,) = refused
     assert exit_code(error) == 5
     assert f"A sync of twin.db (process {os.getpid()} on " in str(error)
-    assert visible(scene.path) == scene.new()
+    assert visible_at(scene.path) == scene.new()
 
 
 @pytest.mark.skipif(not hasattr(os, "seteuid"), reason="folders are not made read-only by chmod here")
@@ -429,7 +415,7 @@ def test_disk_full(scene: Scene) -> None:
             scene.stays_old()
             n_failed, spare_pages = n_failed + 1, spare_pages + 1
     assert n_failed >= 2
-    assert visible(scene.path) == scene.new() != scene.old
+    assert visible_at(scene.path) == scene.new() != scene.old
 
 
 FULL = """

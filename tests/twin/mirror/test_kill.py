@@ -19,18 +19,14 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
-import sqlalchemy as sa
+from mirror_bench import Visible, visible_at
 from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
 from nvdb.replay import ReplayServer, RequestInfo
-from twin.mirror.mirror_tables import StoreMirror
-from twin.mirror.raw import raw_object
 from twin.mirror.sync import sync_nvdb
-from twin.store import schema
 from twin.store.store import Store
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
@@ -42,7 +38,6 @@ STEP = 100
 KINDS = ("request", "statement", "publish", "step")
 """Kinds of instants; ``publish`` is a statement, or the commit, of the step that makes a mirror visible."""
 
-Visible = dict[int, dict[str, Any]]
 
 RUNNER = f"""
 import json, os, signal, sys
@@ -163,7 +158,7 @@ class Stage:
         if not path.exists():
             with Store.open(path) as store:
                 sync_nvdb(store, Area(), api_url=self.runner.url, source=self.runner.source)
-        return visible(path)
+        return visible_at(path)
 
     def change(self, rng: random.Random) -> None:
         """Change, remove, and create again some signs, few enough not to be suspicious."""
@@ -175,18 +170,6 @@ class Stage:
         gone = sorted(set(self.world.ids(96, N_PLATES)) - set(plates))
         for number in gone[:2]:
             self.world.recreate(number)
-
-
-def visible(path: Path) -> Visible:
-    """The visible mirror, all but when it was fetched; the counts kept beside it must agree."""
-    found: Visible = {}
-    if path.exists():
-        with Store.open(path) as store:
-            assert StoreMirror(store).counts() == StoreMirror(store).recounted()
-            for tables in schema.MIRROR.values():
-                for row in store.rows(sa.select(tables.visible)):
-                    found[row["nvdb_id"]] = {**row, "raw": raw_object(row), "synced_at": None}
-    return found
 
 
 @pytest.fixture(params=["les-v4", "uberiket"])
@@ -230,17 +213,17 @@ def test_killed_syncs_leave_the_old_mirror_or_the_new_one(stage: Stage) -> None:
             store = stage.folder / f"twin-{n_rounds}.db"
         else:
             stage.change(rng)
-        old, new = visible(store), stage.clean()
+        old, new = visible_at(store), stage.clean()
         options = ["--fresh"] if what == "fresh" else []
         for _ in range(rng.choice((1, 1, 2))):  # a resumed run may be killed too
             kind = rng.choice(KINDS)
             instant = rng.randint(1, instants[what][kind])
             if stage.run(store, *options, kill=(kind, instant)):
                 killed.append((what, kind, instant))
-            assert visible(store) in (old, new), f"neither old nor new after {what}, {kind} {instant}"
+            assert visible_at(store) in (old, new), f"neither old nor new after {what}, {kind} {instant}"
         if n_rounds % 3 == 0 or len(killed) >= wanted:  # else the next sync meets what the kill has left
             assert not stage.run(store, *options)
-            assert visible(store) == new
+            assert visible_at(store) == new
     assert len({kind for _, kind, _ in killed}) >= min(3, wanted)
 
 
@@ -250,7 +233,7 @@ def test_a_publish_is_killed_between_any_two_statements(stage: Stage) -> None:
     store = stage.folder / "twin.db"
     n_requests = stage.instants(store)["request"]
     stage.change(random.Random(1))
-    old, new = visible(store), stage.clean()
+    old, new = visible_at(store), stage.clean()
     assert stage.run(store, "--fresh", kill=("request", n_requests))  # after the last page
     files = [path for name in ("", "-wal") if (path := Path(f"{store}{name}")).exists()]
 
@@ -264,7 +247,7 @@ def test_a_publish_is_killed_between_any_two_statements(stage: Stage) -> None:
     for number in sorted({*range(1, last, 6), last - 1, last}):
         copy = again(number)
         assert stage.run(copy, kill=("publish", number))
-        assert visible(copy) == old
+        assert visible_at(copy) == old
         if number == last:  # before the commit
             assert not stage.run(copy)
-            assert visible(copy) == new
+            assert visible_at(copy) == new
