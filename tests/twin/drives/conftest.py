@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import reduce
@@ -11,6 +12,8 @@ from typing import Any
 
 import pytest
 from board_drive import BoardDrive, Networks
+
+from twin.samples.simulate import simulate
 
 WIDE, NARROW = "C3_wide", "C1_narrow"
 WIDTH, HEIGHT = 1280, 800
@@ -177,3 +180,17 @@ def board_drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[BoardDrive, P
     """The drive past two boards and its folder; do not write into it."""
     drive = BoardDrive()
     return drive, drive.write(tmp_path_factory.mktemp("boards") / "drive")
+
+
+@pytest.fixture(scope="session")
+def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sound drive; copy it before damaging it."""
+    drive = tmp_path_factory.mktemp("approach") / "drive"
+    simulate(drive, name="approach", seed=1)
+    return drive
+
+
+@pytest.fixture
+def drive(approach: Path, tmp_path: Path) -> Path:
+    """A copy to damage."""
+    return Path(shutil.copytree(approach, tmp_path / "drive"))

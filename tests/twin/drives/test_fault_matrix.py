@@ -40,7 +40,6 @@ from drive_damage import (
 
 from twin.cli import run
 from twin.ingest.ingest import ingest_drive
-from twin.samples.simulate import simulate
 from twin.store.store import Store
 
 Twin = Callable[..., Any]
@@ -144,20 +143,6 @@ FAULTS = (
     Fault("latin_1_that_says_utf_8", put(SETTINGS, 'name = "Skrå"'.encode("latin-1")), 4, "save it as UTF-8"),
     Fault("annotations_empty", put(MARKS, b""), 0, f"{MARKS} is empty or no XML"),
 )
-
-
-@pytest.fixture(scope="session")
-def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sound drive; copy it before damaging it."""
-    drive = tmp_path_factory.mktemp("approach") / "drive"
-    simulate(drive, name="approach", seed=1)
-    return drive
-
-
-@pytest.fixture
-def drive(approach: Path, tmp_path: Path) -> Path:
-    """A copy to damage."""
-    return Path(shutil.copytree(approach, tmp_path / "drive"))
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import struct
 import unicodedata
 import zlib
@@ -29,8 +28,6 @@ from drive_damage import (
     stamped_by,
     without,
 )
-
-from twin.samples.simulate import simulate
 
 Twin = Callable[..., Any]
 
@@ -138,20 +135,6 @@ READ = (
         22,
     ),
 )
-
-
-@pytest.fixture(scope="session")
-def approach(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sound drive; copy it before damaging it."""
-    drive = tmp_path_factory.mktemp("approach") / "drive"
-    simulate(drive, name="approach", seed=1)
-    return drive
-
-
-@pytest.fixture
-def drive(approach: Path, tmp_path: Path) -> Path:
-    """A copy to damage."""
-    return Path(shutil.copytree(approach, tmp_path / "drive"))
 
 
 @pytest.mark.parametrize("row", REFUSED, ids=lambda row: row.name)

@@ -38,6 +38,7 @@ _HEADING_FIELDS = ("heading", "mode")
 _TIME = re.compile(r"(\d\d)(\d\d)(\d\d)(?:\.(\d{0,9})\d*)?")
 _ANGLE = re.compile(r"(\d{1,3}?)(\d\d(?:\.\d*)?)")
 _DAY_NS = 86_400_000_000_000
+_NO_DATE = "no date: neither a host stamp nor an RMC or ZDA sentence"
 
 
 class Sentence(NamedTuple):
@@ -218,7 +219,7 @@ class _Log:
                 continue
             near_ns = reference_ns if row.host_ns is None else row.host_ns
             if near_ns is None:
-                faults["no date: neither a host stamp nor an RMC or ZDA sentence"] += 1
+                faults[_NO_DATE] += 1
                 continue
             epoch_ns = reference_ns = _nearest_day(row.time_ns, near_ns)
             host_ns = epoch_ns if row.host_ns is None else row.host_ns
@@ -238,7 +239,7 @@ class _Log:
 
     def cure(self, faults: Counter[str]) -> str:
         """What to do where no fix can be used."""
-        if any("no date" in reason for reason in faults):
+        if faults[_NO_DATE]:
             return "record it with host stamps, or with RMC or ZDA sentences"
         if self.seen and not self.seen["GGA"]:
             return "switch GGA sentences on in the receiver"
