@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.earth.geodesy import geographic_from_enu, rotation_from_rpy
 from geoloc.locate.combine import combine
-from geoloc.locate.positions_only import place_at
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_single_frame
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
@@ -125,9 +124,6 @@ def main() -> None:
     epoch, sightings = sighted(n, False, rng)
     mixed_epoch, mixed = sighted(n, True, rng)
     works: dict[str, Callable[[], Any]] = {
-        "positions": lambda: place_at(cameras, sightings, track, epoch),
-        "positions and covariances": lambda: place_at(cameras, sightings, track, epoch, budget),
-        "the same, three cameras mixed": lambda: place_at(cameras, mixed, track, mixed_epoch, budget),
         "poses alone": lambda: track.poses_at(epoch),
     }
     baseline = their_baseline(sightings.pixel_px)
@@ -141,7 +137,12 @@ def main() -> None:
     located = locate_single_frame(cameras, sightings, track.poses_at(epoch), budget)
     scattered, group = about_one_place(located, rng), np.arange(n) // 60
     slow: dict[str, Callable[[], Any]] = {
-        "every source apart": lambda: locate_single_frame(cameras, sightings, track.poses_at(epoch), budget),
+        "positions and covariances": lambda: locate_single_frame(
+            cameras, sightings, track.poses_at(epoch), budget
+        ),
+        "the same, three cameras mixed": lambda: locate_single_frame(
+            cameras, mixed, track.poses_at(mixed_epoch), budget
+        ),
         "combine, 60 sightings an object": lambda: combine(scattered, group),
     }
     slow_times = times_of(slow, min(options.rounds, 2))

@@ -12,6 +12,7 @@ import argparse
 import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
+from simulated_raster import rasterised
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset
@@ -20,7 +21,6 @@ from geoloc.locate.accuracy import nees
 from geoloc.locate.on_terrain import locate_on_terrain
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import locate_single_frame
-from geoloc.simulation.raster import rasterised
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory.trajectory import trajectory_from_gnss

@@ -12,10 +12,10 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from simulated_receiver import ReceiverSpec, as_single_fixes, metre_fixes, with_receiver_motion
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset, wrap_deg
-from geoloc.simulation.receiver import ReceiverSpec, as_single_fixes, metre_fixes, with_receiver_motion
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory.trajectory import GnssFixes, trajectory_from_gnss
 

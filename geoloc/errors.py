@@ -4,7 +4,6 @@
 
     GeolocError
     ├── CalibrationError       a rig or camera model that cannot be read or used
-    ├── EpochOutOfRangeError   an epoch outside the recorded trajectory
     └── TrajectoryError        fixes or poses that make no trajectory
 """
 
@@ -17,10 +16,6 @@ class GeolocError(Exception):
 
 class CalibrationError(GeolocError):
     """A rig or camera calibration that cannot be read, or that contradicts itself."""
-
-
-class EpochOutOfRangeError(GeolocError):
-    """An epoch outside the recorded trajectory; the message carries both bounds."""
 
 
 class TrajectoryError(GeolocError):

@@ -71,13 +71,12 @@ def rows_by_camera(rig: Rig, camera: TextArray) -> Iterator[tuple[RigCamera, Row
         left &= ~own
 
 
-def feet_on_plane(camera: RigCamera, pixel_px: FloatArray, max_range_m: float, *, slopes: bool) -> Feet:
+def feet_on_plane(camera: RigCamera, pixel_px: FloatArray, max_range_m: float) -> Feet:
     """Cut the rays of pixels ``(n, 2)`` with the plane on which the rig's wheels stand.
 
-    With `slopes`, the rays' derivatives by pixel come with them. Call it under
-    ``np.errstate(all="ignore")``: rays that miss divide by zero.
+    Call it under ``np.errstate(all="ignore")``: rays that miss divide by zero.
     """
-    rays = camera.model.rays(pixel_px[:, 0], pixel_px[:, 1], slopes=slopes)
+    rays = camera.model.rays(pixel_px[:, 0], pixel_px[:, 1], slopes=True)
     ray = turned(camera.rig_R_camera, rays.ray)
     x0, y0, height = (float(value) for value in camera.rig_t_camera_m)
     down = 1.0 / ray.z
@@ -118,18 +117,6 @@ class Axes(NamedTuple):
     """East and north alone."""
     heading: tuple[FloatArray, FloatArray]
     """Level, unit length, east and north."""
-
-
-def axes_at(axes: Axes, rows: Rows) -> Axes:
-    """Give some rows of axes."""
-    (fe, fn, fu), (le, ln, lu) = axes.forward, axes.left
-    (ne, nn), (he, hn) = axes.normal, axes.heading
-    return Axes(
-        (fe[rows], fn[rows], fu[rows]),
-        (le[rows], ln[rows], lu[rows]),
-        (ne[rows], nn[rows]),
-        (he[rows], hn[rows]),
-    )
 
 
 def axes_of(poses: Poses) -> Axes:
@@ -175,15 +162,13 @@ class Rejections:
         max_range_m: float,
         *,
         otherwise: Reason | None = None,
-        pose_of: Rows | None = None,
     ) -> BoolArray | None:
         """Note the rejected ones among the feet of these rows, and mark them; None where there are none.
 
         `start` is the place of the first row in the column; `otherwise` a reason, if there is one, why the
-        rows that hit the ground are rejected too; `pose_of` says which pose each row has, if not its own.
+        rows that hit the ground are rejected too.
         """
-        pose_of = rows if pose_of is None else pose_of
-        posed = poses.valid[pose_of]
+        posed = poses.valid[rows]
         bad = np.asarray(~(feet.hit & posed)) if otherwise is None else np.full(posed.shape, fill_value=True)
         if not bad.any():
             return None
@@ -191,7 +176,7 @@ class Rejections:
         row = index if isinstance(rows, slice) else rows[index]
         reason = _why_not(camera, feet, index, max_range_m)
         reason = np.where(reason == "", otherwise or "", reason)
-        of_pose = poses.reason[pose_of][index]
+        of_pose = poses.reason[rows][index]
         said = np.where(posed[index] | (of_pose != ""), of_pose, Reason.NO_POSE)
         self._parts.append((start + row, np.where(said == "", reason, said)))
         return bad

@@ -213,7 +213,7 @@ def _located(
 
 
 def _seen(camera: RigCamera, pixel_px: FloatArray, poses: Poses, max_range_m: float) -> _Seen:
-    feet, axes = feet_on_plane(camera, pixel_px, max_range_m, slopes=True), axes_of(poses)
+    feet, axes = feet_on_plane(camera, pixel_px, max_range_m), axes_of(poses)
     return _Seen(pixel_px, feet, poses, axes, enu_of(axes, feet))
 
 

@@ -115,41 +115,6 @@ def views(
             yield Views(site[seen], pose[seen], name, distance[seen], pixel[seen])
 
 
-def count_views(
-    rig: Rig,
-    poses: Poses,
-    latitude_deg: ArrayLike,
-    longitude_deg: ArrayLike,
-    *,
-    height_m: ArrayLike | None = None,
-    min_range_m: float = MIN_RANGE_M,
-    max_range_m: float = MAX_RANGE_M,
-    cameras: Sequence[str] | None = None,
-    margin_px: float = _MARGIN_PX,
-) -> IntArray:
-    """Count in how many images (camera and pose) each site was in view; see `views`.
-
-    Returns
-    -------
-    int64 (m,)
-    """
-    count = np.zeros(np.atleast_1d(latitude_deg).size, dtype=np.int64)
-    found = views(
-        rig,
-        poses,
-        latitude_deg,
-        longitude_deg,
-        height_m=height_m,
-        min_range_m=min_range_m,
-        max_range_m=max_range_m,
-        cameras=cameras,
-        margin_px=margin_px,
-    )
-    for one in found:
-        count += np.bincount(one.site, minlength=count.size)
-    return count
-
-
 def _pairs(
     poses: Poses, chunk: IntArray, lat: FloatArray, lon: FloatArray, reach_m: float
 ) -> tuple[IntArray, IntArray]:

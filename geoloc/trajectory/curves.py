@@ -28,7 +28,6 @@ _LINEAR = (
     "sigma_pitch_deg",
     "sigma_heading_deg",
 )
-_POSE = (*_CUBIC, "roll_deg", "pitch_deg", "heading_deg")
 
 # Rows that are worked on at a time: their temporaries stay in the processor's cache.
 _BLOCK = 32768
@@ -54,15 +53,11 @@ class PoseCurves(NamedTuple):
     between: BoolArray
     """Intervals that have poses: both knots are valid and no gap lies between."""
 
-    def at(self, epoch_ns: IntArray, *, sigmas: bool = True) -> tuple[dict[str, FloatArray], BoolArray]:
-        """Give the columns of `Poses` at each epoch, and where they are valid; elsewhere they are undefined.
-
-        Without `sigmas` those columns, and the speed, are NaN and cost nothing.
-        """
+    def at(self, epoch_ns: IntArray) -> tuple[dict[str, FloatArray], BoolArray]:
+        """Give the columns of `Poses` at each epoch, and where they are valid; elsewhere undefined."""
         n = epoch_ns.size
         valid = np.empty(n, dtype=bool)
-        absent = () if sigmas else [name for name in self.coefficients if name not in _POSE]
-        columns = {name: np.empty(n) for name in self.coefficients if name not in absent}
+        columns = {name: np.empty(n) for name in self.coefficients}
         # Clipped, so that no difference overflows: a missing stamp is int64's minimum.
         asked = np.clip(epoch_ns, self.epoch_ns[0] - 1, self.epoch_ns[-1] + 1)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -72,7 +67,7 @@ class PoseCurves(NamedTuple):
                 u = since / np.take(self.span_ns, left)
                 valid[rows] = self._valid(left, since, u)
                 self._evaluate({name: column[rows] for name, column in columns.items()}, left, u)
-        return columns | {name: np.broadcast_to(np.nan, n) for name in absent}, valid
+        return columns, valid
 
     def _interval(self, epoch_ns: IntArray) -> tuple[IntArray, IntArray]:
         """Knot before or at each epoch (the first one for those before it), and the time since."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
@@ -12,7 +12,7 @@ from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.earth.geodesy import metres_per_degree
 from geoloc.errors import TrajectoryError
 from geoloc.reasons import REASON_TYPE, Reason
-from geoloc.trajectory.curves import PoseCurves, pose_curves
+from geoloc.trajectory.curves import pose_curves
 from geoloc.trajectory.fix_checks import check_positions, common_epochs, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
@@ -101,30 +101,13 @@ class Trajectory:
             with a reason.
         """
         asked = np.asarray(epoch_ns, dtype=np.int64)
-        return self._poses(pose_curves(self.knots, self.max_gap_s), asked, sigmas=True)
-
-    def poses_in_blocks(
-        self, epoch_ns: IntArray, rows: int, *, sigmas: bool = True
-    ) -> Iterator[tuple[Poses, slice | IntArray]]:
-        """Give the poses of `poses_at` so many rows at a time, for work that should stay in the cache.
-
-        Neighbours of one epoch, as the sightings of one frame are, share a pose: beside the poses of a block
-        comes which of them each row has. Without `sigmas` those columns, and the speed, are NaN and cost
-        nothing.
-        """
-        curves = pose_curves(self.knots, self.max_gap_s)
-        for start in range(0, epoch_ns.size, rows):
-            asked, index = _once(epoch_ns[start : start + rows])
-            yield self._poses(curves, asked, sigmas=sigmas), index
-
-    def _poses(self, curves: PoseCurves, epoch_ns: IntArray, *, sigmas: bool) -> Poses:
-        columns, valid = curves.at(epoch_ns, sigmas=sigmas)
+        columns, valid = pose_curves(self.knots, self.max_gap_s).at(asked)
         bad = np.flatnonzero(~valid)
-        reason = np.zeros(epoch_ns.size, dtype="U1" if valid.all() else REASON_TYPE)
+        reason = np.zeros(asked.size, dtype="U1" if valid.all() else REASON_TYPE)
         if bad.size:
             columns = {name: np.where(valid, column, np.nan) for name, column in columns.items()}
-            reason[bad] = self._reasons(bracket(self.epoch_ns, epoch_ns[bad]))
-        return Poses(epoch_ns=epoch_ns, **columns, valid=valid, reason=reason)
+            reason[bad] = self._reasons(bracket(self.epoch_ns, asked[bad]))
+        return Poses(epoch_ns=asked, **columns, valid=valid, reason=reason)
 
     def nearest_fix(self, host_ns: IntArray) -> Poses:
         """Give the fix whose *host* stamp is nearest, as the paper pairs frames with fixes.
@@ -270,18 +253,6 @@ def trajectory_from_poses(track: PoseTrack, *, max_gap_s: float = MAX_GAP_S) -> 
     )
     dropped = _dropped(int((~keep).sum()), "the track of poses")
     return Trajectory(knots, knots, one.epoch_ns, max_gap_s, dropped)
-
-
-def _once(epoch_ns: IntArray) -> tuple[IntArray, slice | IntArray]:
-    """Epochs without those that equal the one before, and which of them each row has.
-
-    All of them where most differ: there is nothing to save then.
-    """
-    new = np.ones(epoch_ns.size, dtype=bool)
-    np.not_equal(epoch_ns[1:], epoch_ns[:-1], out=new[1:])
-    if 2 * np.count_nonzero(new) > new.size:
-        return epoch_ns, slice(None)
-    return epoch_ns[new], np.cumsum(new) - 1
 
 
 def _without_jumps(fixes: Sequence[GnssFixes]) -> tuple[list[GnssFixes], tuple[tuple[int, str], ...]]:

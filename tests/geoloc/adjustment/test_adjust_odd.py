@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from recordings import Recording, length, recorded
+from simulated_raster import rasterised
 
 from geoloc.adjustment.adjust import Adjusted, adjust
 from geoloc.earth.geodesy import enu_offset
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.records import Kind
 from geoloc.reasons import Reason
-from geoloc.simulation.raster import rasterised
 from geoloc.simulation.road import Road
 
 

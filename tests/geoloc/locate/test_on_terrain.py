@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from simulated_raster import rasterised
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset
@@ -16,7 +17,6 @@ from geoloc.locate.on_terrain import locate_on_terrain
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_single_frame
 from geoloc.reasons import Reason, stands_far_away
-from geoloc.simulation.raster import rasterised
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
 from geoloc.trajectory.poses import Poses

@@ -22,11 +22,12 @@ from geoloc.earth.geodesy import (
 )
 from geoloc.errors import CalibrationError
 from geoloc.locate.accuracy import nees
+from geoloc.locate.feet import BLOCK
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_paper, locate_single_frame
 from geoloc.reasons import Reason
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
-from geoloc.trajectory.trajectory import Poses
+from geoloc.trajectory.poses import Poses, part
 
 LAT0, LON0, HEIGHT = 63.4149, 10.3991, 65.7
 WIDE = FThetaCamera(1920, 1208, 951.0, 612.0, theta_from_r=(0.0, 9.9e-4, 2e-9, -1.1e-11))
@@ -176,6 +177,32 @@ def test_feet_beyond_the_range_cap_are_rejected() -> None:
     assert locate_single_frame(RIG, sighting, poses_of(1)).valid.all()
     capped = locate_single_frame(RIG, sighting, poses_of(1), max_range_m=25.0)
     assert capped.rejected.tolist() == [Reason.TOO_FAR]
+
+
+def test_paper_without_a_field_of_view_says_so() -> None:
+    """A camera whose image edge lies outside its model has no linear bearing: rows that hit are rejected."""
+    narrow = FThetaCamera(1920, 1208, 951.0, 612.0, theta_from_r=(0.0, 1e-3, 0.0, -4.5e-10))
+    assert np.isnan(narrow.horizontal_fov_rad)
+    one = RigCamera("n", narrow, rotation_from_rpy(0.0, 2.0, 0.0) @ FLU_R_RDF, np.array([1.8, 0.0, 1.5]))
+    pixel = np.array([[951.0, 800.0], [951.0, 300.0]])
+    found = locate_paper(Rig({"n": one}, {}, "test rig"), Sightings(np.array(["n", "n"]), pixel), poses_of(2))
+    assert found.rejected.tolist() == [Reason.WIDER_THAN_MODEL, Reason.ABOVE_HORIZON]
+    assert np.isnan(found.systematic_m).all()
+
+
+def test_blocks_of_sightings_are_located_as_each_alone() -> None:
+    """Where one block of rows ends and the next begins, two cameras mixed, nothing changes."""
+    n = BLOCK + 500
+    rng = np.random.default_rng(4)
+    pixel = rng.uniform([-5.0, 300.0], [1925.0, 1215.0], (n, 2))
+    names = rng.choice(list(RIG.cameras), n)
+    poses = poses_of(n, sigma_heading_deg=0.1)
+    whole = locate_single_frame(RIG, Sightings(names, pixel), poses)
+    assert 0.2 < whole.valid.mean() < 0.9
+    rows = slice(BLOCK - 200, BLOCK + 200)
+    cut = locate_single_frame(RIG, Sightings(names[rows], pixel[rows]), part(poses, rows))
+    for name in ("rejected", "latitude_deg", "longitude_deg", "height_m", "range_m", "covariance_m2"):
+        np.testing.assert_array_equal(getattr(whole, name)[rows], getattr(cut, name))
 
 
 def test_camera_that_the_rig_lacks_is_an_error() -> None:

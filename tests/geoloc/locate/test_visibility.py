@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from geoloc.arrays import FloatArray
 from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig, rotation_from_rpy
 from geoloc.errors import CalibrationError
-from geoloc.locate.visibility import count_views, on_the_car_itself, views
+from geoloc.locate.visibility import on_the_car_itself, views
 from geoloc.rig.rig import FLU_R_RDF, Rig, RigCamera
 from geoloc.trajectory.trajectory import Poses
 
@@ -53,6 +54,16 @@ def drive(n: int, seed: int = 1) -> Poses:
         valid,
         np.where(valid, "", "a gap"),
     )
+
+
+def count_views(
+    rig: Rig, poses: Poses, lat: FloatArray, lon: FloatArray, **options: Any
+) -> NDArray[np.int64]:
+    """Count in how many images, camera and pose, each site was in view."""
+    count = np.zeros(lat.size, dtype=np.int64)
+    for in_view in views(rig, poses, lat, lon, **options):
+        count += np.bincount(in_view.site, minlength=count.size)
+    return count
 
 
 def brute_force(poses: Poses, lat: FloatArray, lon: FloatArray, margin_px: float) -> NDArray[np.int64]:

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from simulated_receiver import ReceiverSpec, as_single_fixes, metre_fixes, with_receiver_motion
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, wrap_deg
 from geoloc.locate.records import Sightings
 from geoloc.locate.single_frame import locate_single_frame
-from geoloc.simulation.receiver import ReceiverSpec, as_single_fixes, metre_fixes, with_receiver_motion
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from geoloc.trajectory.heading import heading_against_course
 from geoloc.trajectory.poses import GnssFixes, Poses
