@@ -92,6 +92,12 @@ def ingest_drive(
 
     The same drive ingested twice by the same method replaces itself: nothing is doubled.
 
+    The adjustment, by far the most of the work, runs once for the positions. Where the track is worse than
+    association takes for granted, it runs before that at most twice to tell objects apart (annotations
+    without ids, or tracks of a detector), and then once to check ids, which a detector's drive is not asked.
+    Where the cameras disagree, it runs once more for each of them. Each has sightings or objects of its own,
+    so that none could take another's result: four and the number of cameras at the most.
+
     Parameters
     ----------
     store : Store

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import TypedDict, TypeVar
 
 import numpy as np
 
@@ -168,14 +168,44 @@ def locate_annotations(
     adjusted = adjust(
         Observations(drive.rig, sightings, notes.kind[index], group, epoch, trajectory),
         budget,
-        size_px=notes.box_px[index, 3] - notes.box_px[index, 1],
-        readout_ms=drive.rolling_shutter_ms,
-        pole_radius_m=drive.pole_radius_m,
+        **_adjust_options(drive, index),
         track_sigma_m=datum_sigma_m[0],
         terrain=terrain,
     )
     return SightedObjects(
         index, name, group, epoch, poses, _without_boxes(located, is_foot), is_foot, adjusted
+    )
+
+
+def adjust_camera(drive: Drive, trajectory: Trajectory, camera: str) -> Adjusted:
+    """Adjust the annotations of one camera by themselves: what that camera alone says of its clock."""
+    notes = drive.annotations
+    index = np.flatnonzero(notes.camera == camera)
+    observations = Observations(
+        drive.rig,
+        Sightings(notes.camera[index], notes.pixel_px[index]),
+        notes.kind[index],
+        np.unique(notes.object[index], return_inverse=True)[1],
+        _frame_stamps(drive, notes.camera[index], notes.frame[index]) + drive.camera_offset_ns,
+        trajectory,
+    )
+    return adjust(observations, **_adjust_options(drive, index))
+
+
+class _AdjustOptions(TypedDict):
+    """What a drive says of its annotations and cameras, as `adjust` takes it."""
+
+    size_px: FloatArray
+    readout_ms: float | None
+    pole_radius_m: float
+
+
+def _adjust_options(drive: Drive, index: IntArray) -> _AdjustOptions:
+    box_px = drive.annotations.box_px[index]
+    return _AdjustOptions(
+        size_px=box_px[:, 3] - box_px[:, 1],
+        readout_ms=drive.rolling_shutter_ms,
+        pole_radius_m=drive.pole_radius_m,
     )
 
 

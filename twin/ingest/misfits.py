@@ -15,10 +15,9 @@ from geoloc.doubts import Doubt
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.reasons import Reason, stands_far_away
 from geoloc.trajectory.trajectory import Trajectory
-from twin.drives.annotations.gather import only
 from twin.drives.drive import Drive
 from twin.drives.folder.notes import DriveDoubt, SkipKind
-from twin.ingest.locate import SightedObjects, locate_annotations
+from twin.ingest.locate import SightedObjects, adjust_camera
 
 _MOST_TURN_DEG = 1.0
 _MOST_OUTLIERS = 0.15
@@ -85,9 +84,8 @@ def clocks_apart(doubts: tuple[Doubt, ...], drive: Drive, trajectory: Trajectory
         return doubts
     notes, late = drive.annotations, []
     for camera in np.unique(notes.camera).tolist():
-        alone = replace(drive, annotations=only(notes, notes.camera == camera))
-        adjusted = locate_annotations(alone, trajectory, method="adjusted").adjusted
-        if adjusted and any(doubt.kind == AdjustmentDoubt.CLOCK for doubt in adjusted.doubts):
+        adjusted = adjust_camera(drive, trajectory, camera)
+        if any(doubt.kind == AdjustmentDoubt.CLOCK for doubt in adjusted.doubts):
             clock = adjusted.time_offset_ms
             late.append(f"{camera} alone fits the track with {clock.value:+.0f} ± {clock.sigma:.0f} ms.")
     return tuple(
