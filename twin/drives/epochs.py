@@ -39,13 +39,13 @@ def unit_hint(text: str, wanted: str) -> str:
         stamp = Decimal(text[:_LONGEST_STAMP].strip(' "'))
         if not 0 < stamp < LATEST_NS:
             return ""
-        found = next((u for u, ns in _UNITS_NS.items() if u != wanted and credible(int(stamp * ns))), "")
+        unit = next((u for u, ns in _UNITS_NS.items() if u != wanted and credible(int(stamp * ns))), "")
     except ArithmeticError:  # no number
         return ""
-    if not found:
+    if not unit:
         return ""
-    right = int(stamp * _UNITS_NS[found]) // _UNITS_NS[wanted]
-    return f"{text.strip()} looks like {found}: write it in {wanted} since 1970, UTC, as {right}"
+    right = int(stamp * _UNITS_NS[unit]) // _UNITS_NS[wanted]
+    return f"{text.strip()} looks like {unit}: write it in {wanted} since 1970, UTC, as {right}"
 
 
 def clock_hint(frames_ns: tuple[int, int], track_ns: tuple[int, int]) -> str:

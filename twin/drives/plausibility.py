@@ -117,16 +117,17 @@ def annotation_warnings(drive: Drive, n_located: int) -> tuple[Doubt, ...]:
     n_located : int
         Annotations that got a position.
     """
-    notes = drive.annotations
+    annotations = drive.annotations
     warnings = []
-    objects, counts = np.unique(notes.object, return_counts=True)
+    objects, counts = np.unique(annotations.object, return_counts=True)
     is_sign = drive.is_sign()
-    n_without_code = len(np.unique(notes.object[is_sign & (notes.skiltnummer == "")]))
+    n_without_code = len(np.unique(annotations.object[is_sign & (annotations.skiltnummer == "")]))
     if not is_sign.all():
-        types = sorted({drive.other_objects[label] for label in notes.label[~is_sign].tolist()})
+        types = sorted({drive.other_objects[label] for label in annotations.label[~is_sign].tolist()})
         warnings.append(
-            f"{len(np.unique(notes.object[~is_sign]))} of {len(objects)} annotated objects are no signs (NVDB"
-            f" types {', '.join(map(str, types))}): they are located and exported, not compared with NVDB."
+            f"{len(np.unique(annotations.object[~is_sign]))} of {len(objects)} annotated objects are no signs"
+            f" (NVDB types {', '.join(map(str, types))}): they are located and exported, not compared with"
+            " NVDB."
         )
     if n_without_code:
         warnings.append(
@@ -140,7 +141,7 @@ def annotation_warnings(drive: Drive, n_located: int) -> tuple[Doubt, ...]:
             "same poles in several pictures, give them the attribute object, or annotate tracks."
         )
     dropped = sum(s.count for s in drive.skipped if s.is_annotation)
-    n_all = len(notes.frame) + dropped
+    n_all = len(annotations.frame) + dropped
     if n_all and n_located < 0.5 * n_all:
         warnings.append(
             f"Only {n_located:,} of {n_all:,} annotations could be located: see what was left out, and why."

@@ -103,19 +103,21 @@ def read_drive(
     pictures = find_pictures(folder, settings, track.rig)
     if detector is None:
         image_frames = {camera: of.frame_of() for camera, of in pictures.items() if of.images}
-        found = read_annotations(folder, settings, track.rig, notes, labels=labels, image_frames=image_frames)
-        cameras = {*found.cameras, *(settings.annotations or ())}
+        annotated = read_annotations(
+            folder, settings, track.rig, notes, labels=labels, image_frames=image_frames
+        )
+        cameras = {*annotated.cameras, *(settings.annotations or ())}
         stamps, stamp_files = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
-        check_picture_sizes(pictures, found.unsized, track.rig)
+        check_picture_sizes(pictures, annotated.unsized, track.rig)
         if settings.first_frame is None:
             notes.warn(
                 DriveDoubt.ANNOTATIONS,
-                *first_frame_warnings(found.annotations, found.numbered, stamps, stamp_files),
+                *first_frame_warnings(annotated.annotations, annotated.numbered, stamps, stamp_files),
             )
     else:
         stamps, stamp_files = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
-        found = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
-    annotations, unstamped = stamped(found.annotations, stamps, stamp_files)
+        annotated = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
+    annotations, unstamped = stamped(annotated.annotations, stamps, stamp_files)
     notes.skipped += unstamped
     offset_ns = settings.camera_offset_ns
     notes.warn(DriveDoubt.CLOCK, *check_span(annotations, stamps, stamp_files, offset_ns, track))
@@ -141,7 +143,7 @@ def read_drive(
         warnings=tuple(notes.warnings),
         skipped=tuple(notes.skipped),
         pictures=pictures,
-        other_objects=found.other_objects,
+        other_objects=annotated.other_objects,
     )
 
 

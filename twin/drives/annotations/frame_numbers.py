@@ -84,11 +84,11 @@ def first_frame_warnings(
         return []
     warnings = []
     for camera, first in lowest.items():
-        known = np.flatnonzero(stamps[camera] != NO_STAMP)
-        if not known.size or known[0] != 0:
+        stamped = np.flatnonzero(stamps[camera] != NO_STAMP)
+        if not stamped.size or stamped[0] != 0:
             continue
         highest = int(annotations.frame[annotations.camera == camera].max())
-        is_beyond = highest == known[-1] + 1
+        is_beyond = highest == stamped[-1] + 1
         if first != 1 and not is_beyond:
             continue
         why = f"the last is {highest}, one beyond it" if is_beyond else "the first is 1, and none is 0"

@@ -123,10 +123,10 @@ class Meanings:
         }
 
     def _look_up(self, label: str) -> Meaning | None:
-        found = self._own.of(label)
-        if found is None and codes_from_label(label):
+        meaning = self._own.of(label)
+        if meaning is None and codes_from_label(label):
             return Meaning(codes_from_label(label))
-        return found or default_label_map().of(label)
+        return meaning or default_label_map().of(label)
 
 
 def plain_label(label: str) -> str:
@@ -170,10 +170,10 @@ def _matches(pieces: tuple[str, ...], text: str) -> bool:
     if at > end or not text.startswith(first) or not text.endswith(last):
         return False
     for piece in middle:
-        found = text.find(piece, at, end)
-        if found < 0:
+        start = text.find(piece, at, end)
+        if start < 0:
             return False
-        at = found + len(piece)
+        at = start + len(piece)
     return True
 
 
@@ -254,8 +254,8 @@ def codes_from_attribute(text: str) -> str:
         "362.50;808.1"; "" where there is no code in it.
     """
     parts = _BETWEEN_CODES.split(_DECIMAL_COMMA.sub(".", text))
-    found = (_AT_START.match(part) for part in parts)
-    return ";".join(match.group(1).upper() for match in found if match)
+    matches = (_AT_START.match(part) for part in parts)
+    return ";".join(match.group(1).upper() for match in matches if match)
 
 
 def codes_from_label(label: str) -> str:
@@ -284,14 +284,14 @@ def unknown_codes_warning(labels: LabelMap, where: str) -> list[str]:
 
     The datakatalog's snapshot holds the common signs only: an unknown code may well be right.
     """
-    known = known_codes()
-    unknown = [code for code in labels.codes() if code not in known]
+    shipped = known_codes()
+    unknown = [code for code in labels.codes() if code not in shipped]
     if not unknown:
         return []
     listed = [f"{code} (nearest: {_nearest(code)})" for code in unknown[:_MOST_CODES]]
     more = f" and {len(unknown) - _MOST_CODES} more" if len(unknown) > _MOST_CODES else ""
     warning = (
-        f"{where} uses sign codes that are not among the {len(known)} that ship with twin:"
+        f"{where} uses sign codes that are not among the {len(shipped)} that ship with twin:"
         f" {', '.join(listed)}{more}. They are taken as written; check that NVDB has them."
     )
     return [warning]

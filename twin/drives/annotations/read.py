@@ -56,15 +56,13 @@ def read_annotations(
     for camera, names in (settings.annotations or {}).items():
         check_camera(rig, camera, "[annotations]")
         files += ((file, camera) for file in named_annotations(folder, names, notes, hints))
-    found = gather(files, rig, label_map, image_frames, settings.first_frame or 0)
-    notes.skipped += found.skipped
-    notes.warnings += _warnings(folder, [file.where for file, _ in files], found)
-    notes.warn(
-        DriveDoubt.ANNOTATIONS, *found.warnings, *reach_warnings(found.annotations, found.unsized, rig)
-    )
+    read = gather(files, rig, label_map, image_frames, settings.first_frame or 0)
+    notes.skipped += read.skipped
+    notes.warnings += _warnings(folder, [file.where for file, _ in files], read)
+    notes.warn(DriveDoubt.ANNOTATIONS, *read.warnings, *reach_warnings(read.annotations, read.unsized, rig))
     n_files = sum(file.n_files for file, _ in files)
-    notes.say(f"Annotations: {len(found.annotations.frame)} in {n_files} file{'' if n_files == 1 else 's'}.")
-    return found
+    notes.say(f"Annotations: {len(read.annotations.frame)} in {n_files} file{'' if n_files == 1 else 's'}.")
+    return read
 
 
 def read_drive_labels(folder: DriveFolder, labels: Path | None = None) -> LabelMap:
@@ -87,24 +85,24 @@ def read_drive_labels(folder: DriveFolder, labels: Path | None = None) -> LabelM
     return LabelMap()
 
 
-def _warnings(folder: DriveFolder, files: list[str], found: AnnotationsRead) -> tuple[Doubt, ...]:
+def _warnings(folder: DriveFolder, files: list[str], read: AnnotationsRead) -> tuple[Doubt, ...]:
     if not files:
         nearly = "".join(f" {one}." for one in nearly_annotations(folder))
         none = (
             f"{folder.root.name} holds no annotations ({NAMES}), so the drive has a track but no sightings."
         )
         return doubts(DriveDoubt.NO_ANNOTATION_FILES, none + nearly)
-    if not len(found.annotations.frame):
+    if not len(read.annotations.frame):
         nothing = f"{', '.join(files)}: not one point or box that can be used, so the drive has no sightings."
         return doubts(DriveDoubt.ANNOTATIONS, nothing)
-    return doubts(DriveDoubt.LABELS, *unmapped_warning(found))
+    return doubts(DriveDoubt.LABELS, *unmapped_warning(read))
 
 
-def unmapped_warning(found: AnnotationsRead) -> list[str]:
+def unmapped_warning(read: AnnotationsRead) -> list[str]:
     """List the labels of which nobody says what they mean; empty if there are none."""
-    if not found.unmapped:
+    if not read.unmapped:
         return []
-    listed = [f"{label or '(none)'} ({n})" for label, n in found.unmapped.items()]
+    listed = [f"{label or '(none)'} ({n})" for label, n in read.unmapped.items()]
     more = f" and {len(listed) - _MOST_LABELS} more" if len(listed) > _MOST_LABELS else ""
     unmapped = (
         f"No sign code for the labels {', '.join(listed[:_MOST_LABELS])}{more}: map them in {LABELS_FILE}"

@@ -63,8 +63,10 @@ class Detector:
 
     def name_of(self, class_index: int) -> str:
         """Name of a class; ``class 7`` where it has none."""
-        known = 0 <= class_index < len(self.names)
-        return self.names[class_index].strip() or f"class {class_index}" if known else f"class {class_index}"
+        is_named = 0 <= class_index < len(self.names)
+        return (
+            self.names[class_index].strip() or f"class {class_index}" if is_named else f"class {class_index}"
+        )
 
     def find(self, image: NDArray[np.uint8], threshold: float, faults: Counter[str]) -> Detections:
         """Find signs in one picture.
@@ -91,9 +93,9 @@ class Detector:
                 f"{self.where} cannot be run on pictures of {self.input_px[0]} x {self.input_px[1]} pixels"
                 f" ({_first_line(error)}): export it with a fixed input size."
             ) from error
-        found = candidates(_floats(output, self.where), len(self.names) or None, self.where)
+        boxes = candidates(_floats(output, self.where), len(self.names) or None, self.where)
         rows, columns = image.shape[:2]
-        return kept(found, letterbox, (columns, rows), threshold, faults)
+        return kept(boxes, letterbox, (columns, rows), threshold, faults)
 
 
 def _content(path: Path) -> bytes:

@@ -45,10 +45,10 @@ def read_detections(
     """
     meanings = read_drive_labels(folder, labels)
     first, last = (epoch - settings.camera_offset_ns for epoch in track.span_ns())
-    found = detect(Recorded(track.rig, pictures, stamps, (first, last)), options, notes.say)
-    _enter(folder, found, options)
-    read = gather(found.files, track.rig, meanings)
-    notes.skipped += (*found.skipped, *read.skipped)
+    detected = detect(Recorded(track.rig, pictures, stamps, (first, last)), options, notes.say)
+    _enter(folder, detected, options)
+    read = gather(detected.files, track.rig, meanings)
+    notes.skipped += (*detected.skipped, *read.skipped)
     notes.warn(DriveDoubt.LABELS, *unmapped_warning(read))
     if not len(read.annotations.frame):
         notes.warn(
@@ -56,13 +56,15 @@ def read_detections(
             f"{options.model.name} found no sign in the pictures, so the drive has no sightings: try a lower"
             " --detector-threshold, and see that the network was trained on such pictures.",
         )
-    notes.say(f"Detections: {len(read.annotations.frame)} in {len(found.files)} cameras.")
+    notes.say(f"Detections: {len(read.annotations.frame)} in {len(detected.files)} cameras.")
     return read
 
 
-def _enter(folder: DriveFolder, found: Found, options: DetectorOptions) -> None:
+def _enter(folder: DriveFolder, detected: Found, options: DetectorOptions) -> None:
     """Make model and boxes part of what the drive was read from: other boxes are other results."""
-    boxes = [(camera, shape.frame, *shape.box_px) for file, camera in found.files for shape in file.shapes]
+    boxes = [(camera, shape.frame, *shape.box_px) for file, camera in detected.files for shape in file.shapes]
     content = np.array([box[1:] for box in boxes], dtype=np.float64).tobytes()
     cameras = " ".join(box[0] for box in boxes)
-    folder.enter(f"--detector {options.model.name}", f"{found.model_sha256}\n{cameras}\n".encode() + content)
+    folder.enter(
+        f"--detector {options.model.name}", f"{detected.model_sha256}\n{cameras}\n".encode() + content
+    )

@@ -126,14 +126,14 @@ def _of_camera(
     lost: Counter[str] = Counter()
     unfit = Counter({"outside the track": n_outside})
     boxes: Counter[str] = Counter()
-    seen: list[Looked] = []
+    pictures_seen: list[Looked] = []
     told = _Told(say, pictures.camera, int(wanted.sum()))
     for frame in _of_size(frames(pictures, epoch_ns, wanted, lost), camera, pictures, unfit):
-        found = detector.find(frame.image, options.threshold, boxes)
-        seen.append(Looked(frame.number, frame.epoch_ns, found))
+        detections = detector.find(frame.image, options.threshold, boxes)
+        pictures_seen.append(Looked(frame.number, frame.epoch_ns, detections))
         told.one_more()
     where = f"{detector.where} on {pictures.where}"
-    file, n_loose = annotation_file(seen, detector.name_of, where)
+    file, n_loose = annotation_file(pictures_seen, detector.name_of, where)
     boxes["box that the frames around it do not show"] += n_loose
     left_out = [Skipped("frames", pictures.where, n, reason) for reason, n in sorted((lost + unfit).items())]
     left_out += [Skipped("detections", where, n, reason) for reason, n in sorted(boxes.items()) if n]
@@ -149,12 +149,12 @@ def _wanted(epoch_ns: IntArray, span_ns: tuple[int, int], every: int) -> tuple[N
 
 
 def _of_size(
-    found: Iterator[Frame], camera: RigCamera, pictures: Pictures, unfit: Counter[str]
+    every: Iterator[Frame], camera: RigCamera, pictures: Pictures, unfit: Counter[str]
 ) -> Iterator[Frame]:
     """Leave out images of another size than the camera's; refuse a video, or images that are all so."""
     width, height = camera.model.width_px, camera.model.height_px
     other, fits = "", False
-    for frame in found:
+    for frame in every:
         rows, columns = frame.image.shape[:2]
         if (columns, rows) == (width, height):
             fits = True

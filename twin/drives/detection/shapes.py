@@ -53,13 +53,13 @@ def annotation_file(
     track = tracks([p.epoch_ns for p in pictures], [p.found for p in pictures])
     frame = np.repeat([p.frame for p in pictures], [len(p.found.score) for p in pictures])
     every = [p.found for p in pictures] or [Detections(np.empty((0, 4)), np.empty(0), np.empty(0, np.int64))]
-    found = Detections(*(np.concatenate(parts) for parts in zip(*every, strict=True)))
+    boxes = Detections(*(np.concatenate(parts) for parts in zip(*every, strict=True)))
     shapes: list[Shape] = []
     for number in range(int(track.max(initial=-1)) + 1):
         rows = np.flatnonzero(track == number)
-        classes, which = np.unique(found.class_index[rows], return_inverse=True)
-        best = int(classes[np.argmax(np.bincount(which, weights=found.score[rows]))])
-        shapes += _shapes(frame[rows].tolist(), found.box_px[rows].tolist(), f"d{number + 1}", name_of(best))
+        classes, which = np.unique(boxes.class_index[rows], return_inverse=True)
+        best = int(classes[np.argmax(np.bincount(which, weights=boxes.score[rows]))])
+        shapes += _shapes(frame[rows].tolist(), boxes.box_px[rows].tolist(), f"d{number + 1}", name_of(best))
     return AnnotationFile(where, TOOL, shapes), int(np.count_nonzero(track < 0))
 
 

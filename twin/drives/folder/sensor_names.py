@@ -18,17 +18,17 @@ def plain(name: str) -> str:
 def named_in(text: str, names: Iterable[str]) -> list[str]:
     """Those of `names` that stand as a whole in `text`; of names within one another only the longest."""
     padded = f"_{plain(text)}_"
-    found = [name for name in names if plain(name) and f"_{plain(name)}_" in padded]
+    named = [name for name in names if plain(name) and f"_{plain(name)}_" in padded]
     return [
         name
-        for name in found
-        if not any(f"_{plain(name)}_" in f"_{plain(other)}_" and other != name for other in found)
+        for name in named
+        if not any(f"_{plain(name)}_" in f"_{plain(other)}_" and other != name for other in named)
     ]
 
 
 def which_camera(name: str, cameras: Iterable[str]) -> str:
     """List the cameras that there are, and the one with the most similar name, as one clause."""
-    known = {one.casefold(): one for one in cameras}
-    near = difflib.get_close_matches(name.casefold(), known, n=1)
-    nearest = f"; the nearest is {known[near[0]]}" if near else ""
-    return f"its cameras: {', '.join(known.values()) or 'none'}{nearest}"
+    by_plain_name = {one.casefold(): one for one in cameras}
+    near = difflib.get_close_matches(name.casefold(), by_plain_name, n=1)
+    nearest = f"; the nearest is {by_plain_name[near[0]]}" if near else ""
+    return f"its cameras: {', '.join(by_plain_name.values()) or 'none'}{nearest}"

@@ -63,7 +63,7 @@ def find_pictures(folder: DriveFolder, settings: DriveSettings, rig: Rig) -> dic
     DriveError
         If what ``drive.toml`` names is not there.
     """
-    found: dict[str, Pictures] = {}
+    pictures: dict[str, Pictures] = {}
     for camera in rig.cameras.values():
         if settings.frames is None:
             name = _video_of(folder, camera)
@@ -71,13 +71,13 @@ def find_pictures(folder: DriveFolder, settings: DriveSettings, rig: Rig) -> dic
         else:
             frames = settings.frames.get(camera.name)
         if frames is not None:
-            found[camera.name] = _pictures(folder, camera.name, frames)
+            pictures[camera.name] = _pictures(folder, camera.name, frames)
             continue
         file = settings.timestamps.get(camera.name)
         if file and folder.has(file) and names_images(folder.head(file)):
             times, _ = read_image_times(folder.peek(file), file)
-            found[camera.name] = Pictures(camera.name, folder, FrameSettings(""), in_order(times))
-    return found
+            pictures[camera.name] = Pictures(camera.name, folder, FrameSettings(""), in_order(times))
+    return pictures
 
 
 def in_order(names: Mapping[str, int] | list[str]) -> tuple[str, ...]:

@@ -45,10 +45,10 @@ def epoch_from_name(name: str, utc_offset_hours: float | None = None) -> int | N
         Nanoseconds UTC; None where the name holds no time in the years 2000–2099, more than one, or a local
         time whose zone is unknown (see `needs_zone`).
     """
-    found = _moments(name)
-    if len(found) != 1:
+    moments = _moments(name)
+    if len(moments) != 1:
         return None
-    epoch_ns, has_zone = found[0]
+    epoch_ns, has_zone = moments[0]
     if has_zone:
         return epoch_ns
     return None if utc_offset_hours is None else epoch_ns - round(utc_offset_hours * 3600 * _NS)
@@ -56,18 +56,18 @@ def epoch_from_name(name: str, utc_offset_hours: float | None = None) -> int | N
 
 def needs_zone(name: str) -> bool:
     """Whether a name holds one time, but not in which zone."""
-    found = _moments(name)
-    return len(found) == 1 and not found[0][1]
+    moments = _moments(name)
+    return len(moments) == 1 and not moments[0][1]
 
 
 def _moments(name: str) -> list[tuple[int, bool]]:
     """Epochs in a name, each with whether it is UTC; those without a zone as if they were."""
     stem = PurePosixPath(name).name[-_LONGEST_NAME:]
     stem = re.sub(r"\.[A-Za-z][A-Za-z0-9]{1,4}$", "", stem)
-    found = {moment for match in _CALENDAR.finditer(stem) if (moment := _calendar(match)) is not None}
-    if not found:
-        found = {(epoch, True) for match in _UNIX.finditer(stem) if (epoch := _unix(match[1])) is not None}
-    return sorted(found)
+    moments = {moment for match in _CALENDAR.finditer(stem) if (moment := _calendar(match)) is not None}
+    if not moments:
+        moments = {(epoch, True) for match in _UNIX.finditer(stem) if (epoch := _unix(match[1])) is not None}
+    return sorted(moments)
 
 
 def _unix(digits: str) -> int | None:

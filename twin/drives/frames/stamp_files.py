@@ -131,8 +131,8 @@ def increasing(epoch_ns: IntArray, where: str) -> tuple[IntArray, tuple[Skipped,
         With `NO_STAMP` in their place.
     skipped : tuple of Skipped
     """
-    known = np.flatnonzero(epoch_ns != NO_STAMP)
-    late = known[~longest_increasing(epoch_ns[known])]
+    stamped = np.flatnonzero(epoch_ns != NO_STAMP)
+    late = stamped[~longest_increasing(epoch_ns[stamped])]
     if not late.size:
         return epoch_ns, ()
     kept = epoch_ns.copy()

@@ -52,8 +52,8 @@ def read_stamps(
         stamps[camera], files[camera] = times.epoch_ns, times.where
         notes.skipped += times.skipped
         notes.warn(DriveDoubt.CLOCK, *times.warnings)
-        known = np.count_nonzero(times.epoch_ns != NO_STAMP)
-        notes.say(f"Time stamps {times.where}: {known} frames.")
+        n_stamped = np.count_nonzero(times.epoch_ns != NO_STAMP)
+        notes.say(f"Time stamps {times.where}: {n_stamped} frames.")
     return stamps, files
 
 

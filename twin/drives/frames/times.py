@@ -77,10 +77,10 @@ def times_of_pictures(pictures: Pictures) -> FrameTimes:
         return _of_container(pictures, video_index(pictures))
     epoch_ns = _of_images(pictures, pictures.images)
     epoch_ns, late = increasing(epoch_ns, pictures.where)
-    known = epoch_ns[epoch_ns != NO_STAMP]
-    unknown = len(epoch_ns) - known.size - sum(s.count for s in late)
+    stamped_ns = epoch_ns[epoch_ns != NO_STAMP]
+    unknown = len(epoch_ns) - stamped_ns.size - sum(s.count for s in late)
     skipped = (Skipped("frames", pictures.where, unknown, "no time in name or EXIF"),) if unknown else ()
-    whole = known.size > 1 and not np.any(known % _NS)
+    whole = stamped_ns.size > 1 and not np.any(stamped_ns % _NS)
     return FrameTimes(epoch_ns, pictures.where, skipped + late, (_whole(pictures.where),) if whole else ())
 
 

@@ -142,22 +142,23 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
     rig = None if read is None else read[0]
     # Without a rig the recordings still say when they were made.
     track = parts.tried(lambda: read_track(folder, settings, rig or Rig({}, {}, "the rig"), notes))
-    found: AnnotationsRead | None = None
+    annotated: AnnotationsRead | None = None
     pictures: Mapping[str, Pictures] = {}
     stamps: dict[str, tuple[IntArray, str]] = {}
     if rig is not None:
         known = rig
         pictures = parts.tried(lambda: find_pictures(folder, settings, known)) or {}
         image_frames = {camera: of.frame_of() for camera, of in pictures.items() if of.images}
-        found = parts.tried(
+        annotated = parts.tried(
             lambda: read_annotations(folder, settings, known, notes, image_frames=image_frames)
         )
-        stamps = _stamps(folder, settings, known, found, pictures, notes, parts)
+        stamps = _stamps(folder, settings, known, annotated, pictures, notes, parts)
         # Of annotated cameras reading the drive says it, as far as it matters for what was annotated.
-        to_annotate = set(pictures) - set(found.cameras if found else ())
+        to_annotate = set(pictures) - set(annotated.cameras if annotated else ())
         notes.warn(DriveDoubt.PICTURES, *size_contradictions(pictures, to_annotate, known))
     if not parts.refusals:
         parts.tried(lambda: _tell_of_track(read_drive(path), notes))
+    missing = _missing(settings, rig, annotated, stamps)
     notes.say("looking at every file")
     return Inspection(
         path=str(path),
@@ -167,8 +168,8 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         files=recognised(folder, _images_of_times(pictures, stamps)),
         cameras=_cameras(rig),
         antennas=_antennas(rig if track is None else track.rig),
-        sensors=_sensors(settings, track, found, stamps),
-        warnings=tuple(dict.fromkeys((*map(str, notes.warnings), *_missing(settings, rig, found, stamps)))),
+        sensors=_sensors(settings, track, annotated, stamps),
+        warnings=tuple(dict.fromkeys((*map(str, notes.warnings), *missing))),
         skipped=tuple(dict.fromkeys(notes.skipped)),
         settings=_settled(folder, settings),
     )
@@ -216,13 +217,13 @@ def _stamps(
     folder: DriveFolder,
     settings: DriveSettings,
     rig: Rig,
-    found: AnnotationsRead | None,
+    annotated: AnnotationsRead | None,
     pictures: Mapping[str, Pictures],
     notes: ReadingNotes,
     parts: _Parts,
 ) -> dict[str, tuple[IntArray, str]]:
     """Stamps of every camera that has some; only those of annotated cameras can be missed."""
-    needed = {*(found.cameras if found else ()), *settings.timestamps}
+    needed = {*(annotated.cameras if annotated else ()), *settings.timestamps}
     stamps = {}
     progress = _once(notes.progress)
     for camera in sorted({*rig.cameras, *needed}):
@@ -239,13 +240,13 @@ def _stamps(
 def _cameras(rig: Rig | None) -> tuple[CameraSeen, ...]:
     if rig is None:
         return ()
-    seen = []
+    cameras = []
     for camera in rig.cameras.values():
         fov = math.degrees(camera.model.horizontal_fov_rad)
         size = (camera.model.width_px, camera.model.height_px)
-        seen.append(CameraSeen(camera.name, camera.model.model, size, fov if math.isfinite(fov) else None))
-    seen += [CameraSeen(name, "", None, None, reason) for name, reason in rig.unsupported.items()]
-    return tuple(seen)
+        cameras.append(CameraSeen(camera.name, camera.model.model, size, fov if math.isfinite(fov) else None))
+    cameras += [CameraSeen(name, "", None, None, reason) for name, reason in rig.unsupported.items()]
+    return tuple(cameras)
 
 
 def _antennas(rig: Rig | None) -> dict[str, tuple[float, float, float]]:
@@ -258,7 +259,7 @@ def _antennas(rig: Rig | None) -> dict[str, tuple[float, float, float]]:
 def _sensors(
     settings: DriveSettings,
     track: Track | None,
-    found: AnnotationsRead | None,
+    annotated: AnnotationsRead | None,
     stamps: Mapping[str, tuple[IntArray, str]],
 ) -> tuple[SensorSpan, ...]:
     spans: list[SensorSpan | None] = []
@@ -271,9 +272,9 @@ def _sensors(
             spans.append(poses_span(track.poses, settings.poses or ""))
     for camera, (epoch_ns, file) in stamps.items():
         spans.append(frames_span(camera, epoch_ns, file))
-        notes = None if found is None else found.annotations
-        if notes is not None and np.any(notes.camera == camera):
-            epochs = epochs_of(notes, {camera: epoch_ns})[notes.camera == camera]
+        annotations = None if annotated is None else annotated.annotations
+        if annotations is not None and np.any(annotations.camera == camera):
+            epochs = epochs_of(annotations, {camera: epoch_ns})[annotations.camera == camera]
             spans.append(annotations_span(camera, epochs, ""))
     return tuple(span for span in spans if span is not None)
 
@@ -281,7 +282,7 @@ def _sensors(
 def _missing(
     settings: DriveSettings,
     rig: Rig | None,
-    found: AnnotationsRead | None,
+    annotated: AnnotationsRead | None,
     stamps: Mapping[str, tuple[IntArray, str]],
 ) -> list[str]:
     """What the drive can do without, and what that costs."""
@@ -291,7 +292,7 @@ def _missing(
         sentences.append(
             f"No frame times for {', '.join(without)}: pictures of these cameras cannot be used."
         )
-    if found is not None and len(found.annotations.frame) and not settings.annotations_complete:
+    if annotated is not None and len(annotated.annotations.frame) and not settings.annotations_complete:
         sentences.append(
             f"{SETTINGS_FILE} does not say annotations_complete = true, so this drive cannot show that a sign"
             " is missing."

@@ -36,7 +36,7 @@ def text_timeline(sensors: Sequence[SensorSpan], columns: int = 40) -> list[str]
     return ["".join(_cell(sensor, *pair) for pair in itertools.pairwise(edges)) for sensor in sensors]
 
 
-def draw_timeline(found: Inspection, path: Path | str) -> Path:
+def draw_timeline(inspection: Inspection, path: Path | str) -> Path:
     """Draw the timeline as a PNG: a bar a sensor, gaps in red, annotations as ticks.
 
     Raises
@@ -54,21 +54,21 @@ def draw_timeline(found: Inspection, path: Path | str) -> Path:
         raise ConfigError(
             f"The picture is a PNG, and {path.name} is not called one: name it {path.stem}.png."
         )
-    if not found.sensors:
-        raise ConfigError(f"Nothing in {found.path} has a time, so there is no timeline to draw.")
+    if not inspection.sensors:
+        raise ConfigError(f"Nothing in {inspection.path} has a time, so there is no timeline to draw.")
     make_folder(path.parent)
-    height = 1.4 + 0.42 * len(found.sensors)
+    height = 1.4 + 0.42 * len(inspection.sensors)
     figure = Figure(figsize=(11.0, height), dpi=120, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
-    first, last = _span(found.sensors)
-    for row, sensor in enumerate(found.sensors):
+    first, last = _span(inspection.sensors)
+    for row, sensor in enumerate(inspection.sensors):
         _draw(axes, sensor, -row, first)
-    labels = [f"{s.name}  {s.kind}" for s in found.sensors]
+    labels = [f"{s.name}  {s.kind}" for s in inspection.sensors]
     axes.set_yticks(range(0, -len(labels), -1), labels, fontsize=9)
     axes.set(xlabel=f"seconds since {utc_text(first)}", ylim=(0.6 - len(labels), 0.6))
     axes.margins(x=0.01)
-    axes.set_title(f"{found.name}: {(last - first) / _NS_PER_S:.1f} s", loc="left", fontsize=11)
+    axes.set_title(f"{inspection.name}: {(last - first) / _NS_PER_S:.1f} s", loc="left", fontsize=11)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(left=False)
     axes.grid(axis="x", color="#e6e6e6")

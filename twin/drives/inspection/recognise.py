@@ -79,7 +79,7 @@ def recognised(folder: DriveFolder, named: Collection[str] = ()) -> tuple[FileSe
     named : collection of str
         Files of which the names are read: the drive was read from these as well.
     """
-    seen: list[FileSeen] = []
+    files: list[FileSeen] = []
     used = folder.entered() | set(named)
     for inside in ("", *(f"{name}/" for name in annotation_folders(folder))):
         try:
@@ -94,8 +94,8 @@ def recognised(folder: DriveFolder, named: Collection[str] = ()) -> tuple[FileSe
         for (kind, suffix), members in groups.items():
             shown = members[0] if len(members) == 1 else f"{inside}*{suffix}"
             size = sum(_size(folder, name) for name in members)
-            seen.append(FileSeen(shown, len(members), size, kind, any(name in used for name in members)))
-    return tuple(sorted(seen, key=lambda file: (file.name.count("/"), file.name)))
+            files.append(FileSeen(shown, len(members), size, kind, any(name in used for name in members)))
+    return tuple(sorted(files, key=lambda file: (file.name.count("/"), file.name)))
 
 
 def kind_of(folder: DriveFolder, name: str) -> str:

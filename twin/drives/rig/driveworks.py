@@ -71,9 +71,9 @@ def find_timestamps(folder: DriveFolder, camera: RigCamera) -> str | None:
     DriveError
         If several files could be meant.
     """
-    found = folder.found(camera.timestamps)
-    if found:
-        return found
+    named = folder.found(camera.timestamps)
+    if named:
+        return named
     candidates = [name for name in folder.names(".timestamps") if plain(name).startswith(plain(camera.name))]
     # C1 begins C10 as well: the whole name must be there.
     candidates = [name for name in candidates if named_in(name, [camera.name])]

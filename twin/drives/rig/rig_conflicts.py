@@ -63,7 +63,7 @@ def pose_conflicts(
 
 def unused_rigs(folder: DriveFolder) -> dict[str, Mapping[str, Any]]:
     """Rig files of a folder whose ``drive.toml`` says all of every camera, by name; broken ones left out."""
-    found: dict[str, Mapping[str, Any]] = {}
+    rigs: dict[str, Mapping[str, Any]] = {}
     for name in folder.names(".json"):
         try:
             head = folder.head(name, LARGEST_RIG_BYTES + 1)
@@ -72,8 +72,8 @@ def unused_rigs(folder: DriveFolder) -> dict[str, Mapping[str, Any]]:
         except (DriveError, ValueError, RecursionError):
             continue
         if looks_like_rig(document):
-            found[name] = document
-    return found
+            rigs[name] = document
+    return rigs
 
 
 def _apart(one: RigCamera, other: RigCamera) -> tuple[float, float]:

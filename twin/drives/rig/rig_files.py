@@ -191,15 +191,15 @@ def _with_mask_files(
     sensors, changed = [], False
     for sensor in document["rig"]["sensors"]:
         file = _mask_file(sensor)
-        found = folder.found(file)
-        if file is not None and found is None:
+        mask_file = folder.found(file)
+        if file is not None and mask_file is None:
             notes.warn(
                 DriveDoubt.RIG,
                 f"{source} names the car mask {file} of {sensor['name']}, which is not in the folder: what is"
                 " marked on the car itself is taken for signs.",
             )
-        if found is not None:
-            mask = mask_document(_read_mask(folder.content(found), found))
+        if mask_file is not None:
+            mask = mask_document(_read_mask(folder.content(mask_file), mask_file))
             sensors.append({**sensor, "car-mask": mask})
             changed = True
         else:

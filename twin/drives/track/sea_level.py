@@ -22,19 +22,21 @@ def above_ellipsoid(rows: Sequence[Fix], where: str) -> tuple[list[Fix], list[st
     """
     if not rows:
         return [], []
-    found = ellipsoidal_from_nn2000(
+    ellipsoidal = ellipsoidal_from_nn2000(
         [row.latitude_deg for row in rows],
         [row.longitude_deg for row in rows],
         [row.height_m for row in rows],
     )
-    if not np.isfinite(found.height_m).all():
+    if not np.isfinite(ellipsoidal.height_m).all():
         warning = (
             f"The heights of {where} are above sea level, and there is no geoid model here to bring them to"
             " the ellipsoid: heights of signs, and nothing else, are off by the geoid, 15 to 50 m in Norway"
             " (docs/datum-and-heights.md)."
         )
         return list(rows), [warning]
-    moved = [row._replace(height_m=height) for row, height in zip(rows, found.height_m.tolist(), strict=True)]
+    moved = [
+        row._replace(height_m=height) for row, height in zip(rows, ellipsoidal.height_m.tolist(), strict=True)
+    ]
     warning = (
         f"The heights of {where} were taken as above sea level (NN2000) and brought to the ellipsoid by"
         " HREF2018B."

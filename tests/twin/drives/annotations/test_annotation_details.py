@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -236,21 +238,6 @@ def test_labelme_image_without_a_name_has_the_files() -> None:
     assert shape.image == "labels/12.json"
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ('<!DOCTYPE a [<!ENTITY x "y">]><annotation><polygon/>&x;</annotation>', "document type or entities"),
-        ("<annotation>", "not well-formed"),
-        ("", "not well-formed"),
-        ("<annotations/>", "no LabelMe annotation"),
-    ],
-)
-def test_labelme_web_file_that_is_none_is_refused(text: str, message: str) -> None:
-    """Entities, cut files and CVAT's root each get their sentence."""
-    with pytest.raises(DriveError, match=rf"a\.xml .*{message}"):
-        read_labelme_xml(text.encode(), "a.xml")
-
-
 def test_yolo_row_that_is_no_label_is_counted() -> None:
     """Words, pixels instead of fractions, negative classes, and rows of a length that means nothing."""
     rows = [
@@ -292,24 +279,6 @@ def test_yolo_class_names_are_texts_as_written() -> None:
     assert classes.labels == {0: "362.50", 1: "202", 2: "yes"}
     assert read_yolo_classes(b"names: [362.50, a]", "data.yaml").labels == {0: "362.50", 1: "a"}
     assert read_yolo_classes(b"362.50\n\na\n", "obj.names").labels == {0: "362.50", 2: "a"}
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (b"names: [", "not YAML"),
-        (b"a: &a [x]\nnames: [*a, *a]", "references"),
-        (b"train: images", "has no names"),
-        (b"names: [a]\nkpt_shape: [99999999, 3]", "kpt_shape"),
-        (b"names: [a]\nkpt_shape: [2, 7]", "kpt_shape"),
-        (b"\xff\xfe", "not UTF-8"),
-        (b"a" * 1_000_001, "no list of class names"),
-    ],
-)
-def test_yolo_class_file_that_is_none_is_refused(text: bytes, message: str) -> None:
-    """The sentence names the file."""
-    with pytest.raises(DriveError, match=rf"data\.yaml .*{message}"):
-        read_yolo_classes(text, "data.yaml")
 
 
 def test_yolo_pose_with_two_values_a_point_is_read() -> None:
@@ -384,35 +353,6 @@ def test_csv_row_that_cannot_be_used_is_counted() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (b"a,b\n1,2\n", "has the columns 'a,b'"),
-        (b"frame,x_px,y_px\n\xff", "not UTF-8"),
-        (b"", "has the columns ''"),
-    ],
-)
-def test_csv_that_is_none_is_refused(text: bytes, message: str) -> None:
-    """The sentence says which columns are needed."""
-    with pytest.raises(DriveError, match=rf"signs\.csv .*{message}"):
-        read_annotations_csv(text, "signs.csv")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (b"[" * 100_000, "nested too deeply"),
-        (b'{"images": [', "not JSON"),
-        (b"\xff", "not JSON"),
-        (b"9" * 5000, "not JSON"),
-    ],
-)
-def test_json_that_is_none_is_refused(text: bytes, message: str) -> None:
-    """Cut, too deep, of another encoding, or a number without end."""
-    with pytest.raises(DriveError, match=rf"a\.json .*{message}"):
-        read_annotation_json(text, "a.json")
-
-
 def test_json_texts_can_always_be_stored() -> None:
     """Half a surrogate pair, which JSON can spell, becomes a question mark."""
     shapes = [{"label": "a\ud800b", "shape_type": "point", "points": [[1, 2]]}]
@@ -420,3 +360,42 @@ def test_json_texts_can_always_be_stored() -> None:
     assert file is not None
     assert file.shapes[0].label == "a?b"
     assert math.isnan(file.shapes[0].box_px[0])
+
+
+LABELME, CLASSES, CSV, JSON = "a.xml", "data.yaml", "signs.csv", "a.json"
+READERS: dict[str, Callable[[bytes, str], object]] = {
+    LABELME: read_labelme_xml,
+    CLASSES: read_yolo_classes,
+    CSV: read_annotations_csv,
+    JSON: read_annotation_json,
+}
+
+
+@pytest.mark.parametrize(
+    ("where", "content", "message"),
+    [
+        (LABELME, b'<!DOCTYPE a [<!ENTITY x "y">]><annotation>&x;</annotation>', "document type or entities"),
+        (LABELME, b"<annotation>", "not well-formed"),
+        (LABELME, b"", "not well-formed"),
+        (LABELME, b"<annotations/>", "no LabelMe annotation"),
+        (CLASSES, b"names: [", "not YAML"),
+        (CLASSES, b"a: &a [x]\nnames: [*a, *a]", "references"),
+        (CLASSES, b"train: images", "has no names"),
+        (CLASSES, b"names: [a]\nkpt_shape: [99999999, 3]", "kpt_shape"),
+        (CLASSES, b"names: [a]\nkpt_shape: [2, 7]", "kpt_shape"),
+        (CLASSES, b"\xff\xfe", "not UTF-8"),
+        (CLASSES, b"a" * 1_000_001, "no list of class names"),
+        (CSV, b"a,b\n1,2\n", "has the columns 'a,b'"),
+        (CSV, b"frame,x_px,y_px\n\xff", "not UTF-8"),
+        (CSV, b"", "has the columns ''"),
+        (JSON, b"[" * 100_000, "nested too deeply"),
+        (JSON, b'{"images": [', "not JSON"),
+        (JSON, b"\xff", "not JSON"),
+        (JSON, b"9" * 5000, "not JSON"),
+    ],
+    ids=lambda value: "" if isinstance(value, bytes) else value,
+)
+def test_file_that_is_none_of_its_format_is_refused(where: str, content: bytes, message: str) -> None:
+    """Entities, cut files, other encodings: the sentence names the file and what is wrong."""
+    with pytest.raises(DriveError, match=rf"{re.escape(where)} .*{message}"):
+        READERS[where](content, where)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from importlib.resources import files
 
 import pytest
-from checkout import ROOT
 
 from nvdb.datakatalog import snapshot
 from twin.drives.annotations.labels import (
@@ -130,15 +128,3 @@ def test_default_sign_codes_are_known_to_nvdb() -> None:
 def test_labels_are_spelt_plainly() -> None:
     """Runs of blanks, hyphens and underscores are one blank."""
     assert plain_label("  Regulatory--Stop__g1 ") == "regulatory stop g1"
-
-
-def test_documented_labels_are_read() -> None:
-    """The page's labels.toml works as the page says."""
-    page = ROOT / "docs" / "labels.md"
-    if not page.exists():
-        pytest.skip("docs are not beside the tests")
-    found = re.search(r"```toml\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-    assert found
-    labels = read_label_map(found[1].encode())
-    assert labels.of("speed_50") == Meaning("362.50")
-    assert labels.of("guard rail end") == Meaning(nvdb_type=14)

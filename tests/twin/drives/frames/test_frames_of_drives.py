@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from twin.drives.frames.read import frames
+from twin.drives.drive import Drive
+from twin.drives.frames.read import Frame, frames
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.errors import DriveError
 
@@ -241,6 +242,13 @@ def test_settings_of_frames_that_are_wrong_are_refused(small: Any, settings: str
         small.read()
 
 
+def every_frame(drive: Drive) -> tuple[list[Frame], Counter[str]]:
+    """All frames of the camera front that can be read, and why the others cannot."""
+    stamps, faults = drive.frame_epoch_ns["front"], Counter[str]()
+    wanted = np.ones(len(stamps), dtype=np.bool_)
+    return list(frames(drive.pictures["front"], stamps, wanted, faults)), faults
+
+
 def test_image_link_that_leads_out_of_the_folder_is_not_read(small: Any, tmp_path: Any) -> None:
     """A link among the images to a file elsewhere is counted, not followed."""
     (tmp_path / "secret.png").write_bytes(small.movies.jpeg(form="PNG"))
@@ -250,9 +258,7 @@ def test_image_link_that_leads_out_of_the_folder_is_not_read(small: Any, tmp_pat
     small.settings('[frames]\nfront = "pictures/"')
     small.annotate_images("1781078401.5.png")
     drive = small.read()
-    faults: Counter[str] = Counter()
-    stamps = drive.frame_epoch_ns["front"]
-    found = list(frames(drive.pictures["front"], stamps, np.ones(4, dtype=np.bool_), faults))
+    found, faults = every_frame(drive)
     assert [frame.number for frame in found] == [0, 1, 2]
     assert faults == {"image unreadable": 1}
 
@@ -264,9 +270,7 @@ def test_damaged_images_and_frames_are_counted_while_reading(small: Any) -> None
     small.settings('[frames]\nfront = "pictures/"')
     small.annotate_images("1781078400.5.jpg")
     drive = small.read()
-    faults: Counter[str] = Counter()
-    stamps = drive.frame_epoch_ns["front"]
-    found = list(frames(drive.pictures["front"], stamps, np.ones(4, dtype=np.bool_), faults))
+    found, faults = every_frame(drive)
     assert [(frame.number, frame.epoch_ns) for frame in found] == [(0, small.start_ns + 500_000_000)]
     assert sum(faults.values()) == 3
 

@@ -136,3 +136,17 @@ def test_poses_raise_nothing_but_drive_errors(content: bytes) -> None:
         return
     assert np.all(np.diff(track.epoch_ns) > 0)
     assert np.isfinite([track.latitude_deg, track.height_m, track.pitch_deg, track.sigma_heading_deg]).all()
+
+
+def test_poses_in_descending_time_are_named_as_that() -> None:
+    """A file sorted the wrong way round is told to be sorted."""
+    header = "time_ns,latitude_deg,longitude_deg,height_m,roll_deg,pitch_deg,heading_deg\n"
+    rows = [f"{1_780_000_000_000_000_000 - i * 10**8},63.4,10.4,50,0,0,90\n" for i in range(20)]
+    with pytest.raises(DriveError, match="not in order of time"):
+        read_poses((header + "".join(rows)).encode(), "poses.csv")
+
+
+def test_poses_separated_by_semicolons_are_named_as_that() -> None:
+    """A Norwegian spreadsheet writes semicolons: the message says so."""
+    with pytest.raises(DriveError, match="semicolons"):
+        read_poses(b"time_ns;latitude_deg;longitude_deg\n1;2;3\n", "poses.csv")

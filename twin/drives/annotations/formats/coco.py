@@ -36,16 +36,7 @@ def looks_like_coco(document: object) -> bool:
 
 
 def read_coco(document: object, where: str, hints: Hints = NO_HINTS) -> AnnotationFile:
-    """Read one COCO document.
-
-    Parameters
-    ----------
-    document : object
-        Parsed JSON.
-    where : str
-        File name, for messages.
-    hints : Hints
-    """
+    """Read one COCO document."""
     file, top = AnnotationFile(where, TOOL), mapping(document)
     images = {key(image.get("id")): image for image in map(mapping, sequence(top.get("images")))}
     categories = {key(one.get("id")): one for one in map(mapping, sequence(top.get("categories")))}

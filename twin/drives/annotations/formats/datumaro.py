@@ -48,16 +48,7 @@ class _Categories:
 
 
 def read_datumaro(document: object, where: str, hints: Hints = NO_HINTS) -> AnnotationFile:
-    """Read one Datumaro document.
-
-    Parameters
-    ----------
-    document : object
-        Parsed JSON.
-    where : str
-        File name, for messages.
-    hints : Hints
-    """
+    """Read one Datumaro document."""
     file, top = AnnotationFile(where, TOOL), mapping(document)
     categories = _categories(mapping(top.get("categories")), hints.feet)
     for item in map(mapping, sequence(top.get("items"))):

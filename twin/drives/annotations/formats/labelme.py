@@ -37,15 +37,7 @@ def looks_like_labelme(document: object) -> bool:
 
 
 def read_labelme(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
-    """Read the annotations of one image.
-
-    Parameters
-    ----------
-    document : object
-        Parsed JSON.
-    where : str
-        File name, for messages, and for the image's where that is not given.
-    """
+    """Read the annotations of one image; its name is the file's where that is not given."""
     file, top = AnnotationFile(where, TOOL), mapping(document)
     image, size = text(top.get("imagePath")) or where, size_px(top.get("imageWidth"), top.get("imageHeight"))
     for drawn in map(mapping, sequence(top.get("shapes"))):

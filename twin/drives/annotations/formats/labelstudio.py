@@ -48,15 +48,7 @@ def looks_like_labelstudio(document: object) -> bool:
 
 
 def read_labelstudio(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
-    """Read one export in the form "JSON".
-
-    Parameters
-    ----------
-    document : object
-        Parsed JSON.
-    where : str
-        File name, for messages.
-    """
+    """Read one export in the form "JSON"."""
     file = AnnotationFile(where, TOOL)
     for task in map(mapping, sequence(document)):
         number = whole(task.get("id"))

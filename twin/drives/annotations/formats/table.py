@@ -41,7 +41,8 @@ class AnnotationFormat(NamedTuple):
     is_it : callable
         Whether a file is of this format, by its first bytes; in JSON, by the parsed document.
     read : callable
-        Reads the bytes, in JSON the parsed document; of a file name and `Hints`.
+        Takes the bytes, in JSON the parsed document, the file's name (for messages, and as the image's where
+        a file is of one image and does not name it), and `Hints`.
     is_one_image : bool
         Whether the tool writes one such file for each image.
     """

@@ -28,15 +28,7 @@ def looks_like_vistas(document: object) -> bool:
 
 
 def read_vistas(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
-    """Read the polygons of one image: rings of points, or of flat numbers.
-
-    Parameters
-    ----------
-    document : object
-        Parsed JSON.
-    where : str
-        File name: that of the image, too.
-    """
+    """Read the polygons of one image: rings of points, or of flat numbers."""
     file, top = AnnotationFile(where, TOOL), mapping(document)
     size = size_px(top.get("width"), top.get("height", top.get("heigth")))
     for thing in map(mapping, sequence(top.get("objects"))):

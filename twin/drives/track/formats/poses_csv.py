@@ -171,8 +171,8 @@ def _cell(cells: Sequence[str], at: Mapping[str, int], name: str) -> str:
 
 def _ignored(header: Sequence[str], where: str) -> tuple[str, ...]:
     """A misspelt sigma column would otherwise quietly become the default."""
-    known = ("time_ns", *REQUIRED, *DEFAULT_SIGMAS)
-    unknown = [name for name in header if name and name not in known]
+    columns = ("time_ns", *REQUIRED, *DEFAULT_SIGMAS)
+    unknown = [name for name in header if name and name not in columns]
     if not unknown:
         return ()
-    return (f"Columns of {where} that were not read: {', '.join(unknown)}; read were {', '.join(known)}.",)
+    return (f"Columns of {where} that were not read: {', '.join(unknown)}; read were {', '.join(columns)}.",)

@@ -1,14 +1,24 @@
-"""GPS weeks, rollovers and leap seconds."""
+"""GPS weeks, rollovers and leap seconds; which rows are kept when stamps are out of order."""
 
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from itertools import combinations, pairwise
 
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin.drives.epochs import ROLLOVER_NS, WEEK_NS, after_rollovers, leap_seconds, nearest_week, utc_from_gps
+from twin.drives.epochs import (
+    ROLLOVER_NS,
+    WEEK_NS,
+    after_rollovers,
+    leap_seconds,
+    longest_increasing,
+    nearest_week,
+    utc_from_gps,
+)
 
 S = 1_000_000_000
 
@@ -46,3 +56,36 @@ def test_rollovers_are_undone_for_every_date_of_a_drive(epoch_ns: int, times: in
 def test_nearest_week_finds_the_epoch_from_any_day_around(gps_ns: int, off_ns: int) -> None:
     """The time of the week, and another epoch less than half a week away, are enough."""
     assert nearest_week(gps_ns % WEEK_NS, gps_ns + off_ns) == gps_ns
+
+
+stamps = st.lists(st.integers(-5, 5), max_size=9)
+
+
+@settings(max_examples=300, deadline=None, derandomize=True, database=None)
+@given(stamps)
+def test_longest_increasing_is_as_long_as_the_best_of_all_subsequences(values: list[int]) -> None:
+    """No subsequence that increases strictly is longer than the one kept."""
+    keep = longest_increasing(np.array(values, dtype=np.int64))
+    kept = np.array(values, dtype=np.int64)[keep]
+    assert np.all(np.diff(kept) > 0)
+    best = max(
+        (
+            n
+            for n in range(len(values) + 1)
+            for chosen in combinations(values, n)
+            if all(a < b for a, b in pairwise(chosen))
+        ),
+        default=0,
+    )
+    assert len(kept) == best
+
+
+@pytest.mark.parametrize(
+    ("values", "kept"),
+    [([1, 2, 999, 3, 4], [True, True, False, True, True]), ([1, 2, 2, 3], [True, True, False, True])],
+)
+def test_longest_increasing_loses_a_stamp_from_the_future_and_the_second_of_equals(
+    values: list[int], kept: list[bool]
+) -> None:
+    """One stamp far ahead costs itself, not the rows after it; a duplicate loses to the row before it."""
+    assert longest_increasing(np.array(values, dtype=np.int64)).tolist() == kept
