@@ -20,7 +20,8 @@ from typer.main import get_group
 
 from twin.cli.app import app
 from twin.cli.exit_codes import exit_code
-from twin.store.kinds import Method
+from twin.cli.findings import FindingVerdict
+from twin.store.kinds import QUIET, Verdict
 from twin.store.schema import METHODS
 
 Twin = Callable[..., Any]
@@ -192,9 +193,9 @@ def test_match_by_a_method_without_estimates_says_so(
     assert "only by paper" in answer.err
 
 
-def test_methods_of_the_command_line_are_the_librarys() -> None:
-    """The choices that the command line offers are those that ingest knows, best first."""
-    assert tuple(method.value for method in Method) == METHODS
+def test_verdicts_to_decide_about_are_those_that_are_not_quiet() -> None:
+    """`decide --verdict` offers every verdict that asks somebody to decide."""
+    assert {verdict.value for verdict in FindingVerdict} == set(Verdict) - QUIET
 
 
 def test_a_drive_without_sightings_can_still_miss_signs(
