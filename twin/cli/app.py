@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
+from inspect import getdoc
 from typing import Annotated, Any, ClassVar
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 
 _SETTINGS: Any = {
@@ -28,9 +29,20 @@ class _LazyGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in self.modules and cmd_name not in self.commands:
-            module = import_module(f"twin.cli.{self.modules[cmd_name]}")
-            self.commands = {**self.commands, **get_group(module.app).commands}
+            self.commands = {**self.commands, **get_group(_declared(self.modules[cmd_name])).commands}
         return super().get_command(ctx, cmd_name)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        # It shows names and first lines: what each command takes need not be worked out for that.
+        for module in set(self.modules.values()):
+            for info in _declared(module).registered_commands:
+                self.commands[str(info.name)] = TyperCommand(info.name, help=getdoc(info.callback))
+        super().format_help(ctx, formatter)
+
+
+def _declared(module: str) -> typer.Typer:
+    declared: typer.Typer = import_module(f"twin.cli.{module}").app
+    return declared
 
 
 class _Commands(_LazyGroup):
