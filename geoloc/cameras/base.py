@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -53,6 +53,26 @@ def check_focal_lengths(model: str, fx_px: float, fy_px: float) -> None:
             f"{_article(model)} {model} camera with focal lengths {fx_px:g} and {fy_px:g} is none: both must"
             " be positive"
         )
+
+
+def check_with_distortion(camera: Any, *shape: float) -> None:
+    """Make a camera's distortion coefficients floats, and refuse numbers that no calibration gives.
+
+    Parameters
+    ----------
+    camera : a camera with focal lengths and `distortion`
+    shape : float
+        What else describes it.
+
+    Raises
+    ------
+    CalibrationError
+        As `check_parameters` and `check_focal_lengths`.
+    """
+    object.__setattr__(camera, "distortion", tuple(float(coefficient) for coefficient in camera.distortion))
+    numbers = (*shape, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, *camera.distortion)
+    check_parameters(camera.model, camera.width_px, camera.height_px, numbers)
+    check_focal_lengths(camera.model, camera.fx_px, camera.fy_px)
 
 
 def _article(word: str) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import PixelRays, check_focal_lengths, check_parameters
+from geoloc.cameras.base import PixelRays, check_with_distortion
 from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.errors import CalibrationError
 
@@ -44,6 +45,8 @@ class FisheyeCamera:
     Kannala and Brandt (2006), doi:10.1109/TPAMI.2006.153; OpenCV, "Fisheye camera model".
     """
 
+    model: ClassVar[str] = "fisheye"
+
     width_px: int
     height_px: int
     fx_px: float
@@ -55,10 +58,7 @@ class FisheyeCamera:
 
     def __post_init__(self) -> None:
         """Check the numbers and build the f-theta camera that is the same."""
-        object.__setattr__(self, "distortion", tuple(float(coefficient) for coefficient in self.distortion))
-        numbers = (self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion)
-        check_parameters("fisheye", self.width_px, self.height_px, numbers)
-        check_focal_lengths("fisheye", self.fx_px, self.fy_px)
+        check_with_distortion(self)
         if len(self.distortion) > 4:
             raise CalibrationError(
                 f"{len(self.distortion)} fisheye coefficients given: expected 4 (k1 k2 k3 k4)"
@@ -73,11 +73,6 @@ class FisheyeCamera:
             c=self.fx_px / self.fy_px,
         )
         object.__setattr__(self, "_ftheta", ftheta)
-
-    @property
-    def model(self) -> str:
-        """``fisheye``."""
-        return "fisheye"
 
     @property
     def theta_max_rad(self) -> float:

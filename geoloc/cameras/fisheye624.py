@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Columns, check_focal_lengths, check_parameters, sin_cos
+from geoloc.cameras.base import Columns, check_with_distortion, sin_cos
 from geoloc.cameras.brown import BrownDistortion
 from geoloc.cameras.planar import PlanarCamera
 from geoloc.errors import CalibrationError
@@ -53,6 +54,8 @@ class Fisheye624Camera(PlanarCamera):
     the program takes θ², θ⁴, θ⁶); COLMAP, ``src/colmap/sensor/models.h``.
     """
 
+    model: ClassVar[str] = "fisheye624"
+
     width_px: int
     height_px: int
     fx_px: float
@@ -65,10 +68,7 @@ class Fisheye624Camera(PlanarCamera):
 
     def __post_init__(self) -> None:
         """Check the numbers and find the domain."""
-        object.__setattr__(self, "distortion", tuple(float(coefficient) for coefficient in self.distortion))
-        numbers = (self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion)
-        check_parameters("fisheye624", self.width_px, self.height_px, numbers)
-        check_focal_lengths("fisheye624", self.fx_px, self.fy_px)
+        check_with_distortion(self)
         if len(self.distortion) > _MOST_COEFFICIENTS:
             raise CalibrationError(
                 f"{len(self.distortion)} fisheye624 coefficients given: expected at most {_MOST_COEFFICIENTS}"
@@ -78,11 +78,6 @@ class Fisheye624Camera(PlanarCamera):
         brown = BrownDistortion(math.pi, (1.0, *k[:6]), tangential=k[6:8], prism=k[8:])
         object.__setattr__(self, "_brown", brown)
         object.__setattr__(self, "theta_max_rad", brown.r_max)
-
-    @property
-    def model(self) -> str:
-        """``fisheye624``."""
-        return "fisheye624"
 
     def _plane_from_point(self, point: FloatArray) -> tuple[FloatArray, BoolArray]:
         across = np.hypot(point[..., 0], point[..., 1])

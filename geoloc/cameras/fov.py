@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -52,6 +53,8 @@ class FovCamera(RadialCamera):
     Devernay and Faugeras (2001), "Straight lines have to be straight", doi:10.1007/PL00013269.
     """
 
+    model: ClassVar[str] = "fov"
+
     width_px: int
     height_px: int
     fx_px: float
@@ -74,11 +77,6 @@ class FovCamera(RadialCamera):
             )
         object.__setattr__(self, "theta_max_rad", _MAX_ANGLE_RAD)
         object.__setattr__(self, "r_max_px", float(self._radius_from_theta(np.array(_MAX_ANGLE_RAD))))
-
-    @property
-    def model(self) -> str:
-        """``fov``."""
-        return "fov"
 
     @property
     def _linear(self) -> LinearTerms:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -56,6 +57,8 @@ class FThetaCamera(RadialCamera):
     NVIDIA DriveWorks 4.0, "Camera models"; pixel centres as in NVIDIA ncore, "Sensor models".
     """
 
+    model: ClassVar[str] = "ftheta"
+
     width_px: int
     height_px: int
     cx_px: float
@@ -81,11 +84,6 @@ class FThetaCamera(RadialCamera):
         object.__setattr__(self, "r_max_px", r_max_px)
         object.__setattr__(self, "theta_max_rad", theta_max_rad)
         self._check_agreement()
-
-    @property
-    def model(self) -> str:
-        """``ftheta``."""
-        return "ftheta"
 
     @property
     def _linear(self) -> LinearTerms:

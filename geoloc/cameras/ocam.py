@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -55,6 +56,8 @@ class OcamCamera(RadialCamera):
     Scaramuzza, Martinelli and Siegwart (2006), doi:10.1109/IROS.2006.282372; OCamCalib toolbox.
     """
 
+    model: ClassVar[str] = "ocam"
+
     width_px: int
     height_px: int
     cx_px: float
@@ -85,11 +88,6 @@ class OcamCamera(RadialCamera):
         r_max_px = self._rising_limit()
         object.__setattr__(self, "r_max_px", r_max_px)
         object.__setattr__(self, "theta_max_rad", float(self._theta_from_radius(np.array(r_max_px))))
-
-    @property
-    def model(self) -> str:
-        """``ocam``."""
-        return "ocam"
 
     @property
     def _linear(self) -> LinearTerms:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Columns, check_focal_lengths, check_parameters
+from geoloc.cameras.base import Columns, check_with_distortion
 from geoloc.cameras.brown import BrownDistortion
 from geoloc.cameras.monotonic import MIN_SLOPE_RATIO
 from geoloc.cameras.planar import PlanarCamera
@@ -67,6 +68,8 @@ class OmniCamera(PlanarCamera):
     doi:10.1109/3DV.2018.00069; Khomutenko, Garcia and Martinet (2016), doi:10.1109/LRA.2015.2502921.
     """
 
+    model: ClassVar[str] = "omni"
+
     width_px: int
     height_px: int
     xi: float
@@ -82,11 +85,7 @@ class OmniCamera(PlanarCamera):
 
     def __post_init__(self) -> None:
         """Check the numbers and find the domain."""
-        object.__setattr__(self, "distortion", tuple(float(coefficient) for coefficient in self.distortion))
-        shape = (self.xi, self.alpha, self.beta)
-        numbers = (*shape, self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion)
-        check_parameters("omni", self.width_px, self.height_px, numbers)
-        check_focal_lengths("omni", self.fx_px, self.fy_px)
+        check_with_distortion(self, self.xi, self.alpha, self.beta)
         if not (self.xi > -1.0 and 0.0 <= self.alpha <= 1.0 and self.beta > 0.0):
             raise CalibrationError(
                 f"an omni camera with xi {self.xi:g}, alpha {self.alpha:g} and beta {self.beta:g} is none: xi"
@@ -95,11 +94,6 @@ class OmniCamera(PlanarCamera):
         theta_max_rad, r_max = self._limits()
         object.__setattr__(self, "theta_max_rad", theta_max_rad)
         object.__setattr__(self, "_brown", BrownDistortion.of_opencv(self.distortion, r_max))
-
-    @property
-    def model(self) -> str:
-        """``omni``."""
-        return "omni"
 
     def _plane_from_point(self, point: FloatArray) -> tuple[FloatArray, BoolArray]:
         length = np.linalg.norm(point, axis=-1)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Columns, check_focal_lengths, check_parameters
+from geoloc.cameras.base import Columns, check_with_distortion
 from geoloc.cameras.brown import BrownDistortion
 from geoloc.cameras.planar import PlanarCamera
 
@@ -43,6 +44,8 @@ class PinholeCamera(PlanarCamera):
         length.
     """
 
+    model: ClassVar[str] = "pinhole"
+
     width_px: int
     height_px: int
     fx_px: float
@@ -55,18 +58,10 @@ class PinholeCamera(PlanarCamera):
 
     def __post_init__(self) -> None:
         """Check the numbers and find the domain."""
-        object.__setattr__(self, "distortion", tuple(float(coefficient) for coefficient in self.distortion))
-        numbers = (self.fx_px, self.fy_px, self.cx_px, self.cy_px, *self.distortion)
-        check_parameters("pinhole", self.width_px, self.height_px, numbers)
-        check_focal_lengths("pinhole", self.fx_px, self.fy_px)
+        check_with_distortion(self)
         brown = BrownDistortion.of_opencv(self.distortion, math.tan(math.radians(_MAX_ANGLE_DEG)))
         object.__setattr__(self, "_brown", brown)
         object.__setattr__(self, "r_max", brown.r_max)
-
-    @property
-    def model(self) -> str:
-        """``pinhole``."""
-        return "pinhole"
 
     def _plane_from_point(self, point: FloatArray) -> tuple[FloatArray, BoolArray]:
         inside = (point[..., 2] > 0.0) & np.isfinite(point).all(-1)

@@ -7,7 +7,7 @@ points for any of them, and says how the pixel moves with each. `Lens.camera` bu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -87,13 +87,10 @@ _NEAREST_M = 1e-9
 class PinholeLens:
     """Pinhole with Brown's distortion, as in OpenCV: k1, k2, p1, p2, k3."""
 
+    name: ClassVar[str] = "pinhole"
+
     width_px: int
     height_px: int
-
-    @property
-    def name(self) -> str:
-        """``pinhole``."""
-        return "pinhole"
 
     @property
     def parameters(self) -> tuple[str, ...]:

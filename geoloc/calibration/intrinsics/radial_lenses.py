@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -70,10 +70,7 @@ class _PolynomialLens:
 class FThetaLens(_PolynomialLens):
     """F-theta: the angle as a polynomial of the radius (`FThetaCamera.theta_from_r`)."""
 
-    @property
-    def name(self) -> str:
-        """``ftheta``."""
-        return "ftheta"
+    name: ClassVar[str] = "ftheta"
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -118,10 +115,7 @@ class FThetaLens(_PolynomialLens):
 class OcamLens(_PolynomialLens):
     """OCamCalib: the ray of radius r is (x, y, a0 + a2 r² + a3 r³ + …): `OcamCamera`, its sign turned."""
 
-    @property
-    def name(self) -> str:
-        """``ocam``."""
-        return "ocam"
+    name: ClassVar[str] = "ocam"
 
     @property
     def powers(self) -> tuple[int, ...]:
@@ -183,13 +177,10 @@ class OcamLens(_PolynomialLens):
 class FisheyeLens:
     """Kannala and Brandt's fisheye as in OpenCV: r = θ + k1 θ³ + k2 θ⁵ + k3 θ⁷ + k4 θ⁹, times fx and fy."""
 
+    name: ClassVar[str] = "fisheye"
+
     width_px: int
     height_px: int
-
-    @property
-    def name(self) -> str:
-        """``fisheye``."""
-        return "fisheye"
 
     @property
     def parameters(self) -> tuple[str, ...]:
