@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -53,6 +54,27 @@ def check_focal_lengths(model: str, fx_px: float, fy_px: float) -> None:
             f"{_article(model)} {model} camera with focal lengths {fx_px:g} and {fy_px:g} is none: both must"
             " be positive"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class FocalCamera:
+    """The first fields of models with focal lengths.
+
+    Attributes
+    ----------
+    width_px, height_px : int
+    fx_px, fy_px : float
+        Focal lengths.
+    cx_px, cy_px : float
+        Principal point; (0, 0) is the centre of the first pixel.
+    """
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
 
 
 def check_with_distortion(camera: Any, *shape: float) -> None:

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import PixelRays, check_with_distortion
+from geoloc.cameras.base import FocalCamera, PixelRays, check_with_distortion
 from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.errors import CalibrationError
 
 
 @dataclass(frozen=True, slots=True)
-class FisheyeCamera:
+class FisheyeCamera(FocalCamera):
     """Kannala-Brandt intrinsics: ``cv2.fisheye``, and Kalibr's ``pinhole`` with ``equidistant``.
 
     With θ the angle between the ray and the optical axis, at azimuth φ in the image::
@@ -24,13 +24,10 @@ class FisheyeCamera:
     the work here. The domain is where θ_d rises, at most θ = π and ten diagonals of the image. Outside it
     pixels and rays are NaN.
 
+    Begins with the fields of `FocalCamera`.
+
     Attributes
     ----------
-    width_px, height_px : int
-    fx_px, fy_px : float
-        Focal lengths.
-    cx_px, cy_px : float
-        Principal point; (0, 0) is the centre of the first pixel.
     distortion : tuple of float
         ``()`` or up to ``(k1, k2, k3, k4)``; what is not given is 0.
 
@@ -47,12 +44,6 @@ class FisheyeCamera:
 
     model: ClassVar[str] = "fisheye"
 
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
     distortion: tuple[float, ...] = ()
     _ftheta: FThetaCamera = field(init=False, repr=False, compare=False)
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Columns, check_with_distortion, sin_cos
+from geoloc.cameras.base import Columns, FocalCamera, check_with_distortion, sin_cos
 from geoloc.cameras.brown import BrownDistortion
 from geoloc.cameras.planar import PlanarCamera
 from geoloc.errors import CalibrationError
@@ -19,7 +19,7 @@ _TINY = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True, slots=True)
-class Fisheye624Camera(PlanarCamera):
+class Fisheye624Camera(FocalCamera, PlanarCamera):
     """OpenSfM's ``fisheye624`` and ``fisheye62``, COLMAP's ``THIN_PRISM_FISHEYE``.
 
     The ray at the angle θ from the axis and the azimuth φ meets the plane of this `PlanarCamera` at
@@ -29,13 +29,10 @@ class Fisheye624Camera(PlanarCamera):
 
     Project Aria's ``FISHEYE624`` is another model: it bends what the radial part has moved, and swaps p1, p2.
 
+    Begins with the fields of `FocalCamera`.
+
     Attributes
     ----------
-    width_px, height_px : int
-    fx_px, fy_px : float
-        Focal lengths.
-    cx_px, cy_px : float
-        Principal point; (0, 0) is the centre of the first pixel.
     distortion : tuple of float
         Up to ``(k1, k2, k3, k4, k5, k6, p1, p2, s0, s1, s2, s3)``; what is not given is 0. p1 and p2 are
         OpenCV's, and s0 to s3 what OpenCV calls s1 to s4.
@@ -56,12 +53,6 @@ class Fisheye624Camera(PlanarCamera):
 
     model: ClassVar[str] = "fisheye624"
 
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
     distortion: tuple[float, ...] = ()
     theta_max_rad: float = field(init=False, repr=False, compare=False)
     _brown: BrownDistortion = field(init=False, repr=False, compare=False)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.cameras.base import check_focal_lengths, check_parameters, sin_cos
+from geoloc.cameras.base import FocalCamera, check_focal_lengths, check_parameters, sin_cos
 from geoloc.cameras.radial import LinearTerms, RadialCamera
 from geoloc.errors import CalibrationError
 
@@ -20,7 +20,7 @@ _NARROWEST_RAD, _WIDEST_RAD = 1e-6, 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class FovCamera(RadialCamera):
+class FovCamera(FocalCamera, RadialCamera):
     """Intrinsics with the FOV distortion: Kalibr's ``pinhole`` with ``fov``, COLMAP's ``FOV``.
 
     With θ the angle between the ray and the optical axis, at azimuth φ in the image::
@@ -31,13 +31,10 @@ class FovCamera(RadialCamera):
     Both directions are closed forms. It is a `RadialCamera` with the linear term ``c = fx / fy``. The domain
     ends 89° from the axis.
 
+    Begins with the fields of `FocalCamera`.
+
     Attributes
     ----------
-    width_px, height_px : int
-    fx_px, fy_px : float
-        Focal lengths.
-    cx_px, cy_px : float
-        Principal point; (0, 0) is the centre of the first pixel.
     omega_rad : float
         ω, the field of view of the ideal fisheye lens: Kalibr's w. Near 0 it is the pinhole camera.
     r_max_px, theta_max_rad : float
@@ -55,12 +52,6 @@ class FovCamera(RadialCamera):
 
     model: ClassVar[str] = "fov"
 
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
     omega_rad: float
     r_max_px: float = field(init=False, repr=False, compare=False)
     theta_max_rad: float = field(init=False, repr=False, compare=False)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.cameras.base import Columns, check_with_distortion
+from geoloc.cameras.base import Columns, FocalCamera, check_with_distortion
 from geoloc.cameras.brown import BrownDistortion
 from geoloc.cameras.planar import PlanarCamera
 
@@ -18,19 +18,16 @@ _MAX_ANGLE_DEG = 89.0
 
 
 @dataclass(frozen=True, slots=True)
-class PinholeCamera(PlanarCamera):
+class PinholeCamera(FocalCamera, PlanarCamera):
     """Pinhole intrinsics: a `PlanarCamera` whose plane lies across the axis.
 
     The domain is the part of the plane over which the distortion is one-to-one: up to `r_max`, where its
     radial part stops rising, and 89° from the axis at most.
 
+    Begins with the fields of `FocalCamera`.
+
     Attributes
     ----------
-    width_px, height_px : int
-    fx_px, fy_px : float
-        Focal lengths.
-    cx_px, cy_px : float
-        Principal point; (0, 0) is the centre of the first pixel.
     distortion : tuple of float
         OpenCV's order: ``()``, ``(k1, k2, p1, p2)``, ``(…, k3)``, ``(…, k3, k4, k5, k6)`` or, with a thin
         prism, ``(…, s1, s2, s3, s4)``.
@@ -46,12 +43,6 @@ class PinholeCamera(PlanarCamera):
 
     model: ClassVar[str] = "pinhole"
 
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
     distortion: tuple[float, ...] = ()
     r_max: float = field(init=False, repr=False, compare=False)
     _brown: BrownDistortion = field(init=False, repr=False, compare=False)
