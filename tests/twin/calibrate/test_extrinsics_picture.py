@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from geoloc.calibration.extrinsics import Sigmas, calibrate_extrinsics
@@ -29,7 +30,7 @@ def figure() -> Figure:
     found = calibrate_extrinsics(models, pictures, tags)
     assert list(found.misplaced) == [MISPLACED]
     made = extrinsics_figure(found, YardLayout(tags, {}, Sigmas()))
-    made.canvas.draw()
+    FigureCanvasAgg(made).draw()
     return made
 
 
