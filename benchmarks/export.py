@@ -167,7 +167,7 @@ def _pole(
 
 def fill(path: Path, n_changes: int, n_accepted: int) -> None:
     """Make a matched store with `n_changes` findings, of which `n_accepted` are accepted."""
-    from twin.decisions.decide import decide
+    from twin.decisions.record import decide
 
     rng = np.random.default_rng(1)
     verdicts = rng.choice(VERDICTS, n_changes, p=SHARES).tolist()

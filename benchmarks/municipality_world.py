@@ -15,7 +15,7 @@ from geoloc.simulation.car import simulated_rig
 from geoloc.trajectory.poses import Poses
 from twin.matching.absence import Passage, Views, front_views
 from twin.matching.config import MatchConfig
-from twin.matching.match import views_of_places
+from twin.matching.match_store import views_of_places
 from twin.matching.plates.readings import family
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site

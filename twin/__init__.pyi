@@ -1,10 +1,10 @@
 from ._version import __version__ as __version__
-from .decisions.decide import decide as decide
-from .decisions.decide import undo as undo
+from .decisions.record import decide as decide
+from .decisions.record import undo as undo
 from .errors import TwinError as TwinError
 from .export import export_findings as export_findings
 from .ingest.ingest import ingest_drive as ingest_drive
-from .matching.match import match as match
+from .matching.match_store import match as match
 from .mirror.sync import sync_nvdb as sync_nvdb
 from .reports.evaluate import evaluate as evaluate
 from .reports.evaluate import read_truth as read_truth

@@ -13,7 +13,7 @@ import sqlalchemy as sa
 
 from twin.export.from_store import layers_from_store
 from twin.ingest.ingest import IngestReport, ingest_drive
-from twin.matching.match import match
+from twin.matching.match_store import match
 from twin.store import schema
 from twin.store.store import Store
 

@@ -7,8 +7,6 @@
 The page ``docs/endringssett.md`` explains which finding becomes which operation.
 """
 
-from twin.changesets.build import ChangeSets, groups_from_store
-from twin.changesets.files import files_of
-from twin.changesets.operations import Group, LeftOut
+import lazy_loader
 
-__all__ = ["ChangeSets", "Group", "LeftOut", "files_of", "groups_from_store"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

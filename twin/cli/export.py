@@ -51,24 +51,23 @@ def export(
     from twin.export import export_findings as write
     from twin.store.store import Store
 
-    handed_out: list[ChangeSets] = []
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
-        files = write(
+        report = write(
             opened,
             folder,
             by=person(by),
             decision=decision,
             project=project,
-            change_sets=handed_out.append,
             progress=progress,
         )
-    (change_sets,) = handed_out
     if json_output:
-        print_json({"files": [str(path) for path in files], **_change_sets_as_json(change_sets)})
+        print_json(
+            {"files": [str(path) for path in report.files], **_change_sets_as_json(report.change_sets)}
+        )
     else:
-        _print_export(files, folder)
-        _print_change_sets(change_sets, folder)
-    if any(sett.errors for sett in change_sets.setts):
+        _print_export(report.files, folder)
+        _print_change_sets(report.change_sets, folder)
+    if any(sett.errors for sett in report.change_sets.setts):
         raise typer.Exit(EXIT_DATA)
 
 

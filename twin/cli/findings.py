@@ -57,7 +57,7 @@ def match(
     """Compare the estimates with the mirror: new, missing, moved, wrong type, unchanged, or for review."""
     from twin.decisions.findings import findings, is_open
     from twin.matching.config import MatchConfig
-    from twin.matching.match import match as run
+    from twin.matching.match_store import match as run
     from twin.store.store import Store
 
     config = MatchConfig(tolerance_m=tolerance)
@@ -203,7 +203,7 @@ def _selected(store: Store, selection: Selection) -> list[Row]:
 def _decide(
     store: Store, change_ids: Sequence[str], decision: str, *, by: str, reason: str, dry_run: bool
 ) -> _Told:
-    from twin.decisions.decide import decide
+    from twin.decisions.record import decide
 
     store.matched()
     done = decide(store, change_ids, decision, by=by, reason=reason, dry_run=dry_run)
@@ -224,7 +224,7 @@ def _from_file(store: Store, path: Path, by: str, reason: str) -> _Told:
 
 
 def _undo(store: Store, numbers: Sequence[str], by: str) -> _Told:
-    from twin.decisions.decide import undo
+    from twin.decisions.record import undo
 
     _refuse(len(numbers) > 1 or not all(word.isdigit() for word in numbers), "undo takes one number")
     done = undo(store, int(numbers[0]) if numbers else 1, by=by)

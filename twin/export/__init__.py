@@ -3,20 +3,6 @@
 >>> from twin.export import ExportLayers, empty_layers, export_all, render_png
 """
 
-from twin.export.export import decide_as_in, export_findings
-from twin.export.folder import FILES, export_all
-from twin.export.geopackage import edited_decisions
-from twin.export.layers import COLUMNS, ExportLayers, empty_layers
-from twin.export.picture.picture import render_png
+import lazy_loader
 
-__all__ = [
-    "COLUMNS",
-    "FILES",
-    "ExportLayers",
-    "decide_as_in",
-    "edited_decisions",
-    "empty_layers",
-    "export_all",
-    "export_findings",
-    "render_png",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

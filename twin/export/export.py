@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from twin.changesets import ChangeSets, files_of, groups_from_store
-from twin.decisions.decide import Edit, keep_edits
 from twin.decisions.evidence import Evidence
 from twin.decisions.log import position
+from twin.decisions.record import Edit, keep_edits
 from twin.errors import ExportRefusedError, RefusedError
 from twin.export.folder import GEOPACKAGES, export_all
 from twin.export.from_store import layers_from_store
@@ -18,6 +19,23 @@ from twin.store.kinds import Decision
 from twin.store.store import Store
 
 
+@dataclass(frozen=True, slots=True)
+class ExportReport:
+    """What an export wrote.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        In the order of :func:`twin.export.export_all`.
+    change_sets : ChangeSets
+        What became of the decided findings: sets, errors in sets (which are then not written), findings left
+        out.
+    """
+
+    files: tuple[Path, ...]
+    change_sets: ChangeSets
+
+
 def export_findings(
     store: Store,
     folder: Path | str,
@@ -25,9 +43,8 @@ def export_findings(
     by: str = "QGIS",
     decision: str = Decision.ACCEPT,
     project: bool = False,
-    change_sets: Callable[[ChangeSets], None] | None = None,
     progress: Callable[[str], None] | None = None,
-) -> list[Path]:
+) -> ExportReport:
     """Export the findings of the last match, after keeping what people decided in the last export.
 
     What was accepted goes out as change sets for API Skriv too (``docs/endringssett.md``).
@@ -45,15 +62,12 @@ def export_findings(
         Findings with this decision become change sets; another than ``accept`` gives previews.
     project : bool, optional
         Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.qgis.project`).
-    change_sets : callable, optional
-        Told what became of them: sets, errors in sets (which are then not written), findings left out.
     progress : callable, optional
         Told what is being done.
 
     Returns
     -------
-    list of Path
-        The files of :func:`twin.export.export_all`.
+    ExportReport
 
     Raises
     ------
@@ -81,22 +95,20 @@ def export_findings(
         keep_edits(store, edits, by=by)
     noted = position(store.rows)
     layers = layers_from_store(store, last["method"])
-    made = groups_from_store(store, decision)
+    change_sets = groups_from_store(store, decision)
     # The layers are of one moment, but of which? The same match before and after it leaves one answer.
     if store.matched() != last:
         raise RefusedError(f"The store {store.path} was matched again during the export: export again.")
-    written = export_all(
+    files = export_all(
         layers,
         folder,
         known_decisions=decided,
         log_position=noted,
-        change_sets=files_of(made),
+        change_sets=files_of(change_sets),
         project=project,
         progress=progress,
     )
-    if change_sets is not None:
-        change_sets(made)
-    return written
+    return ExportReport(tuple(files), change_sets)
 
 
 def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -> tuple[str, ...]:

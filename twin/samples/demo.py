@@ -12,7 +12,7 @@ from twin.errors import TwinError
 from twin.export import export_findings, render_png
 from twin.export.from_store import layers_from_store
 from twin.ingest.ingest import IngestReport, ingest_drive
-from twin.matching.match import MatchReport, match
+from twin.matching import MatchReport, match
 from twin.mirror.sync import SyncResult, sync_nvdb
 from twin.reports.evaluate import Evaluation, evaluate, plot, read_truth
 from twin.store.folders import make_folder
@@ -76,7 +76,7 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
         say("matching")
         found = match(store, progress=progress)
         say("exporting")
-        files = export_findings(store, out, project=True, progress=progress)
+        files = export_findings(store, out, project=True, progress=progress).files
         render_png(layers_from_store(store, found.method), out / "changes.png")
         evaluation = evaluate(store, read_truth(sample / "truth.csv"))
         figures = plot(evaluation, out)

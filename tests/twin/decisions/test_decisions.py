@@ -16,11 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geoloc.earth.geodesy import geographic_from_utm33
-from twin.decisions.decide import Edit, decide, keep_edits, undo
 from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
 from twin.decisions.explain import explain_change
 from twin.decisions.findings import Selection, findings, is_open, read_area, select, whole_ids
 from twin.decisions.log import history, position
+from twin.decisions.record import Edit, decide, keep_edits, undo
 from twin.errors import ConfigError, RefusedError, StoreError
 from twin.matching.save import save_changes
 from twin.store import schema

@@ -19,7 +19,7 @@ from qgis_edits import decide_in_qgis
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
 from twin.cli import run
-from twin.decisions.decide import decide
+from twin.decisions.record import decide
 from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export import FILES, edited_decisions, export_findings, from_store
 from twin.export.export import decisions_made_in
@@ -108,7 +108,7 @@ def _kept(store: Store) -> dict[str, str]:
 
 def test_export_findings_writes_the_layers_of_the_last_match(store: Store, out: Path) -> None:
     """All files appear; the estimates are those of the method that was matched; nobody has decided."""
-    assert [path.name for path in export_findings(store, out)] == list(FILES)
+    assert [path.name for path in export_findings(store, out).files] == list(FILES)
     rows_of = {"changes": 2, "moves": 0, "nvdb_signs": 1, "estimates": 1, "ellipses": 1, "drives": 1}
     for layer, rows in rows_of.items():
         assert pyogrio.read_info(out / UTM33, layer=layer)["features"] == rows
@@ -169,7 +169,7 @@ def test_export_findings_older_than_the_store_is_refused(store: Store, out: Path
         export_findings(store, out)
     assert not out.exists()
     _matched(store, ["c-1"])
-    assert export_findings(store, out)[0].exists()
+    assert export_findings(store, out).files[0].exists()
 
 
 @pytest.mark.parametrize("file", [UTM33, WGS84])

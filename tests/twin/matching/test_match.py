@@ -17,7 +17,7 @@ from geoloc.locate.single_frame import ErrorBudget
 from twin.errors import ConfigError
 from twin.ingest.ingest import ingest_drive
 from twin.matching.config import MatchConfig
-from twin.matching.match import match
+from twin.matching.match_store import match
 from twin.store import schema
 from twin.store.store import Store
 

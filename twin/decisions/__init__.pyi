@@ -1,0 +1,9 @@
+from .explain import ChangeExplained as ChangeExplained
+from .explain import explain_change as explain_change
+from .findings import Selection as Selection
+from .findings import select as select
+from .record import Decided as Decided
+from .record import Edit as Edit
+from .record import decide as decide
+from .record import keep_edits as keep_edits
+from .record import undo as undo

@@ -1,0 +1,10 @@
+from .export import ExportReport as ExportReport
+from .export import decide_as_in as decide_as_in
+from .export import export_findings as export_findings
+from .folder import FILES as FILES
+from .folder import export_all as export_all
+from .geopackage import edited_decisions as edited_decisions
+from .layers import COLUMNS as COLUMNS
+from .layers import ExportLayers as ExportLayers
+from .layers import empty_layers as empty_layers
+from .picture.picture import render_png as render_png
