@@ -122,7 +122,9 @@ def match(
         p_unannotated=seen.p_unannotated,
         passed=seen.passed,
     )
-    findings = doubtful_as_review(findings, {drive.drive_id: drive.doubt for drive in drives if drive.doubt})
+    findings = doubtful_as_review(
+        findings, {drive.drive_id: drive.doubt for drive in drives if drive.misfits}
+    )
     keys = {member: pole.key for pole in poles for member in pole.members}
     measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
     watched = _Cameras.of(current, drives)
@@ -164,7 +166,7 @@ def choose_method(store: Store, method: str | None) -> str:
 class _Drive:
     """What matching needs of a drive.
 
-    ``doubt``: in which way it does not fit itself; "" where it does. ``is_complete``: whether it was declared
+    ``misfits``: in which ways it does not fit itself. ``is_complete``: whether it was declared
     completely annotated. ``absence_gap``: why a sign that it passed and did not see may stand all the same:
     an annotated object without a place, for one, may be that very sign.
     """
@@ -173,7 +175,7 @@ class _Drive:
     name: str
     started_ns: int
     content_sha256: str
-    doubt: str
+    misfits: tuple[str, ...]
     is_complete: bool
     absence_gap: str
     rig: Rig
@@ -183,11 +185,16 @@ class _Drive:
     @property
     def is_evidence(self) -> bool:
         """Whether a sign that it passed and did not see is gone."""
-        return self.is_complete and not self.absence_gap and not self.doubt
+        return self.is_complete and not self.absence_gap and not self.misfits
+
+    @property
+    def doubt(self) -> str:
+        """The sentence that says in which ways it does not fit itself; "" where it does."""
+        return doubt_of(self.name, self.misfits)
 
     def warnings(self) -> Iterator[str]:
         """What to know of its findings."""
-        if self.doubt:
+        if self.misfits:
             yield f"{self.doubt} Until then its findings are for review, and it shows no sign to be missing."
         elif self.is_complete and self.absence_gap:
             yield f"The drive {self.name} cannot show that a sign is missing: {self.absence_gap}."
@@ -294,7 +301,7 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
                 started_ns=row["started_ns"],
                 content_sha256=row["content_sha256"],
                 name=row["name"],
-                doubt=doubt_of(row["name"], row["misfits"]),
+                misfits=tuple(row["misfits"]),
                 is_complete=bool(row["annotations_complete"]),
                 absence_gap=row["absence_gap"] or unplaced,
                 rig=rig,
