@@ -27,7 +27,7 @@ from rich.progress import track
 
 from geoloc.arrays import FloatArray, IntArray
 from twin.cli.output import console, print_table
-from twin.matching.absence import Evidence, evidence_of_absence, still_seen
+from twin.matching.absence import Absence, evidence_of_absence, still_seen
 from twin.matching.assign import Assignment, assign
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import TERMS, gated_pairs
@@ -93,7 +93,7 @@ def add_score(
     sites: Sequence[Site],
     rows: IntArray,
     poles: Sequence[ObservedPole],
-    evidence: Evidence,
+    evidence: Absence,
     changes: Sequence[Finding],
 ) -> None:
     """Compare findings with the truth."""

@@ -13,7 +13,7 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.simulation.car import simulated_rig
 from geoloc.trajectory.poses import Poses
-from twin.matching.absence import Passage, Views, front_views
+from twin.matching.absence import Passage, PlaceViews, front_views
 from twin.matching.config import MatchConfig
 from twin.matching.match_store import views_of_places
 from twin.matching.plates.readings import family
@@ -316,7 +316,7 @@ def past_poles(fleet: Fleet, poles: Sequence[ObservedPole]) -> list[Passage]:
     ]
 
 
-def _directions(name: str, views: Views, annotated: NDArray[np.bool_]) -> dict[str, frozenset[float]]:
+def _directions(name: str, views: PlaceViews, annotated: NDArray[np.bool_]) -> dict[str, frozenset[float]]:
     found: dict[int, set[float]] = {}
     steps = np.round(views.azimuth_deg / 30.0) * 30.0 % 360.0
     for k, degrees in set(zip(views.place.tolist(), steps.tolist(), strict=True)):

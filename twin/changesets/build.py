@@ -10,8 +10,8 @@ from nvdb.datakatalog import Datakatalog, katalog_from_document, snapshot
 from nvdb.endringssett import ADVARSEL, Endringssett, endringssett, errors, validate
 from twin.changesets.drive_side import Seen, seen_of
 from twin.changesets.nvdb_side import earlier_states, mirrored_near
-from twin.changesets.operations import Group, LeftOut, Scene, known_pole, new_pole
-from twin.changesets.places import Places
+from twin.changesets.operations import Basis, Group, LeftOut, known_pole, new_pole
+from twin.changesets.places import RoadPlaces
 from twin.decisions.findings import findings
 from twin.decisions.log import standing
 from twin.matching.sites import SKILTPUNKT, Site
@@ -113,8 +113,8 @@ def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSe
         said = standing(view.rows)
         seen = seen_of(view, chosen, last["method"])
         mirrored = mirrored_near(view, chosen)
-        scene = Scene(mirrored, seen, Places(store), katalog)
-        parts = list(_parts(chosen, scene))
+        basis = Basis(mirrored, seen, RoadPlaces(store), katalog)
+        parts = list(_parts(chosen, basis))
         groups = tuple(part for part in parts if isinstance(part, Group))
         setts = tuple(_setts(view, groups, katalog))
     return ChangeSets(
@@ -134,7 +134,7 @@ def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSe
     )
 
 
-def _parts(chosen: Sequence[Finding], scene: Scene) -> Iterator[Group | LeftOut]:
+def _parts(chosen: Sequence[Finding], basis: Basis) -> Iterator[Group | LeftOut]:
     """Groups in the order of their first finding's id; the same findings give the same groups."""
     poles: dict[tuple[int, int], tuple[Site, list[Finding]]] = {}
     for finding in chosen:
@@ -143,9 +143,9 @@ def _parts(chosen: Sequence[Finding], scene: Scene) -> Iterator[Group | LeftOut]
             yield LeftOut(key, f"{key} is left out: a finding for review is not sure enough to be sent.")
             continue
         if verdict == Verdict.NEW and finding.nvdb_type == SKILTPUNKT:
-            yield new_pole(finding, scene)
+            yield new_pole(finding, basis)
             continue
-        site = scene.mirrored.site_of(finding)
+        site = basis.mirrored.site_of(finding)
         if site is None:
             yield LeftOut(
                 key, f"{key} ({verdict}) is left out: the mirror has no such sign, run `twin match` again."
@@ -153,7 +153,7 @@ def _parts(chosen: Sequence[Finding], scene: Scene) -> Iterator[Group | LeftOut]
             continue
         poles.setdefault((site.nvdb_type, site.nvdb_id), (site, []))[1].append(finding)
     for site, about in poles.values():
-        yield from known_pole(site, about, scene)
+        yield from known_pole(site, about, basis)
 
 
 def _setts(view: Snapshot, groups: Sequence[Group], katalog: Datakatalog) -> Iterator[Sett]:

@@ -25,7 +25,7 @@ from nvdb.endringssett import (
 from nvdb.errors import RequestError
 from twin.changesets.drive_side import Seen, measured_position, std_in_plan_m
 from twin.changesets.nvdb_side import Mirrored
-from twin.changesets.places import Places
+from twin.changesets.places import RoadPlaces
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site
 from twin.store.kinds import Verdict
 from twin.store.records import Finding
@@ -54,12 +54,12 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class Basis:
     """What operations are made from; `seen` by ``change_id``."""
 
     mirrored: Mirrored
     seen: Mapping[str, Seen]
-    places: Places
+    places: RoadPlaces
     katalog: Datakatalog
 
 
@@ -75,14 +75,14 @@ def is_correction(finding: Finding) -> bool:
     return ours_m <= BETTER * nvdb_sigma_m and distance_m <= WITHIN_SIGMAS * nvdb_sigma_m
 
 
-def new_pole(finding: Finding, scene: Scene) -> Group | LeftOut:
+def new_pole(finding: Finding, basis: Basis) -> Group | LeftOut:
     """``registrer`` of a Skiltpunkt and its plates."""
     try:
-        seen = _need_seen(finding, scene)
-        codes = _codes(finding, scene)
+        seen = _need_seen(finding, basis)
+        codes = _codes(finding, basis)
         position = measured_position(finding, seen)
         where = position.east_m, position.north_m, seen.first_day
-        side = scene.places.ansiktsside(*where, seen.face_deg)
+        side = basis.places.ansiktsside(*where, seen.face_deg)
         plates = [
             NewPlate(skiltnummer=code, ansiktsside=side, plasseringskode=10 * number)
             for number, code in enumerate(codes, start=1)
@@ -91,18 +91,18 @@ def new_pole(finding: Finding, scene: Scene) -> Group | LeftOut:
             finding.change_id,
             position,
             on_date=seen.first_day,
-            stedfesting=scene.places.place(*where, face_deg=seen.face_deg),
+            stedfesting=basis.places.place(*where, face_deg=seen.face_deg),
             plates=plates,
-            katalog=scene.katalog,
+            katalog=basis.katalog,
         )
     except RequestError as error:
         return _left_out(finding, error)
     return Group((finding.change_id,), group)
 
 
-def known_pole(site: Site, findings: Sequence[Finding], scene: Scene) -> Iterator[Group | LeftOut]:
+def known_pole(site: Site, findings: Sequence[Finding], basis: Basis) -> Iterator[Group | LeftOut]:
     """Everything that was found about one site of NVDB, as one group; what cannot be done is left out."""
-    pole = _Pole(site, scene)
+    pole = _Pole(site, basis)
     done: list[str] = []
     endringer: list[Endring] = []
     order = {Verdict.MISSING: 0, Verdict.MOVED: 1, Verdict.WRONG_TYPE: 2, Verdict.NEW: 3}
@@ -119,8 +119,8 @@ def known_pole(site: Site, findings: Sequence[Finding], scene: Scene) -> Iterato
 class _Pole:
     """A site of NVDB while its findings become operations."""
 
-    def __init__(self, site: Site, scene: Scene) -> None:
-        self.site, self.scene = site, scene
+    def __init__(self, site: Site, basis: Basis) -> None:
+        self.site, self.basis = site, basis
         self.closed: set[int] = set()
         self.place: Punkt | None = None
         self.work: dict[str, Callable[[Finding], Iterable[Endring]]] = {
@@ -137,10 +137,10 @@ class _Pole:
             raise RequestError(
                 "it is about several plates that have no Skiltpunkt in the mirror: close them in NVDB by hand"
             )
-        day = _need_seen(finding, self.scene).last_day
+        day = _need_seen(finding, self.basis).last_day
         if kind == SKILTPUNKT:
             for plate in self.site.plates:
-                self.scene.mirrored.newer_than((SKILTPLATE, plate.nvdb_id), day)
+                self.basis.mirrored.newer_than((SKILTPLATE, plate.nvdb_id), day)
         endring = gone(self._target(kind, number, day), on_date=day, with_plates=kind == SKILTPUNKT)
         self.closed.add(number)
         return endring
@@ -148,7 +148,7 @@ class _Pole:
     def moved(self, finding: Finding) -> Iterable[Endring]:
         """A better position (``delvisKorriger``) or a new one (``delvisOppdater``), with the plates."""
         self._need_point("moves with its Skiltpunkt")
-        seen, mirrored = _need_seen(finding, self.scene), self.scene.mirrored
+        seen, mirrored = _need_seen(finding, self.basis), self.basis.mirrored
         position = measured_position(finding, seen)
         plates = [plate.nvdb_id for plate in self.site.plates if plate.nvdb_id not in self.closed]
         if is_correction(finding):
@@ -158,7 +158,7 @@ class _Pole:
         day = seen.last_day
         point = self._target(SKILTPUNKT, self.site.nvdb_id, day)
         targets = [self._target(SKILTPLATE, number, day) for number in plates]
-        place = self.scene.places.place(
+        place = self.basis.places.place(
             position.east_m, position.north_m, day, face_deg=seen.face_deg, before=self._place_before()
         )
         self.place = place
@@ -166,15 +166,15 @@ class _Pole:
 
     def wrong_type(self, finding: Finding) -> Iterable[Endring]:
         """``delvisOppdater`` of the plate."""
-        (code,) = _codes(finding, self.scene)
-        day = _need_seen(finding, self.scene).last_day
+        (code,) = _codes(finding, self.basis)
+        day = _need_seen(finding, self.basis).last_day
         plate = self._target(SKILTPLATE, _id_of(finding), day)
-        return changed_type(plate, code, on_date=day, katalog=self.scene.katalog)
+        return changed_type(plate, code, on_date=day, katalog=self.basis.katalog)
 
     def new_plate(self, finding: Finding) -> Iterable[Endring]:
         """``registrer`` of the plate, ``delvisOppdater`` of its Skiltpunkt."""
         self._need_point("is registered on its Skiltpunkt")
-        seen = _need_seen(finding, self.scene)
+        seen = _need_seen(finding, self.basis)
         point = self._target(SKILTPUNKT, self.site.nvdb_id, seen.last_day)
         position = measured_position(finding, seen)
         side = self._side(position, seen)
@@ -183,15 +183,15 @@ class _Pole:
             finding.change_id,
             position,
             on_date=seen.last_day,
-            stedfesting=self.place or self.scene.mirrored.place((SKILTPUNKT, self.site.nvdb_id)),
-            plates=[NewPlate(skiltnummer=code, ansiktsside=side) for code in _codes(finding, self.scene)],
-            katalog=self.scene.katalog,
+            stedfesting=self.place or self.basis.mirrored.place((SKILTPUNKT, self.site.nvdb_id)),
+            plates=[NewPlate(skiltnummer=code, ansiktsside=side) for code in _codes(finding, self.basis)],
+            katalog=self.basis.katalog,
         )
 
     def _side(self, position: Measured, seen: Seen) -> Ansiktsside | None:
         """Which traffic a new plate is for; a plate can do without, so no road network is needed."""
         try:
-            return self.scene.places.ansiktsside(
+            return self.basis.places.ansiktsside(
                 position.east_m, position.north_m, seen.last_day, seen.face_deg
             )
         except RequestError:
@@ -204,23 +204,23 @@ class _Pole:
             )
 
     def _target(self, kind: int, number: int, day: dt.date) -> Any:
-        target = self.scene.mirrored.target(kind, number)
-        self.scene.mirrored.newer_than((kind, number), day)
+        target = self.basis.mirrored.target(kind, number)
+        self.basis.mirrored.newer_than((kind, number), day)
         return target
 
     def _place_before(self) -> Punkt | None:
         try:
-            return self.scene.mirrored.place((SKILTPUNKT, self.site.nvdb_id))
+            return self.basis.mirrored.place((SKILTPUNKT, self.site.nvdb_id))
         except RequestError:
             return None
 
 
-def _codes(finding: Finding, scene: Scene) -> tuple[str, ...]:
+def _codes(finding: Finding, basis: Basis) -> tuple[str, ...]:
     codes = finding.skiltnummer_seen
     if not codes:
         raise RequestError("no sign code was annotated: annotate it and ingest the drive again")
     for code in codes:
-        skiltnummer_enum(code, scene.katalog)
+        skiltnummer_enum(code, basis.katalog)
     return codes
 
 
@@ -230,8 +230,8 @@ def _id_of(finding: Finding) -> int:
     return finding.nvdb_id
 
 
-def _need_seen(finding: Finding, scene: Scene) -> Seen:
-    seen = scene.seen[finding.change_id]
+def _need_seen(finding: Finding, basis: Basis) -> Seen:
+    seen = basis.seen[finding.change_id]
     if not seen.drives:
         raise RequestError("the store has none of its drives any more: run `twin match` again")
     return seen

@@ -15,7 +15,7 @@ from twin.mirror.vegnett.network import FACT
 from twin.store.store import Store
 
 
-class Places:
+class RoadPlaces:
     """Places points on the roads for cars that were valid on the day of the drive.
 
     The network is read when the first point is placed: most change sets need none.

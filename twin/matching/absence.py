@@ -19,7 +19,7 @@ _NS_PER_YEAR = 365.25 * 86_400e9
 
 
 @dataclass(frozen=True, slots=True)
-class Views:
+class PlaceViews:
     """Camera images that had places in view, in which the camera stood in a given direction from them.
 
     Attributes
@@ -46,18 +46,18 @@ class Passage:
     is_evidence : bool
         Whether a sign that it passed and did not see is gone: the drive was declared completely annotated,
         nothing that it annotated was lost on the way, and it fits itself.
-    views : Views
+    views : PlaceViews
         Of the sites, or of the poles.
     """
 
     drive_id: str
     started_ns: int
     is_evidence: bool
-    views: Views
+    views: PlaceViews
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Absence:
     """What the drives say of each site by not having seen it.
 
     Attributes
@@ -78,7 +78,7 @@ class Evidence:
     watched_by: list[list[str]]
 
 
-def evidence_of_absence(passages: Sequence[Passage], sites: Sequence[Site], config: MatchConfig) -> Evidence:
+def evidence_of_absence(passages: Sequence[Passage], sites: Sequence[Site], config: MatchConfig) -> Absence:
     """Accumulate over drives what not having seen a sign says.
 
     A complete drive with a site in view in `MatchConfig.min_views` images overlooks it with `p_missed`, one
@@ -88,7 +88,7 @@ def evidence_of_absence(passages: Sequence[Passage], sites: Sequence[Site], conf
     """
     n = len(sites)
     overlooked, other = np.ones(n), np.zeros(n, dtype=np.bool_)
-    found = Evidence(np.ones(n), np.zeros(n, np.int64), np.zeros(n, np.bool_), [[] for _ in range(n)])
+    found = Absence(np.ones(n), np.zeros(n, np.int64), np.zeros(n, np.bool_), [[] for _ in range(n)])
     starts = np.array([site.start_date for site in sites], dtype=np.str_)
     for passage in passages:
         # What NVDB says was put up later than the drive could not be seen.
@@ -115,7 +115,7 @@ def _day(epoch_ns: int) -> str:
     return dt.datetime.fromtimestamp(epoch_ns // 1_000_000_000, tz=dt.UTC).date().isoformat()
 
 
-def front_views(views: Views, sites: Sequence[Site]) -> Views:
+def front_views(views: PlaceViews, sites: Sequence[Site]) -> PlaceViews:
     """Leave out the views of sites whose every plate is known to look away from the camera."""
     faces = np.full((len(sites), _MOST_FACES), np.nan)
     for j, site in enumerate(sites):
@@ -125,7 +125,7 @@ def front_views(views: Views, sites: Sequence[Site]) -> Views:
             faces[j, : len(known)] = known[:_MOST_FACES]
     seen = np.cos(np.deg2rad(views.azimuth_deg[:, np.newaxis] - faces[views.place])) > 0
     keep = seen.any(axis=1) | np.isnan(faces[views.place, 0])
-    return Views(views.place[keep], views.azimuth_deg[keep])
+    return PlaceViews(views.place[keep], views.azimuth_deg[keep])
 
 
 _MOST_FACES = 6

@@ -19,7 +19,7 @@ from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory.trajectory import Poses
 from twin import __version__
 from twin.errors import StoreError
-from twin.matching.absence import Passage, Views, evidence_of_absence, still_seen
+from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, still_seen
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
 from twin.matching.poles.poles import ObservedPole, observed_poles
@@ -268,7 +268,7 @@ def views_of_places(
     config: MatchConfig,
     *,
     cameras: Sequence[str],
-) -> Views:
+) -> PlaceViews:
     """Find the camera images that had each place (EPSG:25833) in view, and where the car stood from it."""
     place, azimuth = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     if len(east):
@@ -279,7 +279,7 @@ def views_of_places(
             dn = (poses.latitude_deg[seen.pose] - lat[seen.site]) * per_north
             place.append(seen.site)
             azimuth.append(np.rad2deg(np.arctan2(de, dn)) % 360.0)
-    return Views(np.concatenate(place), np.concatenate(azimuth))
+    return PlaceViews(np.concatenate(place), np.concatenate(azimuth))
 
 
 def _drives(view: Snapshot, method: str) -> list[_Drive]:

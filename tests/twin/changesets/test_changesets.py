@@ -30,7 +30,7 @@ from nvdb.endringssett import (
 from twin.changesets import ChangeSets, files_of, groups_from_store
 from twin.changesets.drive_side import std_in_plan_m
 from twin.changesets.operations import is_correction, merged
-from twin.changesets.places import Places
+from twin.changesets.places import RoadPlaces
 from twin.export import FILES
 from twin.store import schema
 from twin.store.store import Store
@@ -149,7 +149,7 @@ def test_place_says_the_direction_of_the_traffic_that_reads_a_face(
 ) -> None:
     """The main road runs to the north-east: a face to the south-west is for those who follow it."""
     with Store.open(road_store) as opened:
-        places = Places(opened)
+        places = RoadPlaces(opened)
         rows = opened.rows(sa.select(schema.skiltpunkt).where(schema.skiltpunkt.c.nvdb_id == MOVED))
         where = rows[0]["east_m"], rows[0]["north_m"], DAY
         assert places.place(*where, face_deg=face_deg).retning == retning

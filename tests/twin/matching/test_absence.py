@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.matching.absence import Passage, Views, evidence_of_absence, front_views, still_seen
+from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, front_views, still_seen
 from twin.matching.config import MatchConfig
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
@@ -28,7 +28,7 @@ def passage(
     frames: int, *, day: int = 0, name: str = "d", complete: bool = True, azimuth: float = 180.0
 ) -> Passage:
     """A drive that had place 0 in view in some frames, from one direction."""
-    views = Views(np.zeros(frames, dtype=np.int64), np.full(frames, azimuth))
+    views = PlaceViews(np.zeros(frames, dtype=np.int64), np.full(frames, azimuth))
     return Passage(name, START_NS + day * DAY_NS, complete, views)
 
 
