@@ -174,7 +174,7 @@ def test_observed_poles_fuse_as_the_matrices_say() -> None:
     """The fused position is that of covariance intersection written out with inverses."""
     rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 0.2, "202", north=0.1)]
     rows[0] = replace(rows[0], covariance_m2=(0.05, 0.02, 0.03))
-    rows[1] |= {"cov_ee_m2": 0.02, "cov_en_m2": -0.01, "cov_nn_m2": 0.06}
+    rows[1] = replace(rows[1], covariance_m2=(0.02, -0.01, 0.06))
     a, b = np.array([[0.05, 0.02], [0.02, 0.03]]), np.array([[0.02, -0.01], [-0.01, 0.06]])
     share = 0.08 / 0.16
     weight_a, weight_b = share * np.linalg.inv(a), (1 - share) * np.linalg.inv(b)
