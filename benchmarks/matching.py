@@ -109,7 +109,7 @@ def run(n_observed: int, n_plates: int) -> dict[str, float]:
     rng = np.random.default_rng(1)
     world, config = make_world(TILE, rng), MatchConfig()
     estimates = estimate_rows(world, n_observed, rng)
-    order = sorted({row["drive_id"] for row in estimates})
+    order = sorted({estimate.drive_id for estimate in estimates})
     seconds: dict[str, float] = {}
 
     def timed(step: str, work: Callable[[], _T]) -> _T:
