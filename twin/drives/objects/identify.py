@@ -50,15 +50,17 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
     CalibrationError
         If the rig cannot compute with an annotated camera.
     """
-    notes = drive.annotations
-    if notes.has_id.all():
+    annotations = drive.annotations
+    if annotations.has_id.all():
         return drive
-    association = associate_drive(*association_input(drive, trajectory, np.full(notes.kind.size, "")))
-    names = _names(notes, association.object)
-    slip = ~notes.has_id & (association.reason == Reason.SLIP)
-    placed = np.where(notes.has_id | (association.object < 0), notes.object, names[association.object])
-    loose = np.count_nonzero(~notes.has_id)
-    found = np.unique(placed[~notes.has_id & (association.object >= 0)]).size
+    association = associate_drive(*association_input(drive, trajectory, np.full(annotations.kind.size, "")))
+    names = _names(annotations, association.object)
+    slip = ~annotations.has_id & (association.reason == Reason.SLIP)
+    placed = np.where(
+        annotations.has_id | (association.object < 0), annotations.object, names[association.object]
+    )
+    loose = np.count_nonzero(~annotations.has_id)
+    found = np.unique(placed[~annotations.has_id & (association.object >= 0)]).size
     warning = (
         f"{loose:,} annotations have no object or track id: by position they are {found:,} objects. Give the"
         " attribute object where that is wrong."
@@ -66,7 +68,7 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
     slips = [skipped_annotations(SkipKind.SLIP, drive.name, int(slip.sum()))] if slip.any() else []
     return replace(
         drive,
-        annotations=only(replace(notes, object=placed.astype(np.str_)), ~slip),
+        annotations=only(replace(annotations, object=placed.astype(np.str_)), ~slip),
         warnings=(*drive.warnings, Doubt(DriveDoubt.IDS, warning)),
         skipped=(*drive.skipped, *slips),
     )
@@ -84,21 +86,21 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
         At most ten, and one that counts the rest. Where many ids would be one sign for each camera, the
         cameras are wrong, not the ids: one of the kind `DriveDoubt.CAMERAS_DISAGREE`.
     """
-    notes = drive.annotations
-    ids = np.where(notes.has_id, notes.object, "")
-    if not notes.has_id.any():
+    annotations = drive.annotations
+    ids = np.where(annotations.has_id, annotations.object, "")
+    if not annotations.has_id.any():
         return ()
     messages: dict[tuple[str, ...], str] = {}
     between: set[str] = set()
     for finding in check_ids(*association_input(drive, trajectory, ids), ids):
-        one, other = (set(notes.camera[rows].tolist()) for rows in finding.rows)
+        one, other = (set(annotations.camera[rows].tolist()) for rows in finding.rows)
         few, many = sorted(rows.size for rows in finding.rows)
         if finding.kind == "merge" and one & other:
-            messages.setdefault(finding.ids, _one_sign(notes, finding))
+            messages.setdefault(finding.ids, _one_sign(annotations, finding))
         elif finding.kind == "split" and few >= _TWO_SIGNS * (few + many):
             # Fewer are slips of the hand, which the adjustment leaves out.
-            messages.setdefault(finding.ids, _two_signs(notes, finding))
-            if len({_main_camera(notes, rows) for rows in finding.rows}) > 1:
+            messages.setdefault(finding.ids, _two_signs(annotations, finding))
+            if len({_main_camera(annotations, rows) for rows in finding.rows}) > 1:
                 between.add(finding.ids[0])
     if len(between) >= _FEW_IDS and len(between) > _MANY_IDS * np.unique(ids[ids != ""]).size:
         disagree = (
@@ -112,22 +114,22 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
     return doubts(DriveDoubt.IDS, *messages.values())
 
 
-def _main_camera(notes: Annotations, rows: IntArray) -> str:
+def _main_camera(annotations: Annotations, rows: IntArray) -> str:
     """The camera of most of the annotations."""
-    names: list[str] = sorted(notes.camera[rows].tolist())
+    names: list[str] = sorted(annotations.camera[rows].tolist())
     return Counter(names).most_common(1)[0][0]
 
 
-def _two_signs(notes: Annotations, finding: IdFinding) -> str:
-    one, other = (_pictures(notes, rows) for rows in finding.rows)
+def _two_signs(annotations: Annotations, finding: IdFinding) -> str:
+    one, other = (_pictures(annotations, rows) for rows in finding.rows)
     return (
         f"The id {finding.ids[0]!r} marks two signs. One: {one}. The other: {other}. Give those of the other"
         " a new id, or correct them."
     )
 
 
-def _one_sign(notes: Annotations, finding: IdFinding) -> str:
-    one, other = (_pictures(notes, rows) for rows in finding.rows)
+def _one_sign(annotations: Annotations, finding: IdFinding) -> str:
+    one, other = (_pictures(annotations, rows) for rows in finding.rows)
     first, second = finding.ids
     return (
         f"The ids {first!r} and {second!r} are one sign, as one place fits both. {first!r}: {one}."
@@ -135,14 +137,20 @@ def _one_sign(notes: Annotations, finding: IdFinding) -> str:
     )
 
 
-def _pictures(notes: Annotations, rows: IntArray) -> str:
+def _pictures(annotations: Annotations, rows: IntArray) -> str:
     """``22 annotations (skilt 362.50) in C3.xml frames 310 to 345``: what they are, and where."""
-    labels, codes = (np.unique(names[rows]).tolist() for names in (notes.label, notes.skiltnummer))
+    labels, codes = (
+        np.unique(names[rows]).tolist() for names in (annotations.label, annotations.skiltnummer)
+    )
     texts = dict.fromkeys("/".join(filter(None, names))[:60] for names in (labels, codes))
     called = " ".join(filter(None, texts))
     places = []
-    for camera, file in sorted(set(zip(notes.camera[rows].tolist(), notes.file[rows].tolist(), strict=True))):
-        frame = notes.frame[rows][(notes.camera[rows] == camera) & (notes.file[rows] == file)]
+    for camera, file in sorted(
+        set(zip(annotations.camera[rows].tolist(), annotations.file[rows].tolist(), strict=True))
+    ):
+        frame = annotations.frame[rows][
+            (annotations.camera[rows] == camera) & (annotations.file[rows] == file)
+        ]
         of_camera = "" if named_in(file, [camera]) else f" ({camera})"
         places.append(f"{file}{of_camera} frames {frame.min()} to {frame.max()}")
     return f"{rows.size} annotations ({called or 'no label'}) in {', '.join(places)}"
@@ -158,11 +166,13 @@ def association_input(
     ids : str (n,)
         Ids by which the track is corrected where its fixes are too poor to compare rays; "" for none.
     """
-    notes, epoch = drive.annotations, _epochs(drive)
+    annotations, epoch = drive.annotations, _epochs(drive)
     names, number = np.unique(ids, return_inverse=True)
     number = np.where(names[number] == "", -1, number)
-    sightings = Sightings(camera=notes.camera, pixel_px=notes.pixel_px)
-    return Observations(drive.rig, sightings, notes.kind, number, epoch, trajectory), _labels(notes)
+    sightings = Sightings(camera=annotations.camera, pixel_px=annotations.pixel_px)
+    return Observations(drive.rig, sightings, annotations.kind, number, epoch, trajectory), _labels(
+        annotations
+    )
 
 
 def _epochs(drive: Drive) -> IntArray:
@@ -170,23 +180,23 @@ def _epochs(drive: Drive) -> IntArray:
     return epochs_of(drive.annotations, drive.frame_epoch_ns) + drive.camera_offset_ns
 
 
-def _labels(notes: Annotations) -> NDArray[np.str_]:
+def _labels(annotations: Annotations) -> NDArray[np.str_]:
     """Sign codes, else the label; "" where the label is one whose codes stand in the attribute."""
-    general = np.unique(notes.label[notes.skiltnummer != ""])
-    word = np.where(np.isin(notes.label, general), "", notes.label)
-    return np.where(notes.skiltnummer != "", notes.skiltnummer, word)
+    general = np.unique(annotations.label[annotations.skiltnummer != ""])
+    word = np.where(np.isin(annotations.label, general), "", annotations.label)
+    return np.where(annotations.skiltnummer != "", annotations.skiltnummer, word)
 
 
-def _names(notes: Annotations, found: IntArray) -> NDArray[np.str_]:
+def _names(annotations: Annotations, found: IntArray) -> NDArray[np.str_]:
     """Name of each object that was found: the id that most of its annotations have, else ``auto1``, …."""
-    given = set(notes.object[notes.has_id].tolist())
+    given = set(annotations.object[annotations.has_id].tolist())
     prefix = FOUND
     while any(name.startswith(prefix) for name in given):
         prefix += "_"
     names = []
     number = 0
     for k in range(int(found.max(initial=-1)) + 1):
-        ids = Counter(notes.object[(found == k) & notes.has_id].tolist())
+        ids = Counter(annotations.object[(found == k) & annotations.has_id].tolist())
         if ids:
             names.append(min(ids, key=lambda name: (-ids[name], name)))
         else:

@@ -37,24 +37,24 @@ def with_joined_tracks(drive: Drive, trajectory: Trajectory) -> Drive:
     Drive
         With a warning that says how many tracks became how many objects, where that changed.
     """
-    notes = drive.annotations
-    if not notes.frame.size:
+    annotations = drive.annotations
+    if not annotations.frame.size:
         return drive
-    findings = check_ids(*association_input(drive, trajectory, notes.object), notes.object)
-    name = _split(notes.object, findings)
+    findings = check_ids(*association_input(drive, trajectory, annotations.object), annotations.object)
+    name = _split(annotations.object, findings)
     if any(finding.kind == "split" for finding in findings):
-        split = replace(drive, annotations=replace(notes, object=name))
+        split = replace(drive, annotations=replace(annotations, object=name))
         findings = check_ids(*association_input(split, trajectory, name), name)
-    name = _merged(name, notes, [finding.ids for finding in findings if finding.kind == "merge"])
-    before, after = (np.unique(names).size for names in (notes.object, name))
-    if np.array_equal(name, notes.object):
+    name = _merged(name, annotations, [finding.ids for finding in findings if finding.kind == "merge"])
+    before, after = (np.unique(names).size for names in (annotations.object, name))
+    if np.array_equal(name, annotations.object):
         return drive
     said = Doubt(
         DriveDoubt.IDS, f"The detector's {before:,} tracks are {after:,} objects, by where they stand."
     )
     return replace(
         drive,
-        annotations=replace(notes, object=name),
+        annotations=replace(annotations, object=name),
         warnings=(*drive.warnings, said),
     )
 
@@ -69,11 +69,17 @@ def _split(names: NDArray[np.str_], findings: tuple[IdFinding, ...]) -> NDArray[
     return renamed.astype(np.str_)
 
 
-def _merged(names: NDArray[np.str_], notes: Annotations, pairs: list[tuple[str, ...]]) -> NDArray[np.str_]:
+def _merged(
+    names: NDArray[np.str_], annotations: Annotations, pairs: list[tuple[str, ...]]
+) -> NDArray[np.str_]:
     """Join pairs of names, but never two that are seen in one picture."""
     pictures = {
         str(name): set(
-            zip(notes.camera[names == name].tolist(), notes.frame[names == name].tolist(), strict=True)
+            zip(
+                annotations.camera[names == name].tolist(),
+                annotations.frame[names == name].tolist(),
+                strict=True,
+            )
         )
         for name in np.unique(names)
     }
