@@ -28,7 +28,7 @@ from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import draw_yard, yard_picture
 from twin.calibrate.drives.verify import verify_drive
 from twin.calibrate.extrinsics.tag_corners import find_tags
-from twin.samples.simulate import simulate
+from twin.samples.simulation import simulate
 
 REAL_RIG = Path(__file__).parents[2] / "shared" / "real" / "naplab" / "ntnu_naplab_rig_carlo.json"
 CAMERAS = ("C1_front60Single", "C2_tricam60", "C3_tricam120")

@@ -32,7 +32,7 @@ from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.ingest.ingest import ingest_drive
 from twin.ingest.locate import trajectory_of
-from twin.reports.evaluate import read_truth
+from twin.reports.evaluation import read_truth
 from twin.store import schema
 from twin.store.store import Store
 

@@ -3,9 +3,11 @@ from .decisions.record import decide as decide
 from .decisions.record import undo as undo
 from .errors import TwinError as TwinError
 from .export import export_findings as export_findings
+from .ingest import ingest_drive as ingest_drive
 from .ingest.ingest import ingest_drive as ingest_drive
+from .matching.match import match as match
 from .matching.match_store import match as match
 from .mirror.sync import sync_nvdb as sync_nvdb
-from .reports.evaluate import evaluate as evaluate
-from .reports.evaluate import read_truth as read_truth
+from .reports import evaluate as evaluate
+from .reports import read_truth as read_truth
 from .store.store import Store as Store

@@ -16,8 +16,8 @@ from twin.cli.output import note, print_json, print_pairs, print_table, warn
 
 if TYPE_CHECKING:
     from twin.reports.estimate import EstimateExplained
-    from twin.reports.evaluate import MethodResult
-    from twin.reports.status import Status
+    from twin.reports.evaluation import MethodResult
+    from twin.reports.store_status import Status
 
 app = typer.Typer()
 _MAX_REJECTED = 12
@@ -25,7 +25,7 @@ _MAX_REJECTED = 12
 
 
 class PairBy(StrEnum):
-    """How estimates find their truth, as in :data:`twin.reports.evaluate.BY`."""
+    """How estimates find their truth, as in :data:`twin.reports.evaluation.BY`."""
 
     AUTO = "auto"
     ID = "id"
@@ -52,8 +52,8 @@ def evaluate(
     json_output: JsonOption = False,
 ) -> None:
     """Compare the estimates of every method with surveyed positions."""
-    from twin.reports.evaluate import evaluate as run
-    from twin.reports.evaluate import plot, read_truth
+    from twin.reports.evaluation import evaluate as run
+    from twin.reports.evaluation import plot, read_truth
     from twin.store.store import Store
 
     truths = read_truth(truth)
@@ -275,7 +275,7 @@ def _sigma(value: float) -> str:
 @app.command("status", epilog="Example: twin status")
 def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) -> None:
     """Say what the store holds: the mirror and its age, drives, estimates, findings."""
-    from twin.reports.status import status as status_of
+    from twin.reports.store_status import status as status_of
     from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:

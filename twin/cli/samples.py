@@ -54,7 +54,7 @@ def simulate(
     json_output: JsonOption = False,
 ) -> None:
     """Write a simulated drive for ingest-drive, with its truth for evaluate and every source of error."""
-    from twin.samples.simulate import simulate as run
+    from twin.samples.simulation import simulate as run
 
     names = tuple(name.strip() for name in (cameras or "").split(",") if name.strip())
     with steps(quiet=json_output) as progress:

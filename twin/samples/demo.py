@@ -14,7 +14,7 @@ from twin.export.from_store import layers_from_store
 from twin.ingest.ingest import IngestReport, ingest_drive
 from twin.matching import MatchReport, match
 from twin.mirror.sync import SyncResult, sync_nvdb
-from twin.reports.evaluate import Evaluation, evaluate, plot, read_truth
+from twin.reports.evaluation import Evaluation, evaluate, plot, read_truth
 from twin.store.folders import make_folder
 from twin.store.schema import METHODS
 from twin.store.store import Store

@@ -19,7 +19,7 @@ from twin.calibrate.drives.plots import tick_labels
 from twin.calibrate.mounting_files import drive_tables
 from twin.drives.folder.drive_toml import CameraSettings
 from twin.ingest.save import save_drive
-from twin.samples.simulate import simulate
+from twin.samples.simulation import simulate
 from twin.store import schema
 from twin.store.store import Store
 

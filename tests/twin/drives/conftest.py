@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from board_drive import BoardDrive, Networks
 
-from twin.samples.simulate import simulate
+from twin.samples.simulation import simulate
 
 WIDE, NARROW = "C3_wide", "C1_narrow"
 WIDTH, HEIGHT = 1280, 800

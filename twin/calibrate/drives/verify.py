@@ -40,7 +40,7 @@ from twin.drives.folder.drive_toml import SETTINGS_FILE, read_settings
 from twin.drives.read import read_drive
 from twin.errors import RefusedError, TruthError
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
-from twin.reports.evaluate import Truth, read_truth
+from twin.reports.evaluation import Truth, read_truth
 from twin.store.atomic_files import replace_file
 
 _FEW_OBJECTS = 5

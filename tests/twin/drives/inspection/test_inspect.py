@@ -16,7 +16,7 @@ import pytest
 from twin.drives.inspection.inspect import inspect_drive
 from twin.drives.inspection.picture import text_timeline
 from twin.drives.inspection.sensors import frames_span
-from twin.samples.simulate import simulate
+from twin.samples.simulation import simulate
 
 Twin = Callable[..., Any]
 

@@ -15,8 +15,8 @@ from geoloc.simulation.simulate import SCENARIOS
 from twin.cli.samples import ScenarioName
 from twin.drives.read import read_drive
 from twin.errors import ConfigError, RefusedError
-from twin.samples import simulate as simulate_module
-from twin.samples.simulate import noise_sources, simulate
+from twin.samples import simulation as simulate_module
+from twin.samples.simulation import noise_sources, simulate
 
 Twin = Callable[..., Any]
 

@@ -13,7 +13,7 @@ import sqlalchemy as sa
 
 from twin.errors import TruthError
 from twin.ingest.ingest import ingest_drive
-from twin.reports.evaluate import Evaluation, evaluate, plot, read_truth
+from twin.reports.evaluation import Evaluation, evaluate, plot, read_truth
 from twin.store import schema
 from twin.store.store import Store
 

@@ -1,0 +1,2 @@
+from .ingest import IngestReport as IngestReport
+from .ingest import ingest_drive as ingest_drive
