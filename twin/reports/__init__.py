@@ -2,7 +2,7 @@
 
 - :func:`explain_estimate` → :class:`EstimateExplained`; :func:`draw_estimate` makes a picture of it
 - :func:`evaluate` against what :func:`read_truth` reads → :class:`Evaluation`
-- :func:`status`: what the store knows
+- :func:`status`: what the store holds → :class:`Status`
 """
 
 import lazy_loader
