@@ -4,8 +4,6 @@ from .decisions.record import undo as undo
 from .errors import TwinError as TwinError
 from .export import export_findings as export_findings
 from .ingest import ingest_drive as ingest_drive
-from .ingest.ingest import ingest_drive as ingest_drive
-from .matching.match import match as match
 from .matching.match_store import match as match
 from .mirror.sync import sync_nvdb as sync_nvdb
 from .reports import evaluate as evaluate
