@@ -49,7 +49,7 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 	$(BIN)/python benchmarks/extrinsics.py
 
 soak: $(VENV)/.installed          ## a hundred syncs killed at random instants
-	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/test_mirror_kill.py
+	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/mirror/test_kill.py
 
 FUZZ := tests/fuzz/test_fuzz_tracks.py $(filter-out %_tracks.py,$(wildcard tests/fuzz/test_fuzz_*.py))
 .PHONY: $(FUZZ)

@@ -1,4 +1,4 @@
-"""The QGIS styles as documents; tests/twin/export/test_qgis.py lets QGIS itself read them."""
+"""The QGIS styles as documents; tests/twin/export/qgis/test_layers_in_qgis.py lets QGIS itself read them."""
 
 from __future__ import annotations
 
