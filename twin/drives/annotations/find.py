@@ -21,8 +21,10 @@ from twin.drives.annotations.formats.table import (
     NAMES,
     ONE_IMAGE,
     SUFFIXES,
+    XML,
     format_of,
     read_annotation_json,
+    suffix_of,
 )
 from twin.drives.annotations.formats.yolo import NAME_FILES, YoloClasses, looks_like_yolo, read_yolo_classes
 from twin.drives.folder.drive_toml import SETTINGS_FILE
@@ -148,7 +150,7 @@ def _read_files(
             continue
         if file is not None:
             files.append(file)
-        elif not inside and name.lower().endswith(".xml"):
+        elif not inside and name.lower().endswith(XML):
             root = root_tag(folder.head(name))
             what = f"no export of annotations (it begins with <{root:.40}>)" if root else "empty or no XML"
             notes.warn(DriveDoubt.ANNOTATIONS, f"{name} is {what}, so it is not read: export it again.")
@@ -167,13 +169,13 @@ def _read_file(
     folder: DriveFolder, name: str, hints: Hints, *, is_named: bool = False
 ) -> AnnotationFile | None:
     """Read one file; None if it is none of the formats. Without names of classes YOLO is not expected."""
-    suffix = PurePosixPath(name).suffix.lower()
     try:
         head = folder.head(name) if folder.has(name) else b""
     except DriveError:
-        if is_named or suffix == ".xml":
+        if is_named or name.lower().endswith(XML):
             raise
         return None  # a link that leads out of the folder: of interest only if it is asked for
+    suffix = suffix_of(name, head)
     if suffix == JSON:
         if not is_named and not _ANNOTATING.search(head):
             return None
@@ -182,7 +184,7 @@ def _read_file(
         if file is not None:
             folder.enter(name, content)
         return file
-    its = format_of(suffix if suffix in SUFFIXES or not is_named else ".xml", head)
+    its = format_of(suffix, head)
     if its is not None and its.tool == yolo.TOOL and (hints.classes is None or not _is_labels(name)):
         its = None
     if its is None and is_named:  # refused by its reader, who says what is wrong

@@ -11,7 +11,7 @@ from geoloc.calibration_files import CALIBRATION_KINDS, calibration_kind
 from geoloc.rig.rig import looks_like_rig
 from twin.drives.annotations.find import annotation_folders
 from twin.drives.annotations.formats.json_values import parse_json
-from twin.drives.annotations.formats.table import FORMATS, JSON, format_of
+from twin.drives.annotations.formats.table import FORMATS, JSON, format_of, suffix_of
 from twin.drives.annotations.formats.yolo import NAME_FILES
 from twin.drives.annotations.labels import LABELS_FILE
 from twin.drives.folder.drive_toml import SETTINGS_FILE
@@ -109,6 +109,7 @@ def kind_of(folder: DriveFolder, name: str) -> str:
         if suffix in _BY_SUFFIX:
             return _BY_SUFFIX[suffix]
         head = folder.head(name)
+        suffix = suffix_of(name, head)
         track = None if suffix == JSON and calibration_kind(head) else track_format(folder, name)
         if track:
             return _TRACKS[track]

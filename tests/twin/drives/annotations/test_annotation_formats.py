@@ -22,6 +22,7 @@ from twin.drives.annotations.formats.table import FORMATS
 from twin.drives.annotations.gather import AnnotationsRead, gather
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import ReadingNotes
+from twin.drives.inspection.recognise import kind_of
 from twin.errors import DriveError
 
 WIDTH, HEIGHT = 1280, 800
@@ -289,6 +290,31 @@ def test_folder_or_file_that_drive_toml_names_is_read(writer: Writer, tmp_path: 
     names = ["labels", "labels/"] if first.startswith("labels/") else [first]
     for name in names:
         assert len(read(tmp_path, files, rig, name).annotations.frame) == 2
+
+
+@pytest.mark.parametrize("is_named", [False, True], ids=["found", "named"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("suffix", [".txt", ".csv", ".json"])
+@pytest.mark.parametrize("writer", [cvat, labelme_web], ids=lambda writer: writer.__name__)
+def test_xml_is_recognised_whatever_it_is_called(
+    writer: Writer, suffix: str, encoding: str, is_named: bool, tmp_path: Path, rig: Rig
+) -> None:
+    """By its content, as every other kind of file."""
+    for name, text in writer(FACES).items():
+        (tmp_path / Path(name).with_suffix(suffix).name).write_text(text, encoding=encoding)
+    names = [path.name for path in tmp_path.iterdir()]
+    drive, notes = DriveFolder(tmp_path), ReadingNotes()
+    files = named_annotations(drive, names, notes) if is_named else find_annotations(drive, notes)
+    assert notes.warnings == []
+    assert len(gather([(file, None) for file in files], rig).annotations.frame) == 2
+    tool = "CVAT XML 1.1" if writer is cvat else "LabelMe XML"
+    assert {kind_of(drive, name) for name in names} == {f"annotations, {tool}"}
+
+
+def test_text_that_speaks_of_xml_is_no_export(tmp_path: Path) -> None:
+    """Only what begins as XML is."""
+    (tmp_path / "readme.txt").write_text("The signs are in <annotations> of the old export.\n")
+    assert find_annotations(DriveFolder(tmp_path), ReadingNotes()) == []
 
 
 def test_files_of_one_image_that_drive_toml_lists_are_one_export(tmp_path: Path, rig: Rig) -> None:

@@ -32,7 +32,8 @@ TOOL = "LabelMe"
 
 def looks_like_labelme_xml(head: bytes) -> bool:
     """Whether the beginning of a file is that of a LabelMe annotation with objects by polygon or segment."""
-    return root_tag(head) == "annotation" and (b"<polygon" in head or b"<segm" in head)
+    plain = head.replace(b"\0", b"")  # also in UTF-16
+    return root_tag(head) == "annotation" and (b"<polygon" in plain or b"<segm" in plain)
 
 
 def read_labelme_xml(content: bytes, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:

@@ -5,7 +5,9 @@ A new format is a module beside this one and a line in `FORMATS`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import PurePosixPath
 from typing import Any, NamedTuple
 
 from twin.drives.annotations.formats import (
@@ -23,9 +25,10 @@ from twin.drives.annotations.formats.json_values import parse_json
 from twin.drives.annotations.formats.shapes import NO_HINTS, AnnotationFile, Hints
 from twin.errors import DriveError
 
-JSON = ".json"
+JSON, XML = ".json", ".xml"
 LARGEST_JSON_BYTES = 200_000_000
 """JSON takes some ten times its size in memory: a million boxes stay below this."""
+_XML_BEGINS = re.compile(rb"(?:\xef\xbb\xbf|\xff\xfe|\xfe\xff)?[\s\0]*<")
 
 
 class AnnotationFormat(NamedTuple):
@@ -38,6 +41,7 @@ class AnnotationFormat(NamedTuple):
     name : str
         In messages.
     suffix : str
+        What `suffix_of` gives for its files.
     is_it : callable
         Whether a file is of this format, by its first bytes; in JSON, by the parsed document.
     read : callable
@@ -56,7 +60,7 @@ class AnnotationFormat(NamedTuple):
 
 
 FORMATS = (
-    AnnotationFormat(cvat.TOOL, "CVAT XML 1.1", ".xml", cvat.is_cvat, cvat.read_cvat),
+    AnnotationFormat(cvat.TOOL, "CVAT XML 1.1", XML, cvat.is_cvat, cvat.read_cvat),
     AnnotationFormat(coco.TOOL, "COCO", JSON, coco.looks_like_coco, coco.read_coco),
     AnnotationFormat(
         labelstudio.TOOL,
@@ -76,7 +80,7 @@ FORMATS = (
     AnnotationFormat(
         labelme_xml.TOOL,
         "LabelMe XML",
-        ".xml",
+        XML,
         labelme_xml.looks_like_labelme_xml,
         labelme_xml.read_labelme_xml,
         True,
@@ -92,13 +96,21 @@ ONE_IMAGE = frozenset(one.tool for one in FORMATS if one.is_one_image)
 """Tools that write one file for each image."""
 
 
+def suffix_of(name: str, head: bytes) -> str:
+    """Suffix of a file's name, in lower case; ``.xml`` for whatever begins as XML, in any Unicode encoding.
+
+    XML is called ``.txt`` by browsers that save what they show.
+    """
+    return XML if _XML_BEGINS.match(head) else PurePosixPath(name).suffix.lower()
+
+
 def format_of(suffix: str, beginning: Any) -> AnnotationFormat | None:
     """Return the format of a file; None if it is none of the table.
 
     Parameters
     ----------
     suffix : str
-        Of its name, in lower case.
+        As `suffix_of` gives it.
     beginning : bytes or object
         Its first bytes; of JSON, the parsed document.
     """
