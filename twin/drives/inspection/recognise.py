@@ -18,19 +18,13 @@ from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.files import DriveFolder
 from twin.drives.frames.images import IMAGE_SUFFIXES
 from twin.drives.frames.stamp_files import names_images
-from twin.drives.track.find import EXIF, GPX, NMEA, POSES, ROS, ROS2_METADATA, SBP, track_format
+from twin.drives.track.formats.recording import Recording
+from twin.drives.track.formats.rosbag import ROS2_METADATA
+from twin.drives.track.formats.table import track_format
 from twin.errors import DriveError
 
 UNKNOWN = "not recognised"
 EMPTY = "empty"
-_TRACKS = {
-    NMEA: "GNSS, NMEA 0183",
-    SBP: "GNSS, SwiftNav SBP",
-    GPX: "GNSS, GPX",
-    ROS: "ROS recording",
-    EXIF: "images with EXIF positions",
-    POSES: "full poses",
-}
 _NAMED = {SETTINGS_FILE: "settings of the drive", LABELS_FILE: "what labels mean"}
 _VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".h264", ".264", ".h265", ".265", ".hevc", ".ts")
 _BY_SUFFIX = (
@@ -110,9 +104,9 @@ def kind_of(folder: DriveFolder, name: str) -> str:
             return _BY_SUFFIX[suffix]
         head = folder.head(name)
         suffix = suffix_of(name, head)
-        track = None if suffix == JSON and calibration_kind(head) else track_format(folder, name)
-        if track:
-            return _TRACKS[track]
+        track = None if suffix == JSON and calibration_kind(head) else track_format(Recording(folder, name))
+        if track is not None:
+            return track.kind
         return _json_kind(folder, name, head) if suffix == JSON else _text_kind(name, suffix, head)
     except DriveError as error:
         return f"unreadable: {error}"

@@ -14,37 +14,17 @@ from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes
-from twin.drives.frames.images import HEAD_BYTES
 from twin.drives.track.attitudes import moved_to_rig_origin
-from twin.drives.track.find import (
-    EXIF,
-    FORMATS,
-    GPX,
-    JPEG_SUFFIXES,
-    NMEA,
-    POSES,
-    ROS,
-    SBP,
-    damaged_recordings,
-    find_gnss,
-    find_poses,
-    recording_files,
-    track_format,
-    what_is_wrong,
-)
-from twin.drives.track.fixes import FixesRead, PosesRead, fix_rate_hz, headings_and_velocities
-from twin.drives.track.formats.exif import read_exif_positions
-from twin.drives.track.formats.gpx import read_gpx
+from twin.drives.track.find import damaged_recordings, find_gnss, find_poses
+from twin.drives.track.fixes import FixesRead, fix_rate_hz, headings_and_velocities
 from twin.drives.track.formats.nmea import read_nmea
-from twin.drives.track.formats.poses_csv import read_poses
-from twin.drives.track.formats.rosbag import read_rosbag, read_rosbag_poses
-from twin.drives.track.formats.sbp import read_sbp, read_sbp_poses
+from twin.drives.track.formats.recording import Recording
+from twin.drives.track.formats.table import NAMES, POSES, track_format, what_is_wrong
 from twin.drives.track.receiver_headings import headings_of_the_car
 from twin.errors import DriveError
 
 _LONGEST_MISSING_S, _LARGEST_MISSING = 5.0, 0.05
 """An antenna that misses no more of the drive's beginning or end than this is not told of."""
-_CONTENT_READERS = {NMEA: read_nmea, SBP: read_sbp, GPX: read_gpx}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +60,7 @@ def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: Re
     if not files:
         damaged = damaged_recordings(folder)
         names = ", ".join(a.file for a in rig.antennas.values() if a.file)
-        wanted = f"{rig.source} names {names}" if names else FORMATS
+        wanted = f"{rig.source} names {names}" if names else NAMES
         raise DriveError(
             f"{folder.root} holds no GNSS recording ({wanted}) and no poses: add it, or name it under [gnss]"
             f" or [poses] in {SETTINGS_FILE}.{''.join(f' {one}' for one in damaged)}"
@@ -93,27 +73,20 @@ def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: Re
 
 def _read_poses(folder: DriveFolder, name: str, settings: DriveSettings, notes: ReadingNotes) -> PoseTrack:
     """Poses of the rig's origin."""
-    kind = track_format(folder, name)
-    if kind in (NMEA, GPX, EXIF):
+    recording = Recording(folder, name)
+    its = track_format(recording) or POSES  # whose reader says what is wrong
+    if its.poses is None:
         raise DriveError(
-            f"{name} is {kind}, which says where an antenna was but not how the car lay: name it under [gnss]"
-            f" files in {SETTINGS_FILE} instead of [poses]."
+            f"{name} is {its.name}, which says where an antenna was but not how the car lay: name it under"
+            f" [gnss] files in {SETTINGS_FILE} instead of [poses]."
         )
-    read: PosesRead
-    if kind == SBP:
-        read = read_sbp_poses(folder.content(name, track=True), name)
-    elif kind == ROS:
-        paths = [folder.recording(file) for file in recording_files(folder, name)]
-        read = read_rosbag_poses(paths, name, settings.pose_topics)
-    else:
-        content = folder.content(name, track=True)
-        read = read_poses(content, name, pitch_nose_up=settings.pitch_nose_up)
+    read = its.poses(recording, settings)
     notes.warn(DriveDoubt.TRACK, *read.warnings)
     notes.skipped += read.skipped
     notes.say(f"Poses {name}: {len(read.track.epoch_ns)}.")
     if settings.pose_lever_arm_m is not None:
         return moved_to_rig_origin(read.track, settings.pose_lever_arm_m)
-    if kind in (SBP, ROS):
+    if its.fixes is not None:  # recorded by a receiver, whose point is not the rig's
         notes.warn(
             DriveDoubt.TRACK,
             f"The positions of {name} are taken as the rig's origin (the ground below the rear axle): give"
@@ -208,7 +181,8 @@ def _weighted(read: FixesRead, folder: DriveFolder, file: str, settings: DriveSe
     if sigma_m is not None:
         stated = np.where(unsaid, sigma_m, fixes.sigma_horizontal_m)
         return replace(read, fixes=replace(fixes, sigma_horizontal_m=stated))
-    if track_format(folder, file) not in (GPX, EXIF) or not unsaid.any():
+    its = track_format(Recording(folder, file))
+    if its is None or its.states_quality or not unsaid.any():
         return read
     low, high = (float(f(sigma_of_quality(fixes.quality[unsaid]))) for f in (np.min, np.max))
     taken = f"{high:g} m" if low == high else f"{low:g} to {high:g} m"
@@ -220,25 +194,17 @@ def _weighted(read: FixesRead, folder: DriveFolder, file: str, settings: DriveSe
 
 
 def _read_antenna(folder: DriveFolder, file: str, antenna: str, settings: DriveSettings) -> FixesRead:
-    kind = track_format(folder, file)
-    where = folder.root.name if file == "." else file
-    if kind == ROS:
-        paths = [folder.recording(part) for part in recording_files(folder, file)]
-        return read_rosbag(paths, antenna, where, settings.gnss_topics.get(antenna))
-    if kind == EXIF:
-        names = folder.names_in(file, *JPEG_SUFFIXES)
-        heads = (folder.beginning(name, HEAD_BYTES) for name in names)
-        return read_exif_positions(heads, antenna, where)
-    if kind == POSES:
+    recording = Recording(folder, file)
+    its = track_format(recording)
+    if its is None:
+        try:
+            return read_nmea(recording.content(), antenna, file)  # its first sentence may stand far down
+        except DriveError as error:
+            not_as_named = what_is_wrong(recording)
+            raise DriveError(not_as_named or f"{error} It looks like none of {NAMES}.") from error
+    if its.fixes is None:
         raise DriveError(f"{file} holds full poses: name it under [poses] in {SETTINGS_FILE}.")
-    content = folder.content(file, track=True)
-    if kind is not None:
-        return _CONTENT_READERS[kind](content, antenna, file)
-    not_as_named = what_is_wrong(content, file)
-    try:
-        return read_nmea(content, antenna, file)  # its first sentence may stand far down
-    except DriveError as error:
-        raise DriveError(not_as_named or f"{error} It looks like none of {FORMATS}.") from error
+    return its.fixes(recording, antenna, settings)
 
 
 def _warn_of_zero_lever_arms(rig: Rig, gnss: tuple[GnssFixes, ...], notes: ReadingNotes) -> None:

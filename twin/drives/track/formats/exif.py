@@ -14,7 +14,9 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Any
 
-from twin.drives.frames.images import exif_epoch, exif_needs_zone
+from twin.drives.folder.drive_toml import DriveSettings
+from twin.drives.folder.files import DriveFolder
+from twin.drives.frames.images import HEAD_BYTES, exif_epoch, exif_needs_zone
 from twin.drives.track.fixes import (
     Fix,
     FixesRead,
@@ -24,8 +26,10 @@ from twin.drives.track.fixes import (
     fixes_read,
     sigma_or_nan,
 )
+from twin.drives.track.formats.recording import Recording
 from twin.drives.track.sea_level import above_ellipsoid
 
+JPEG_SUFFIXES = (".jpg", ".jpeg")
 _SINGLE, _DIFFERENTIAL = 1, 2
 _GPS_IFD = 0x8825
 _LATITUDE_REF, _LATITUDE, _LONGITUDE_REF, _LONGITUDE, _ALTITUDE_REF, _ALTITUDE, _TIME = range(1, 8)
@@ -46,6 +50,24 @@ def has_exif_position(head: bytes) -> bool:
         return _LATITUDE in _gps_tags(head)
     except LeftOutError:
         return False
+
+
+def is_folder_of_pictures(recording: Recording) -> bool:
+    """Whether it is a folder with pictures in it that may hold EXIF."""
+    return recording.is_folder and bool(recording.folder.names_in(recording.name, *JPEG_SUFFIXES))
+
+
+def holds_pictures_with_positions(folder: DriveFolder) -> bool:
+    """Whether one of the first pictures directly in a drive folder says where it was taken."""
+    heads = (folder.head(name, HEAD_BYTES) for name in folder.names(*JPEG_SUFFIXES)[:3])
+    return any(looks_like_jpeg(head) and has_exif_position(head) for head in heads)
+
+
+def fixes_of_recording(recording: Recording, antenna: str, _settings: DriveSettings) -> FixesRead:
+    """Read the positions of the pictures of a folder, of each no more than its beginning."""
+    names = recording.folder.names_in(recording.name, *JPEG_SUFFIXES)
+    heads = (recording.folder.beginning(name, HEAD_BYTES) for name in names)
+    return read_exif_positions(heads, antenna, recording.where)
 
 
 def read_exif_positions(heads: Iterable[bytes], antenna: str, where: str) -> FixesRead:

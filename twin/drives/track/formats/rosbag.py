@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.drives.epochs import credible
-from twin.drives.folder.drive_toml import SETTINGS_FILE
+from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.track.attitudes import attitudes_from_rows, poses_of_fixes, rpy_deg_from_quaternion
 from twin.drives.track.fixes import (
     Fix,
@@ -27,11 +27,14 @@ from twin.drives.track.fixes import (
     fixes_read,
     sigma_or_nan,
 )
+from twin.drives.track.formats.recording import Recording
 from twin.errors import DriveError
 
 POSITION_TYPE = "sensor_msgs/msg/NavSatFix"
 ATTITUDE_TYPES = ("sensor_msgs/msg/Imu", "nav_msgs/msg/Odometry")
 SUFFIXES = (".bag", ".mcap", ".db3")
+_ROS2_SUFFIXES = (".mcap", ".db3")
+ROS2_METADATA = "metadata.yaml"
 LARGEST_CHUNK_BYTES = 256_000_000
 """No recorder writes larger chunks (they write some 4 MB): what grows beyond it when unpacked is a bomb."""
 
@@ -44,6 +47,43 @@ _ROLL, _PITCH, _YAW = 21, 28, 35  # on the diagonal of Odometry's 6 x 6 covarian
 def looks_like_rosbag(head: bytes) -> bool:
     """Whether a file begins as a ROS 1 bag, an MCAP file, or an SQLite database."""
     return head.startswith((b"#ROSBAG V2", b"\x89MCAP0\r\n", b"SQLite format 3\0"))
+
+
+def is_ros_recording(recording: Recording) -> bool:
+    """Whether it is a file of a recording under a name that ROS gives, or a folder of ROS 2."""
+    if recording.is_folder:
+        return recording.folder.has(f"{recording.name}/{ROS2_METADATA}")
+    return looks_like_rosbag(recording.head) and recording.name.lower().endswith(SUFFIXES)
+
+
+def fixes_of_recording(recording: Recording, antenna: str, settings: DriveSettings) -> FixesRead:
+    """Read the positions of an antenna, of the topic that ``drive.toml`` names for it."""
+    return read_rosbag(_paths(recording), antenna, recording.where, settings.gnss_topics.get(antenna))
+
+
+def poses_of_recording(recording: Recording, settings: DriveSettings) -> PosesRead:
+    """Read full poses, of the topics that ``drive.toml`` names."""
+    return read_rosbag_poses(_paths(recording), recording.where, settings.pose_topics)
+
+
+def _paths(recording: Recording) -> list[Path]:
+    """Files of a recording: of a ROS 2 folder those of its parts, in order.
+
+    Raises
+    ------
+    DriveError
+        If it is a folder without any.
+    """
+    if not recording.is_folder:
+        return [recording.folder.recording(recording.name)]
+    files = recording.folder.names_in(recording.name, *_ROS2_SUFFIXES)
+    if not files:
+        raise DriveError(
+            f"{recording.name} is a ROS 2 recording without .mcap or .db3 files: unpack those that are"
+            " compressed (zstd -d), or add them."
+        )
+    # Part 10 comes after part 9.
+    return [recording.folder.recording(file) for file in sorted(files, key=lambda file: (len(file), file))]
 
 
 def read_rosbag(paths: Sequence[Path], antenna: str, where: str, topic: str | None = None) -> FixesRead:
