@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from twin.errors import ConfigError
 from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR
 from twin.export.picture.labels import place_labels
 from twin.export.picture.map_frame import Window, draw_north, draw_scale_bar, frame_map
+from twin.figures import png
 from twin.reports.estimate import EstimateExplained
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
@@ -65,7 +65,6 @@ def draw_estimate(explained: EstimateExplained, path: Path | str, *, dpi: int = 
     RefusedError
         The file or its folder cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     path = Path(path)
@@ -75,14 +74,11 @@ def draw_estimate(explained: EstimateExplained, path: Path | str, *, dpi: int = 
         )
     make_folder(path.parent)
     figure = Figure(figsize=SIZE_IN, dpi=dpi, facecolor="white")
-    FigureCanvasAgg(figure)
     _draw_plan(figure.add_axes(_PLAN), explained)
     _draw_close_up(figure.add_axes(_CLOSE_UP), explained)
     _draw_residuals(figure.add_axes(_RESIDUALS), explained)
     _draw_heading(figure.add_axes((0.0, 0.0, 1.0, 1.0), frameon=False), explained)
-    image = io.BytesIO()
-    figure.savefig(image, format="png", metadata={"Software": None})
-    replace_file(path, image.getvalue())
+    replace_file(path, png(figure))
     return path
 
 

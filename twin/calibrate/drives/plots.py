@@ -10,8 +10,8 @@ import numpy as np
 
 from twin.calibrate.drives.history import AXES, DriveTurn, Histories
 from twin.calibrate.drives.verify import Verification
-from twin.calibrate.figures import png
 from twin.errors import ConfigError
+from twin.figures import png
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
 

@@ -11,7 +11,7 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from geoloc.calibration.extrinsics import Extrinsics, Pose
 from twin.calibrate.extrinsics.layout import FIRST_BOARD, YardLayout, board_size_m, outline_m
-from twin.calibrate.figures import png
+from twin.figures import png
 from twin.store.atomic_files import replace_file
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from geoloc.calibration.intrinsics import CELL_PX, Fit, Intrinsics, angle_between
 from geoloc.cameras import CameraModel
-from twin.calibrate.figures import png
+from twin.figures import png
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

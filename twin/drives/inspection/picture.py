@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from twin.drives.epochs import utc_text
 from twin.drives.inspection.inspect import Inspection
 from twin.drives.inspection.sensors import SensorSpan
 from twin.errors import ConfigError
+from twin.figures import png
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
 
@@ -46,7 +46,6 @@ def draw_timeline(inspection: Inspection, path: Path | str) -> Path:
     RefusedError
         If it cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     path = Path(path)
@@ -59,7 +58,6 @@ def draw_timeline(inspection: Inspection, path: Path | str) -> Path:
     make_folder(path.parent)
     height = 1.4 + 0.42 * len(inspection.sensors)
     figure = Figure(figsize=(11.0, height), dpi=120, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots()
     first, last = _span(inspection.sensors)
     for row, sensor in enumerate(inspection.sensors):
@@ -73,9 +71,7 @@ def draw_timeline(inspection: Inspection, path: Path | str) -> Path:
     axes.tick_params(left=False)
     axes.grid(axis="x", color="#e6e6e6")
     axes.set_axisbelow(True)
-    image = io.BytesIO()
-    figure.savefig(image, format="png", metadata={"Software": None})
-    replace_file(path, image.getvalue())
+    replace_file(path, png(figure))
     return path
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,6 +12,7 @@ from twin.export.layers import ExportLayers, normalised
 from twin.export.picture.ellipses import ELLIPSE_FILL, draw_ellipses, enlarge_ellipse
 from twin.export.picture.labels import place_labels
 from twin.export.picture.map_frame import Window, draw_north, draw_scale_bar, east_north, frame_map
+from twin.figures import png
 from twin.store.atomic_files import replace_file
 from twin.store.kinds import QUIET, Verdict
 
@@ -69,13 +69,11 @@ def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: 
     ExportRefusedError
         The layers are not as they must be, or the file cannot be written.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     path = Path(path)
     checked = normalised(layers)
     figure = Figure(figsize=SIZE_IN, dpi=dpi, facecolor="white")
-    FigureCanvasAgg(figure)
     west, south, east, north = _extent(checked)
     overview, *panels = _BELOW if east - west > 1.6 * (north - south) else _BESIDE
     chosen = _worth_a_look(checked.changes).head(len(panels))
@@ -83,10 +81,7 @@ def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: 
     _draw_overview(figure.add_axes(overview), checked, letters, title)
     for place, (_, change) in zip(panels, chosen.iterrows(), strict=False):
         _draw_close_up(figure.add_axes(place), checked, change, letters[change["change_id"]])
-    image = io.BytesIO()
-    # Without matplotlib's version in the file, the same layers give the same bytes for longer.
-    figure.savefig(image, format="png", metadata={"Software": None})
-    replace_file(path, image.getvalue())
+    replace_file(path, png(figure))
     return path
 
 

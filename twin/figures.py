@@ -10,7 +10,10 @@ if TYPE_CHECKING:
 
 
 def png(figure: Figure) -> bytes:
-    """Draw a figure, without the program's version in the file."""
+    """Draw a figure with matplotlib's own renderer, as its size and dpi say.
+
+    The program's version is left out of the file: the same data give the same bytes for longer.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)
