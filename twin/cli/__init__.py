@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from typing import NoReturn
 
 from twin.cli.exit_codes import EXIT_BUG, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, exit_code
 
@@ -26,7 +29,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:  # while modules are loaded, or in the instant after the work
         _leave_uninterrupted()
         code = _interrupted()
+    if code == EXIT_INTERRUPTED:
+        _leave_at_once(code)
     sys.exit(code)
+
+
+def _leave_at_once(code: int) -> NoReturn:
+    """End the process without waiting for its threads.
+
+    At its end Python joins the thread that fetches one page ahead, which a slow server can hold for minutes.
+    Files and transactions were left by their ``with`` blocks on the way here.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):  # a pipe that nobody reads any more
+            stream.flush()
+    os._exit(code)
 
 
 def _leave_uninterrupted() -> None:
