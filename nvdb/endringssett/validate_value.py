@@ -20,7 +20,13 @@ from nvdb.endringssett.rules import (
     SYNBARHET,
     Grenser,
 )
-from nvdb.objects.geometri import UNKNOWN_HEIGHT, point_from_wkt, position_from_wkt
+from nvdb.objects.geometri import (
+    UNKNOWN_HEIGHT,
+    PositionError,
+    PositionFault,
+    point_from_wkt,
+    position_from_wkt,
+)
 
 _ENUMS: Final = frozenset({"Tekstenum", "Heltallenum", "Flyttallenum"})
 _INTEGER: Final = re.compile(r"[-+]?\d{1,18}")
@@ -159,6 +165,12 @@ def _check_limits(text: str, kind: Egenskapstype, limits: Grenser | None) -> Ite
         yield "STØRRE_ENN_ABSOLUTT_MAKSIMUM", f"more than {limits.hoyst:g}: mend it"
 
 
+_GEOMETRY_CODES: Final = {
+    PositionFault.NOT_A_POINT: "UGYLDIG_TYPE",
+    PositionFault.OUTSIDE_NORWAY: "GEOMETRI_UTENFOR_OMRISSET_AV_EUREF89_UTM33N",
+}
+
+
 def _check_geometri(geometri: Geometri) -> Iterator[tuple[str, str, str]]:
     """Yield code, clause after "has in 4794 …", severity."""
     if geometri.srid not in SRID:
@@ -167,11 +179,9 @@ def _check_geometri(geometri: Geometri) -> Iterator[tuple[str, str, str]]:
         x, y, height = point_from_wkt(geometri.wkt)
         if geometri.srid in {5972, 5973, 5975, 25832, 25833, 25835}:
             position_from_wkt(geometri.wkt, geometri.srid)
-    except ValueError as error:
-        clause = f"a geometry that {error}: give a POINT of east and north"
-        code = "UGYLDIG_TYPE" if "not a point" in str(error) else "UGYLDIG_GEOMETRIFORMAT"
-        code = "GEOMETRI_UTENFOR_OMRISSET_AV_EUREF89_UTM33N" if "outside" in str(error) else code
-        yield code, clause, FEIL
+    except PositionError as error:
+        code = _GEOMETRY_CODES.get(error.kind, "UGYLDIG_GEOMETRIFORMAT")
+        yield code, f"a geometry that {error}: give a POINT of east and north", FEIL
         return
     if geometri.srid == 4326 and not (math.fabs(x) < 40 < math.fabs(y)):
         yield "UGYLDIG_GEOMETRIFORMAT", "degrees that are not longitude, latitude in Norway: send 5973", FEIL

@@ -13,6 +13,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cache
 from typing import Final
 
@@ -39,6 +40,23 @@ _EPSG_OF_SRID: Final = {
 }  # fmt: skip
 
 
+class PositionFault(StrEnum):
+    """Why a geometry gives no position."""
+
+    UNREADABLE = "unreadable"
+    NOT_A_POINT = "not_a_point"
+    UNKNOWN_SRID = "unknown_srid"
+    OUTSIDE_NORWAY = "outside_norway"
+
+
+class PositionError(ValueError):
+    """A geometry that gives no position: `kind`, and a clause that fits after "the geometry"."""
+
+    def __init__(self, kind: PositionFault, clause: str) -> None:
+        super().__init__(clause)
+        self.kind = kind
+
+
 @dataclass(frozen=True, slots=True)
 class Position:
     """A point in EPSG:25833, metres; `height_m` is NN2000, None where NVDB does not know it."""
@@ -58,8 +76,8 @@ def point_from_wkt(wkt: str) -> tuple[float, float, float | None]:
 
     Raises
     ------
-    ValueError
-        Anything but one finite point; the message is a clause that fits after "the geometry".
+    PositionError
+        Anything but one finite point.
     """
     usual = _USUAL_POINT.fullmatch(wkt)
     if usual is not None:
@@ -67,30 +85,28 @@ def point_from_wkt(wkt: str) -> tuple[float, float, float | None]:
         return x, y, z if z != UNKNOWN_HEIGHT else None
     match = _POINT.fullmatch(wkt)
     if match is None:
-        raise ValueError(_why_no_point(wkt))
+        raise _no_point(wkt)
     dimensions = (match.group(1) or "").upper()
     numbers = [float(text) for text in match.group(2).split()]
     if dimensions and len(numbers) != 2 + len(dimensions):
-        msg = f"has {len(numbers)} numbers in a POINT {dimensions}"
-        raise ValueError(msg)
+        raise PositionError(PositionFault.UNREADABLE, f"has {len(numbers)} numbers in a POINT {dimensions}")
     if not all(map(math.isfinite, numbers)):
-        msg = "has a coordinate beyond float64"
-        raise ValueError(msg)
+        raise PositionError(PositionFault.UNREADABLE, "has a coordinate beyond float64")
     has_height = len(numbers) > 2 and dimensions != "M"
     height = numbers[2] if has_height and numbers[2] != UNKNOWN_HEIGHT else None
     return numbers[0], numbers[1], height
 
 
-def _why_no_point(wkt: str) -> str:
+def _no_point(wkt: str) -> PositionError:
     text = " ".join(wkt.upper().split())
     if not text or text.endswith("EMPTY"):
-        return "is empty"
+        return PositionError(PositionFault.UNREADABLE, "is empty")
     if "NAN" in text or "INF" in text:
-        return "has NaN or infinite coordinates"
-    kind = re.match(r"[A-Z]+", text)
-    if kind and kind.group() not in {"POINT", "POINTZ", "POINTM", "POINTZM"}:
-        return f"is a {kind.group()[:20]}, not a point"
-    return f"is not readable WKT ({text[:40]!r})"
+        return PositionError(PositionFault.UNREADABLE, "has NaN or infinite coordinates")
+    shape = re.match(r"[A-Z]+", text)
+    if shape and shape.group() not in {"POINT", "POINTZ", "POINTM", "POINTZM"}:
+        return PositionError(PositionFault.NOT_A_POINT, f"is a {shape.group()[:20]}, not a point")
+    return PositionError(PositionFault.UNREADABLE, f"is not readable WKT ({text[:40]!r})")
 
 
 def position_from_wkt(wkt: str, srid: str | int | None) -> tuple[Position, tuple[str, ...]]:
@@ -110,20 +126,20 @@ def position_from_wkt(wkt: str, srid: str | int | None) -> tuple[Position, tuple
 
     Raises
     ------
-    ValueError
-        No point, an unknown srid, or a point that is not in Norway; the message is a clause.
+    PositionError
+        No point, an unknown srid, or a point that is not in Norway.
     """
     name = str(srid)
     epsg = _EPSG_OF_SRID.get(name) or _EPSG_OF_SRID.get(name.upper().removeprefix("EPSG:"))
     if epsg is None:
-        msg = f"has the unknown srid {srid}" if srid is not None else "has no srid"
-        raise ValueError(msg)
+        clause = f"has the unknown srid {srid}" if srid is not None else "has no srid"
+        raise PositionError(PositionFault.UNKNOWN_SRID, clause)
     x, y, height = point_from_wkt(wkt)
     east, north = (x, y) if epsg == 25833 else _utm33(epsg)(x, y)
     if not in_norway(east, north):
         swapped = in_norway(*_utm33(epsg)(y, x))
-        msg = f"lies outside Norway ({wkt.strip()[:60]}{'; its axes look swapped' if swapped else ''})"
-        raise ValueError(msg)
+        clause = f"lies outside Norway ({wkt.strip()[:60]}{'; its axes look swapped' if swapped else ''})"
+        raise PositionError(PositionFault.OUTSIDE_NORWAY, clause)
     if height is None or HEIGHT_RANGE_M[0] <= height <= HEIGHT_RANGE_M[1]:
         return Position(east, north, height), ()
     return Position(east, north, None), (f"the height {height:g} m is impossible",)
