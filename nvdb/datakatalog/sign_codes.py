@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 _CODE = re.compile(r"U?\d{3,4}[A-ZÆØÅ]{0,3}(\.[0-9A-ZÆØÅ]+)*(?=[\s,:;-]|$)")
 _FAMILY = re.compile(r"U?\d+")
 
 
+@lru_cache(maxsize=4096)
 def sign_code(verdi: str) -> str | None:
     """Sign code of a value of 5530: its first word, or None if that is no code.
 

@@ -34,7 +34,7 @@ from nvdb.mirror.source import (
     page_parts,
     sign_types,
 )
-from nvdb.objects.skilt import skilt_from_les_v4
+from nvdb.objects.les_v4 import skilt_from_les_v4
 
 FEED_REACH: Final = timedelta(days=30)
 """How far back the feed goes."""

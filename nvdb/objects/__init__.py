@@ -3,24 +3,28 @@
 from nvdb.objects.geometri import (
     NORWAY_UTM33,
     Position,
+    PositionError,
+    PositionFault,
     in_norway,
     point_from_wkt,
     position_from_wkt,
 )
+from nvdb.objects.les_v4 import skilt_from_les_v4, vegobjekt_from_les_v4
 from nvdb.objects.skilt import (
     Skiltplate,
     Skiltpunkt,
-    skilt_from_les_v4,
     skiltplate_from_vegobjekt,
     skiltpunkt_from_vegobjekt,
 )
 from nvdb.objects.uberiket import skilt_from_uberiket, vegobjekt_from_uberiket
-from nvdb.objects.vegobjekt import GeometriKvalitet, Relasjon, Stedfesting, Vegobjekt, vegobjekt_from_les_v4
+from nvdb.objects.vegobjekt import GeometriKvalitet, Relasjon, Stedfesting, Vegobjekt
 
 __all__ = [
     "NORWAY_UTM33",
     "GeometriKvalitet",
     "Position",
+    "PositionError",
+    "PositionFault",
     "Relasjon",
     "Skiltplate",
     "Skiltpunkt",

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 from nvdb import datakatalog
-from nvdb.client.fields import INT64
 from nvdb.errors import SchemaError
 from nvdb.objects.geometri import Position
-from nvdb.objects.les_v4_fast import UsualEgenskap, UsualParts, usual_parts
-from nvdb.objects.vegobjekt import Egenskap, RawObject, Stedfesting, Vegobjekt, vegobjekt_from_les_v4
+from nvdb.objects.vegobjekt import Egenskap, RawObject, Stedfesting, Vegobjekt
+
+SHOWN: Final[Mapping[int, frozenset[int]]] = {
+    datakatalog.SKILTPUNKT: frozenset({datakatalog.GEOMETRI_PUNKT_95}),
+    datakatalog.SKILTPLATE: frozenset(
+        {
+            datakatalog.GEOMETRI_PUNKT_96,
+            datakatalog.SKILTNUMMER,
+            datakatalog.ANSIKTSSIDE,
+            datakatalog.TEKST,
+            datakatalog.PLASSERINGSKODE,
+        }
+    ),
+}
+"""Vegobjekttype → the properties that the typed view of signs shows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,66 +148,6 @@ def skiltplate_from_vegobjekt(vegobjekt: Vegobjekt) -> Skiltplate:
     )
 
 
-def skilt_from_les_v4(raw: RawObject, type_id: int) -> Skiltpunkt | Skiltplate:
-    """Parse one object of an answer for `type_id` 95 or 96.
-
-    Raises
-    ------
-    SchemaError
-        The object breaks the documented form, or is of another type.
-    """
-    usual = usual_parts(raw, type_id)
-    skilt = None if usual is None else _usual_skilt(usual, type_id)
-    if skilt is not None:
-        return skilt
-    vegobjekt = vegobjekt_from_les_v4(raw, type_id=type_id)
-    if type_id == datakatalog.SKILTPUNKT:
-        return skiltpunkt_from_vegobjekt(vegobjekt)
-    return skiltplate_from_vegobjekt(vegobjekt)
-
-
-def _usual_skilt(parts: UsualParts, type_id: int) -> Skiltpunkt | Skiltplate | None:
-    """View an object in its usual form; None where there is something to tell about it."""
-    if type_id == datakatalog.SKILTPUNKT:
-        return Skiltpunkt(**parts.shared, plate_ids=parts.barn(datakatalog.SKILTPLATE))
-    get = parts.egenskaper.get
-    nummer, side = get(datakatalog.SKILTNUMMER), get(datakatalog.ANSIKTSSIDE, _NONE)
-    text = get(datakatalog.TEKST, _NONE).verdi
-    code = get(datakatalog.PLASSERINGSKODE, _NONE).verdi
-    points = set(parts.foreldre(datakatalog.SKILTPUNKT))
-    usual = (
-        nummer is not None
-        and type(nummer.verdi) is str
-        and (side.verdi is None or type(side.verdi) is str)
-        and (text is None or type(text) is str)
-        and (code is None or (type(code) is int and code in INT64))
-        and len(points) <= 1
-    )
-    skiltnummer = _known_code(nummer.verdi) if nummer is not None and usual else None
-    if nummer is None or skiltnummer is None:
-        return None
-    return Skiltplate(
-        **parts.shared,
-        point_id=next(iter(points), None),
-        skiltnummer=skiltnummer,
-        skiltnummer_text=nummer.verdi,
-        enum_id=nummer.enum_id,
-        ansiktsside=side.verdi,
-        ansiktsside_enum_id=side.enum_id,
-        text=text,
-        plasseringskode=code,
-    )
-
-
-_NONE = UsualEgenskap(id=0)
-
-
-@lru_cache(maxsize=4096)
-def _known_code(text: str) -> str | None:
-    """Sign code of a value of 5530; a country has some 640 of these."""
-    return datakatalog.sign_code(text)
-
-
 def _check_type(vegobjekt: Vegobjekt, type_id: int) -> None:
     if vegobjekt.type_id != type_id:
         msg = f"Vegobjekt {vegobjekt.id} is of type {vegobjekt.type_id}, not {type_id}: ask for {type_id}."
@@ -257,7 +209,7 @@ def _integer(egenskap: Egenskap | None, problems: list[str]) -> int | None:
     if egenskap is None or egenskap.verdi is None:
         return None
     verdi = egenskap.verdi
-    if isinstance(verdi, bool) or not isinstance(verdi, int) or verdi not in INT64:
+    if isinstance(verdi, bool) or not isinstance(verdi, int) or not -(2**63) <= verdi < 2**63:
         problems.append(f"egenskap {egenskap.id} is {egenskap.verdi!r:.30} instead of a whole number")
         return None
     return verdi

@@ -8,24 +8,34 @@ the form raises, and a value that cannot be used is named in ``problems``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from datetime import date
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, Final
 
+import msgspec
+
 from nvdb import datakatalog
-from nvdb.client.fields import Fields
-from nvdb.datakatalog.katalog import Datakatalog
-from nvdb.objects.geometri import Position, position_from_wkt
-from nvdb.objects.skilt import Skiltplate, Skiltpunkt, skiltplate_from_vegobjekt, skiltpunkt_from_vegobjekt
-from nvdb.objects.uberiket_fast import usual_skilt
+from nvdb.datakatalog.katalog import Datakatalog, Egenskapstype
+from nvdb.objects.geometri import Position
+from nvdb.objects.schema import Number, Whole, as_float, field_error, read
+from nvdb.objects.skilt import (
+    SHOWN,
+    Skiltplate,
+    Skiltpunkt,
+    skiltplate_from_vegobjekt,
+    skiltpunkt_from_vegobjekt,
+)
 from nvdb.objects.vegobjekt import (
     Egenskap,
     Geometri,
-    GeometriKvalitet,
     RawObject,
     Relasjon,
     Stedfesting,
     Vegobjekt,
+    iso_date,
+    kvalitet_from,
+    own_geometry,
+    position_of,
 )
 
 _KINDS: Final[Mapping[str, str]] = {
@@ -48,19 +58,90 @@ _NO_CODE: Final = "skiltnummer is missing"
 """What :mod:`nvdb.objects.skilt` says of a plate without text in 5530."""
 
 
-_VIEWED: Final[Mapping[int, frozenset[int]]] = {
-    datakatalog.SKILTPUNKT: frozenset({datakatalog.GEOMETRI_PUNKT_95}),
-    datakatalog.SKILTPLATE: frozenset(
-        {
-            datakatalog.GEOMETRI_PUNKT_96,
-            datakatalog.SKILTNUMMER,
-            datakatalog.ANSIKTSSIDE,
-            datakatalog.TEKST,
-            datakatalog.PLASSERINGSKODE,
-        }
-    ),
+class _Periode(msgspec.Struct, gc=False):
+    startdato: str | None = None
+    sluttdato: str | None = None
+
+
+class _Egenskap(msgspec.Struct, gc=False):
+    type: str | None = None
+    verdi: Any = None
+
+
+class _EnumEgenskap(_Egenskap, gc=False, kw_only=True):
+    verdi: Whole
+
+
+class _Kvalitet(msgspec.Struct, gc=False, rename="camel"):
+    datafangstmetode: str | None = None
+    noyaktighet: Number | None = None
+    synbarhet: Whole | None = None
+    datafangstmetode_hoyde: str | None = None
+    noyaktighet_hoyde: Number | None = None
+    maksimalt_avvik: Number | None = None
+
+
+class _Geometri(msgspec.Struct, gc=False):
+    wkt: str | None = None
+    kvalitet: _Kvalitet | None = None
+
+
+class _GeometriEgenskap(_Egenskap, gc=False):
+    verdi: _Geometri | None = None
+
+
+class _StrukturEgenskap(_Egenskap, gc=False):
+    verdier: dict[str, Any] | None = None
+
+
+_SCHEMA_OF_KIND: Final[Mapping[object, type[_Egenskap]]] = {
+    "EnumEgenskap": _EnumEgenskap,
+    "GeometriEgenskap": _GeometriEgenskap,
+    "StrukturEgenskap": _StrukturEgenskap,
 }
-"""Vegobjekttype → the properties that the typed view of signs shows."""
+
+
+class _Punkt(msgspec.Struct, gc=False):
+    id: Whole | None = None
+    posisjon: Number | None = None
+    retning: str | None = None
+    kjorefelt: list[str] | None = None
+    sideposisjon: str | None = None
+
+
+class _Linje(msgspec.Struct, gc=False):
+    id: Whole | None = None
+    startposisjon: Number | None = None
+    sluttposisjon: Number | None = None
+    retning: str | None = None
+    kjorefelt: list[str] | None = None
+    sideposisjon: str | None = None
+
+
+class _Stedfesting(msgspec.Struct, gc=False):
+    type: str | None = None
+    punkter: list[_Punkt] | None = None
+    linjer: list[_Linje] | None = None
+    id: Any = None
+
+
+class _Sving(msgspec.Struct, gc=False):
+    id: Whole | None = None
+
+
+class _Objekt(msgspec.Struct, gc=False, rename="camel"):
+    id: Whole
+    type_id: Whole
+    versjon: Whole
+    gyldighetsperiode: _Periode | None = None
+    egenskaper: dict[str, Any] | None = None
+    sist_endret: str | None = None
+    stedfesting: _Stedfesting | None = None
+    barn: dict[str, Any] | None = None
+
+
+_NO_PERIODE = _Periode()
+_NO_GEOMETRI = _Geometri()
 
 
 def vegobjekt_from_uberiket(
@@ -82,32 +163,30 @@ def vegobjekt_from_uberiket(
     SchemaError
         A field that breaks the documented form; the message names the object's id and the field.
     """
-    top = Fields(raw, f"vegobjekt {raw.get('id')}")
-    object_id, type_id = top.required_integer("id"), top.required_integer("typeId")
-    problems: list[str] = []
-    period = top.child("gyldighetsperiode")
-    egenskaper = {
-        egenskap.id: egenskap for egenskap in _egenskaper(top.child("egenskaper"), katalog, problems, only)
-    }
-    eget = _own_geometry(egenskaper, type_id)
+    objekt = read(raw, _Objekt, f"vegobjekt {raw.get('id')}")
+    reader = _Reader(f"vegobjekt {objekt.id}", katalog)
+    problems = reader.problems
+    period = objekt.gyldighetsperiode or _NO_PERIODE
+    egenskaper = {e.id: e for e in reader.egenskaper(objekt.egenskaper or {}, "egenskaper", only)}
+    own = own_geometry(egenskaper, objekt.type_id)
     return Vegobjekt(
-        id=object_id,
-        type_id=type_id,
-        versjon=top.required_integer("versjon"),
-        startdato=_iso_date(period, "startdato", problems),
-        sluttdato=_iso_date(period, "sluttdato", problems),
-        sist_modifisert=top.text("sistEndret"),
+        id=objekt.id,
+        type_id=objekt.type_id,
+        versjon=objekt.versjon,
+        startdato=iso_date("startdato", period.startdato, problems),
+        sluttdato=iso_date("sluttdato", period.sluttdato, problems),
+        sist_modifisert=objekt.sist_endret,
         egenskaper=egenskaper,
-        geometri=_geometri(eget),
-        position=_position(eget, problems),
-        own_geometry=eget is not None,
-        kvalitet=eget.kvalitet if eget else None,
+        geometri=_geometri(own),
+        position=_position(own, problems),
+        own_geometry=own is not None,
+        kvalitet=own.kvalitet if own else None,
         kommuner=(),
         fylker=(),
         vegsystemreferanser=(),
-        stedfestinger=tuple(_stedfestinger(top.child("stedfesting"))),
+        stedfestinger=reader.stedfestinger(objekt.stedfesting),
         foreldre=(),
-        barn=tuple(_barn(top.child("barn"), katalog, problems)),
+        barn=tuple(reader.barn(objekt.barn or {})),
         problems=tuple(problems),
         raw=raw,
     )
@@ -115,15 +194,7 @@ def vegobjekt_from_uberiket(
 
 def skilt_from_uberiket(raw: RawObject, type_id: int, katalog: Datakatalog) -> Skiltpunkt | Skiltplate:
     """Parse one object of an answer for `type_id` 95 or 96; SchemaError as above or for another type."""
-    usual = usual_skilt(raw, type_id, katalog)
-    if usual is not None:
-        return usual
-    return careful_skilt(raw, type_id, katalog)
-
-
-def careful_skilt(raw: RawObject, type_id: int, katalog: Datakatalog) -> Skiltpunkt | Skiltplate:
-    """Parse an object that may be unusual, and say what is wrong with it."""
-    vegobjekt = vegobjekt_from_uberiket(raw, katalog, _VIEWED.get(type_id))
+    vegobjekt = vegobjekt_from_uberiket(raw, katalog, SHOWN.get(type_id))
     if type_id == datakatalog.SKILTPUNKT:
         return skiltpunkt_from_vegobjekt(vegobjekt)
     plate = skiltplate_from_vegobjekt(vegobjekt)
@@ -133,143 +204,118 @@ def careful_skilt(raw: RawObject, type_id: int, katalog: Datakatalog) -> Skiltpu
     return plate
 
 
-def _egenskaper(
-    item: Fields, katalog: Datakatalog, problems: list[str], only: frozenset[int] | None = None
-) -> Iterator[Egenskap]:
-    for key in item.raw:
-        if not (key.isascii() and key.isdigit()):
-            raise item.error(key, "is not the id of a property")
-        if only is not None and int(key) not in only:
-            continue
-        yield _egenskap(int(key), item.child(key), katalog, problems)
+@dataclass(slots=True)
+class _Reader:
+    """The parts of one object that the datakatalog is needed for; `problems` gathers what cannot be used."""
 
+    where: str
+    katalog: Datakatalog
+    problems: list[str] = field(default_factory=list)
 
-def _egenskap(number: int, item: Fields, katalog: Datakatalog, problems: list[str]) -> Egenskap:
-    kind = item.text("type") or ""
-    known = katalog.egenskapstyper.get(number)
-    made: dict[str, Any] = {"verdi": item.raw.get("verdi"), "enum_id": None, "innhold": (), "kvalitet": None}
-    egenskapstype = _KINDS.get(kind, kind)
-    if kind == "EnumEgenskap":
-        enum_id = item.required_integer("verdi")
-        made |= {"verdi": katalog.enum_value(number, enum_id), "enum_id": enum_id}
-        egenskapstype = (known.egenskapstype if known else "") or egenskapstype
-        if made["verdi"] is None:
-            problems.append(f"enum {enum_id} of egenskap {number} is not in datakatalog {katalog.version}")
-    elif kind == "GeometriEgenskap":
-        geometry = item.child("verdi")
-        made |= {"verdi": geometry.text("wkt"), "kvalitet": _kvalitet(geometry)}
-        item = geometry
-    elif kind == "StrukturEgenskap":
-        made |= {"verdi": None, "innhold": tuple(_egenskaper(item.child("verdier"), katalog, problems))}
-    elif kind in {"ListeEgenskap", "BinaerEgenskap"}:
-        made["verdi"] = None  # members have no ids, and a resource is only named: both stay in `raw`
-    return Egenskap(
-        id=number,
-        navn=known.navn if known else "",
-        egenskapstype=egenskapstype,
-        enhet=None,
-        raw=item.raw,
-        **made,
-    )
+    def egenskaper(
+        self, raw: Mapping[str, Any], place: str, only: frozenset[int] | None = None
+    ) -> Iterator[Egenskap]:
+        for key, item in raw.items():
+            if not _is_id(key):
+                raise field_error(self.where, f"{place}.{key}", "is not the id of a property")
+            number = int(key)
+            if only is None or number in only:
+                yield self._egenskap(number, {} if item is None else item, f"{place}.{key}")
 
+    def _egenskap(self, number: int, raw: Any, place: str) -> Egenskap:
+        kind = raw.get("type") if isinstance(raw, Mapping) else None
+        schema = _SCHEMA_OF_KIND.get(kind, _Egenskap) if isinstance(kind, str) else _Egenskap
+        item = read(raw, schema, self.where, place)
+        egenskapstype = self.katalog.egenskapstyper.get(number)
+        navn = egenskapstype.navn if egenskapstype else ""
+        name = _KINDS.get(item.type or "", item.type or "")
+        if isinstance(item, _EnumEgenskap):
+            text = self._enum_text(number, item.verdi, egenskapstype)
+            name = (egenskapstype.egenskapstype if egenskapstype else "") or name
+            return Egenskap(number, navn, name, text, item.verdi, raw=raw)
+        if isinstance(item, _GeometriEgenskap):
+            geometri = item.verdi or _NO_GEOMETRI
+            kvalitet = kvalitet_from(geometri.kvalitet) if geometri.kvalitet else None
+            return Egenskap(number, navn, name, geometri.wkt, kvalitet=kvalitet, raw=raw.get("verdi") or {})
+        if isinstance(item, _StrukturEgenskap):
+            innhold = tuple(self.egenskaper(item.verdier or {}, f"{place}.verdier"))
+            return Egenskap(number, navn, name, None, innhold=innhold, raw=raw)
+        # Members of a list have no ids, and a binary resource is only named: both stay in `raw`.
+        verdi = None if item.type in {"ListeEgenskap", "BinaerEgenskap"} else item.verdi
+        return Egenskap(number, navn, name, verdi, raw=raw)
 
-def _kvalitet(geometry: Fields) -> GeometriKvalitet | None:
-    if geometry.raw.get("kvalitet") is None:
-        return None
-    item = geometry.child("kvalitet")
-
-    def known(name: str) -> float | None:
-        value = item.number(name)
-        return None if value is None or value < 0 else value
-
-    return GeometriKvalitet(
-        datafangstmetode=item.text("datafangstmetode"),
-        noyaktighet_cm=known("noyaktighet"),
-        synbarhet=item.integer("synbarhet"),
-        datafangstmetode_hoyde=item.text("datafangstmetodeHoyde"),
-        noyaktighet_hoyde_cm=known("noyaktighetHoyde"),
-        maksimalt_avvik_cm=known("maksimaltAvvik"),
-    )
-
-
-def _own_geometry(egenskaper: Mapping[int, Egenskap], type_id: int) -> Egenskap | None:
-    """The property with the object's own point: by the datakatalog for signs, else the first geometry."""
-    known = egenskaper.get(datakatalog.GEOMETRI_PUNKT.get(type_id, -1))
-    if known is not None:
-        return known
-    return next((e for e in egenskaper.values() if e.egenskapstype == "Geometri"), None)
-
-
-def _geometri(eget: Egenskap | None) -> Geometri | None:
-    if eget is None or not isinstance(eget.verdi, str):
-        return None
-    srid = eget.raw.get("srid")
-    return Geometri(wkt=eget.verdi, srid=None if srid is None else str(srid), egengeometri=True)
-
-
-def _position(eget: Egenskap | None, problems: list[str]) -> Position | None:
-    if eget is None:
-        return None
-    try:
-        position, notes = position_from_wkt(
-            eget.verdi if isinstance(eget.verdi, str) else "", eget.raw.get("srid")
-        )
-    except ValueError as error:
-        problems.append(f"egenskap {eget.id} {error}")
-        return None
-    problems.extend(f"egenskap {eget.id}: {note}" for note in notes)
-    return position
-
-
-def _stedfestinger(item: Fields) -> Iterator[Stedfesting]:
-    kind = item.text("type") or ""
-    for point in item.children("punkter"):
-        yield Stedfesting(
-            type="Punkt",
-            veglenkesekvensid=point.integer("id"),
-            relativ_posisjon=point.number("posisjon"),
-            retning=point.text("retning"),
-            kjorefelt=point.texts("kjorefelt"),
-            sideposisjon=point.text("sideposisjon"),
-        )
-    for line in item.children("linjer"):
-        yield Stedfesting(
-            type="Linje",
-            veglenkesekvensid=line.integer("id"),
-            startposisjon=line.number("startposisjon"),
-            sluttposisjon=line.number("sluttposisjon"),
-            retning=line.text("retning"),
-            kjorefelt=line.texts("kjorefelt"),
-            sideposisjon=line.text("sideposisjon"),
-        )
-    if kind == "StedfestingSving":
-        yield Stedfesting(type="Sving", nodeid=item.integer("id"))
-
-
-def _barn(item: Fields, katalog: Datakatalog, problems: list[str]) -> Iterator[Relasjon]:
-    """Children by type; one that stands under both ids of its relation comes once."""
-    by_type: dict[int, tuple[int, dict[int, None]]] = {}
-    for key in item.raw:
-        if not (key.isascii() and key.isdigit()):
-            raise item.error(key, "is not the id of a relation")
-        members = item.integers(key)
-        type_id = katalog.barn.get(int(key))
-        if type_id is None:
-            problems.append(
-                f"relation {key} is not in datakatalog {katalog.version}, its children are left out"
+    def _enum_text(self, number: int, enum_id: int, egenskapstype: Egenskapstype | None) -> object:
+        text = egenskapstype.verdier.get(enum_id) if egenskapstype else None
+        if text is None:
+            self.problems.append(
+                f"enum {enum_id} of egenskap {number} is not in datakatalog {self.katalog.version}"
             )
-            continue
-        by_type.setdefault(type_id, (int(key), {}))[1].update(dict.fromkeys(members))
-    for type_id, (relation, ids) in by_type.items():
-        yield Relasjon(type_id=type_id, vegobjekter=tuple(ids), id=relation)
+        return text
+
+    def stedfestinger(self, item: _Stedfesting | None) -> tuple[Stedfesting, ...]:
+        if item is None:
+            return ()
+        steder = [_punkt(punkt) for punkt in item.punkter or ()]
+        steder += [_linje(linje) for linje in item.linjer or ()]
+        if item.type == "StedfestingSving":
+            sving = read({"id": item.id}, _Sving, self.where, "stedfesting")
+            steder.append(Stedfesting(type="Sving", nodeid=sving.id))
+        return tuple(steder)
+
+    def barn(self, raw: Mapping[str, Any]) -> Iterator[Relasjon]:
+        """Children by type; one that stands under both ids of its relation comes once."""
+        by_type: dict[int, tuple[int, dict[int, None]]] = {}
+        for key, item in raw.items():
+            if not _is_id(key):
+                raise field_error(self.where, f"barn.{key}", "is not the id of a relation")
+            members = [] if item is None else read(item, list[int], self.where, f"barn.{key}")
+            type_id = self.katalog.barn.get(int(key))
+            if type_id is None:
+                self.problems.append(
+                    f"relation {key} is not in datakatalog {self.katalog.version}, its children are left out"
+                )
+                continue
+            by_type.setdefault(type_id, (int(key), {}))[1].update(dict.fromkeys(members))
+        for type_id, (relation, ids) in by_type.items():
+            yield Relasjon(type_id=type_id, vegobjekter=tuple(ids), id=relation)
 
 
-def _iso_date(period: Fields, name: str, problems: list[str]) -> str | None:
-    text = period.text(name)
-    if text is None:
+@lru_cache(maxsize=4096)
+def _is_id(key: str) -> bool:
+    return key.isascii() and key.isdigit()
+
+
+def _geometri(own: Egenskap | None) -> Geometri | None:
+    if own is None or not isinstance(own.verdi, str):
         return None
-    try:
-        return date.fromisoformat(text).isoformat()
-    except ValueError:
-        problems.append(f"{name} {text[:30]!r} is not a date")
+    srid = own.raw.get("srid")
+    return Geometri(wkt=own.verdi, srid=None if srid is None else str(srid), egengeometri=True)
+
+
+def _position(own: Egenskap | None, problems: list[str]) -> Position | None:
+    if own is None:
         return None
+    return position_of(f"egenskap {own.id}", own.verdi, own.raw.get("srid"), problems)
+
+
+def _punkt(item: _Punkt) -> Stedfesting:
+    return Stedfesting(
+        type="Punkt",
+        veglenkesekvensid=item.id,
+        relativ_posisjon=as_float(item.posisjon),
+        retning=item.retning,
+        kjorefelt=tuple(item.kjorefelt or ()),
+        sideposisjon=item.sideposisjon,
+    )
+
+
+def _linje(item: _Linje) -> Stedfesting:
+    return Stedfesting(
+        type="Linje",
+        veglenkesekvensid=item.id,
+        startposisjon=as_float(item.startposisjon),
+        sluttposisjon=as_float(item.sluttposisjon),
+        retning=item.retning,
+        kjorefelt=tuple(item.kjorefelt or ()),
+        sideposisjon=item.sideposisjon,
+    )

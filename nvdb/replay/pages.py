@@ -21,7 +21,8 @@ from urllib.parse import parse_qs, urlencode, urlsplit
 from nvdb import datakatalog
 from nvdb.errors import ReplaySourceError, SchemaError
 from nvdb.objects.geometri import Position
-from nvdb.objects.vegobjekt import RawObject, vegobjekt_from_les_v4
+from nvdb.objects.les_v4 import vegobjekt_from_les_v4
+from nvdb.objects.vegobjekt import RawObject
 from nvdb.replay.shown import shown
 
 log = logging.getLogger(__name__)
