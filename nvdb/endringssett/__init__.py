@@ -27,7 +27,7 @@ from nvdb.endringssett.document import (
     Stedfesting,
     endringssett,
 )
-from nvdb.endringssett.finding import ADVARSEL, FEIL, Finding
+from nvdb.endringssett.finding import ADVARSEL, FEIL, ValidationFinding
 from nvdb.endringssett.inverse import Earlier, earlier_from_vegobjekt, inverse
 from nvdb.endringssett.json import from_json, to_json
 from nvdb.endringssett.measured import (
@@ -51,7 +51,6 @@ __all__ = [
     "Egenskap",
     "Endring",
     "Endringssett",
-    "Finding",
     "Geometri",
     "Kvalitet",
     "Measured",
@@ -60,6 +59,7 @@ __all__ = [
     "Punkt",
     "Stedfesting",
     "Target",
+    "ValidationFinding",
     "changed_type",
     "earlier_from_vegobjekt",
     "endringssett",

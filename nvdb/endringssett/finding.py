@@ -10,7 +10,7 @@ ADVARSEL: Final = "advarsel"
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ValidationFinding:
     """One thing that is wrong; ``str()`` is a sentence: where, what, cure.
 
     Attributes

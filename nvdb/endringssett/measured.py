@@ -12,7 +12,7 @@ from nvdb.endringssett.document import Egenskap, Geometri, Kvalitet, Punkt, Sted
 from nvdb.errors import RequestError
 from nvdb.objects.geometri import in_norway
 from nvdb.objects.skilt import Skiltplate, Skiltpunkt
-from nvdb.objects.vegobjekt import Stedfesting as LesStedfesting
+from nvdb.objects.vegobjekt import VegobjektStedfesting
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ def target_from_skilt(skilt: Skiltpunkt | Skiltplate, *, lest_fra_nvdb: datetime
     return Target(kind, skilt.nvdb_id, skilt.version, moment)
 
 
-def punkt_from_stedfesting(place: LesStedfesting) -> Punkt | None:
+def punkt_from_stedfesting(place: VegobjektStedfesting) -> Punkt | None:
     """Turn a place as API Les gives it into one to write; None where it is no point."""
     if place.veglenkesekvensid is None or place.relativ_posisjon is None:
         return None

@@ -23,7 +23,7 @@ from nvdb.endringssett.document import (
     Endringssett,
     Punkt,
 )
-from nvdb.endringssett.finding import ADVARSEL, FEIL, Finding
+from nvdb.endringssett.finding import ADVARSEL, FEIL, ValidationFinding
 from nvdb.endringssett.rules import ANBEFALT, OBLIGATORISK, SIDEPOSISJONER
 from nvdb.endringssett.validate_value import check_egenskap
 
@@ -32,7 +32,7 @@ _VERSION: Final = re.compile(r"\d+\.\d+")
 _WHOLE: Final = frozenset({"registrer", "oppdater", "korriger"})
 
 
-def validate(sett: Endringssett, katalog: Datakatalog | None = None) -> tuple[Finding, ...]:
+def validate(sett: Endringssett, katalog: Datakatalog | None = None) -> tuple[ValidationFinding, ...]:
     """Check a set.
 
     Parameters
@@ -44,7 +44,7 @@ def validate(sett: Endringssett, katalog: Datakatalog | None = None) -> tuple[Fi
 
     Returns
     -------
-    tuple of Finding
+    tuple of ValidationFinding
         Empty if nothing is wrong; a set with a finding of severity ``feil`` would be refused.
     """
     katalog = katalog or datakatalog.snapshot()
@@ -55,39 +55,41 @@ def validate(sett: Endringssett, katalog: Datakatalog | None = None) -> tuple[Fi
     return tuple(found)
 
 
-def errors(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+def errors(findings: tuple[ValidationFinding, ...]) -> tuple[ValidationFinding, ...]:
     """Those findings for which a set would be refused."""
     return tuple(finding for finding in findings if finding.severity == FEIL)
 
 
-def _of_the_set(sett: Endringssett, katalog: Datakatalog) -> Iterator[Finding]:
+def _of_the_set(sett: Endringssett, katalog: Datakatalog) -> Iterator[ValidationFinding]:
     where = "endringssett"
     if not sett.endringer:
-        yield Finding(FEIL, "TOMT_ENDRINGSSETT", where, "has no vegobjekt: put in at least one change")
+        yield ValidationFinding(
+            FEIL, "TOMT_ENDRINGSSETT", where, "has no vegobjekt: put in at least one change"
+        )
     if len(sett.endringer) > MAX_VEGOBJEKTER:
         clause = f"has {len(sett.endringer)} vegobjekter: split it into sets of at most {MAX_VEGOBJEKTER}"
-        yield Finding(FEIL, "FOR_MANGE_VEGOBJEKTER", where, clause)
+        yield ValidationFinding(FEIL, "FOR_MANGE_VEGOBJEKTER", where, clause)
     if not _VERSION.fullmatch(sett.datakatalogversjon):
         clause = f"has the datakatalogversjon {sett.datakatalogversjon!r}: give one such as {katalog.version}"
-        yield Finding(FEIL, "UGYLDIG_DATAKATALOGVERSJON", where, clause)
+        yield ValidationFinding(FEIL, "UGYLDIG_DATAKATALOGVERSJON", where, clause)
     elif sett.datakatalogversjon != katalog.version:
         clause = (
             f"was made by datakatalog {sett.datakatalogversjon}, checked by {katalog.version}: make it anew"
         )
-        yield Finding(ADVARSEL, "IKKE_GJELDENDE_DATAKATALOGVERSJON", where, clause)
+        yield ValidationFinding(ADVARSEL, "IKKE_GJELDENDE_DATAKATALOGVERSJON", where, clause)
     versions = Counter((e.type_id, e.nvdb_id, e.versjon) for e in sett.endringer if e.nvdb_id is not None)
     for (type_id, nvdb_id, versjon), number in versions.items():
         if number > 1:
             place = f"type {type_id} {nvdb_id} version {versjon}"
             clause = f"has {number} operations in one set: give it one, or send the others in a later set"
-            yield Finding(
+            yield ValidationFinding(
                 FEIL, "KONFLIKT_MELLOM_VEGOBJEKTER", place, clause, nvdb_id=nvdb_id, versjon=versjon
             )
     names = Counter(e.temp_id for e in sett.endringer if e.temp_id is not None)
     for temp_id, number in names.items():
         if number > 1:
             clause = f"names {number} new objects {temp_id!r}: every tempId must be its own"
-            yield Finding(FEIL, "UGYLDIG_TEMPID", where, clause, temp_id=temp_id)
+            yield ValidationFinding(FEIL, "UGYLDIG_TEMPID", where, clause, temp_id=temp_id)
 
 
 class _Object:
@@ -98,14 +100,14 @@ class _Object:
 
     def __call__(
         self, code: str, clause: str, *, severity: str = FEIL, egenskap: int | None = None
-    ) -> Finding:
+    ) -> ValidationFinding:
         endring = self.endring
-        return Finding(
+        return ValidationFinding(
             severity, code, endring.navn, clause, endring.temp_id, endring.nvdb_id, endring.versjon, egenskap
         )
 
 
-def _of_an_object(endring: Endring, katalog: Datakatalog) -> Iterator[Finding]:
+def _of_an_object(endring: Endring, katalog: Datakatalog) -> Iterator[ValidationFinding]:
     say = _Object(endring)
     if endring.type_id not in katalog.typer:
         known = ", ".join(str(number) for number in katalog.typer)
@@ -124,7 +126,7 @@ def _of_an_object(endring: Endring, katalog: Datakatalog) -> Iterator[Finding]:
             yield from _what_a_place_says(punkt, endring, katalog, say)
 
 
-def _identity(endring: Endring, say: _Object) -> Iterator[Finding]:
+def _identity(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:
     if endring.operasjon == "registrer":
         if not endring.temp_id:
             yield say("UGYLDIG_TEMPID", "has no tempId: name every new object")
@@ -145,7 +147,7 @@ def _identity(endring: Endring, say: _Object) -> Iterator[Finding]:
         yield say("UGYLDIG_OPERASJON", "has overskriv, which only oppdater and delvisOppdater take")
 
 
-def _only_what_belongs(endring: Endring, say: _Object) -> Iterator[Finding]:
+def _only_what_belongs(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:
     """What the schema has no place for in this operation."""
     ends = endring.operasjon in {"lukk", "fjern"}
     content = (
@@ -165,7 +167,7 @@ def _only_what_belongs(endring: Endring, say: _Object) -> Iterator[Finding]:
         yield say("UGYLDIG_OPERASJON", "has a lukkedato, which only lukk takes: leave it out")
 
 
-def _dates(endring: Endring, say: _Object) -> Iterator[Finding]:
+def _dates(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:
     if endring.operasjon in {"registrer", "oppdater", "delvisOppdater"} and endring.startdato is None:
         yield say("UGYLDIG_STARTDATO", "has no startdato: say from which day it holds")
     start, end = endring.startdato, endring.sluttdato
@@ -180,7 +182,7 @@ def _dates(endring: Endring, say: _Object) -> Iterator[Finding]:
         yield say("DATTEROBJEKT_UTEN_MOR", "does not say whether its children go too: set kaskade")
 
 
-def _completeness(endring: Endring, say: _Object) -> Iterator[Finding]:
+def _completeness(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:
     given = {egenskap.type_id for egenskap in endring.egenskaper}
     if endring.operasjon in DELVIS:
         may_be_dates = endring.operasjon == "delvisKorriger" and (endring.startdato or endring.sluttdato)
@@ -199,7 +201,7 @@ def _completeness(endring: Endring, say: _Object) -> Iterator[Finding]:
         yield say("MANGLER_STEDFESTING", "has no place on the road network: add a stedfesting")
 
 
-def _operations(endring: Endring, say: _Object) -> Iterator[Finding]:
+def _operations(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:
     """Every part of a partial operation says what is to be done with it; no part of a whole one does."""
     parts = [(f"property {e.type_id}", e.operasjon) for e in endring.egenskaper]
     parts += [(f"association {a.type_id}", a.operasjon) for a in endring.assosiasjoner]
@@ -225,7 +227,7 @@ def _operations(endring: Endring, say: _Object) -> Iterator[Finding]:
             yield say("UGYLDIG_OPERASJON", "marks a member with something else than ny or slett: mend it")
 
 
-def _place(punkt: Punkt, say: _Object) -> Iterator[Finding]:
+def _place(punkt: Punkt, say: _Object) -> Iterator[ValidationFinding]:
     if punkt.veglenkesekvens_id <= 0:
         yield say(
             "UKJENT_VEGLENKESEKVENS", f"is on veglenkesekvens {punkt.veglenkesekvens_id}: give a real id"
@@ -244,7 +246,7 @@ def _place(punkt: Punkt, say: _Object) -> Iterator[Finding]:
 
 def _what_a_place_says(
     punkt: Punkt, endring: Endring, katalog: Datakatalog, say: _Object
-) -> Iterator[Finding]:
+) -> Iterator[ValidationFinding]:
     """Direction, side and lanes against what the type wants; nothing where the datakatalog is not known."""
     krav = katalog.stedfesting.get(endring.type_id, Stedfestingskrav())
     if punkt.retning is None and krav.retning:
@@ -269,7 +271,7 @@ class _Family:
     claims: Counter[str]
 
 
-def _of_families(sett: Endringssett, katalog: Datakatalog) -> Iterator[Finding]:
+def _of_families(sett: Endringssett, katalog: Datakatalog) -> Iterator[ValidationFinding]:
     """Parents and children within the set: a new plate has one parent, which stands where it does."""
     family = _Family(
         {e.temp_id: e for e in sett.endringer if e.temp_id is not None},
@@ -291,7 +293,7 @@ def _of_families(sett: Endringssett, katalog: Datakatalog) -> Iterator[Finding]:
 
 def _children(
     endring: Endring, assosiasjon: Assosiasjon, katalog: Datakatalog, family: _Family, say: _Object
-) -> Iterator[Finding]:
+) -> Iterator[ValidationFinding]:
     number = assosiasjon.type_id
     child_type = katalog.barn.get(number)
     if child_type is None or endring.type_id != datakatalog.SKILTPUNKT:
@@ -306,7 +308,7 @@ def _children(
 
 def _child(
     endring: Endring, datter: Datter, child_type: int, family: _Family, say: _Object
-) -> Iterator[Finding]:
+) -> Iterator[ValidationFinding]:
     if (datter.nvdb_id is None) == (datter.temp_id is None):
         yield say(
             "DATTEROBJEKT_FINNES_IKKE", "has a child with both or neither of nvdbId and tempId: give one"
@@ -333,7 +335,7 @@ def _child(
     yield from _same_place(endring, child, name, say)
 
 
-def _same_place(parent: Endring, child: Endring, name: str, say: _Object) -> Iterator[Finding]:
+def _same_place(parent: Endring, child: Endring, name: str, say: _Object) -> Iterator[ValidationFinding]:
     if parent.stedfesting is None or child.stedfesting is None or child.operasjon in {"lukk", "fjern"}:
         return
     at = {(p.veglenkesekvens_id, p.posisjon): p for p in parent.stedfesting.punkter}

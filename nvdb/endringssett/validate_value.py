@@ -10,7 +10,7 @@ from typing import Final, Protocol
 
 from nvdb.datakatalog.katalog import Datakatalog, Egenskapstype
 from nvdb.endringssett.document import Egenskap, Endring, Geometri, Kvalitet
-from nvdb.endringssett.finding import ADVARSEL, FEIL, Finding
+from nvdb.endringssett.finding import ADVARSEL, FEIL, ValidationFinding
 from nvdb.endringssett.rules import (
     DATAFANGSTMETODER,
     GRENSER,
@@ -39,11 +39,13 @@ class Say(Protocol):
 
     def __call__(
         self, code: str, clause: str, *, severity: str = FEIL, egenskap: int | None = None
-    ) -> Finding:
+    ) -> ValidationFinding:
         """One finding."""
 
 
-def check_egenskap(endring: Endring, egenskap: Egenskap, katalog: Datakatalog, say: Say) -> Iterator[Finding]:
+def check_egenskap(
+    endring: Endring, egenskap: Egenskap, katalog: Datakatalog, say: Say
+) -> Iterator[ValidationFinding]:
     """Check one property of one object."""
     number = egenskap.type_id
     kind = katalog.egenskapstyper.get(number)
@@ -71,7 +73,9 @@ def check_egenskap(endring: Endring, egenskap: Egenskap, katalog: Datakatalog, s
         yield from _check_text(egenskap.verdi[0], kind, name, say)
 
 
-def _check_geometry_kind(egenskap: Egenskap, kind: Egenskapstype, name: str, say: Say) -> Iterator[Finding]:
+def _check_geometry_kind(
+    egenskap: Egenskap, kind: Egenskapstype, name: str, say: Say
+) -> Iterator[ValidationFinding]:
     if egenskap.geometri is None or kind.egenskapstype != "Geometri":
         clause = (
             f"gives {name} {'a geometry' if egenskap.geometri else 'a text'}, which it cannot take: mend it"
@@ -82,7 +86,7 @@ def _check_geometry_kind(egenskap: Egenskap, kind: Egenskapstype, name: str, say
         yield say(code, f"has in {name} {clause}", severity=severity, egenskap=kind.id)
 
 
-def _check_enum(enum_id: int, kind: Egenskapstype, name: str, say: Say) -> Iterator[Finding]:
+def _check_enum(enum_id: int, kind: Egenskapstype, name: str, say: Say) -> Iterator[ValidationFinding]:
     if kind.egenskapstype and kind.egenskapstype not in _ENUMS:
         clause = f"gives {name} the enum id {enum_id}, but it takes {kind.egenskapstype}: give a value"
         yield say("IKKE_FLERVERDIEGENSKAP", clause, egenskap=kind.id)
@@ -97,7 +101,7 @@ def _check_enum(enum_id: int, kind: Egenskapstype, name: str, say: Say) -> Itera
 _PARTIAL: Final = "only a part of its values ships with this program, so sync with NVDB first"
 
 
-def _check_text(text: str, kind: Egenskapstype, name: str, say: Say) -> Iterator[Finding]:
+def _check_text(text: str, kind: Egenskapstype, name: str, say: Say) -> Iterator[ValidationFinding]:
     if not text.strip():
         yield say("UGYLDIG_TYPE", f"gives {name} an empty value: leave it out or delete it", egenskap=kind.id)
         return

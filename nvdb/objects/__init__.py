@@ -17,7 +17,7 @@ from nvdb.objects.skilt import (
     skiltpunkt_from_vegobjekt,
 )
 from nvdb.objects.uberiket import skilt_from_uberiket, vegobjekt_from_uberiket
-from nvdb.objects.vegobjekt import GeometriKvalitet, Relasjon, Stedfesting, Vegobjekt
+from nvdb.objects.vegobjekt import GeometriKvalitet, Relasjon, Vegobjekt, VegobjektStedfesting
 
 __all__ = [
     "NORWAY_UTM33",
@@ -28,8 +28,8 @@ __all__ = [
     "Relasjon",
     "Skiltplate",
     "Skiltpunkt",
-    "Stedfesting",
     "Vegobjekt",
+    "VegobjektStedfesting",
     "in_norway",
     "point_from_wkt",
     "position_from_wkt",

@@ -24,12 +24,12 @@ from nvdb.objects.skilt import (
     skiltpunkt_from_vegobjekt,
 )
 from nvdb.objects.vegobjekt import (
-    Egenskap,
-    Geometri,
     RawObject,
     Relasjon,
-    Stedfesting,
     Vegobjekt,
+    VegobjektEgenskap,
+    VegobjektGeometri,
+    VegobjektStedfesting,
     iso_date,
     kvalitet_from,
     own_geometry,
@@ -242,8 +242,8 @@ def _error(objekt: _Objekt, name: str, clause: str) -> SchemaError:
 
 def _egenskaper(
     objekt: _Objekt, raw: RawObject, only: frozenset[int] | None, problems: list[str]
-) -> dict[int, Egenskap]:
-    by_id: dict[int, Egenskap] = {}
+) -> dict[int, VegobjektEgenskap]:
+    by_id: dict[int, VegobjektEgenskap] = {}
     ids: set[int] = set()
     for item, raw_item in zip(objekt.egenskaper or (), raw.get("egenskaper") or (), strict=True):
         if item.id in ids:
@@ -255,9 +255,9 @@ def _egenskaper(
     return by_id
 
 
-def _egenskap(item: _Egenskap, raw: RawObject) -> Egenskap:
+def _egenskap(item: _Egenskap, raw: RawObject) -> VegobjektEgenskap:
     kvalitet = item.kvalitet
-    return Egenskap(
+    return VegobjektEgenskap(
         item.id,
         item.navn or "",
         item.egenskapstype or "",
@@ -270,15 +270,15 @@ def _egenskap(item: _Egenskap, raw: RawObject) -> Egenskap:
     )
 
 
-def _geometri(item: _Geometri | None) -> Geometri | None:
+def _geometri(item: _Geometri | None) -> VegobjektGeometri | None:
     if item is None or item.wkt is None:
         return None
     srid = None if item.srid is None else str(item.srid)
-    return Geometri(item.wkt, srid, bool(item.egengeometri), bool(item.forenklet))
+    return VegobjektGeometri(item.wkt, srid, bool(item.egengeometri), bool(item.forenklet))
 
 
-def _stedfesting(item: _Stedfesting) -> Stedfesting:
-    return Stedfesting(
+def _stedfesting(item: _Stedfesting) -> VegobjektStedfesting:
+    return VegobjektStedfesting(
         item.type or "",
         item.veglenkesekvensid,
         item.nodeid,
@@ -297,7 +297,9 @@ def _relasjon(item: _Relasjon) -> Relasjon:
     return Relasjon(item.type.id, tuple(ids), item.id, item.listeid)
 
 
-def _position(own: Egenskap | None, geometri: Geometri | None, problems: list[str]) -> Position | None:
+def _position(
+    own: VegobjektEgenskap | None, geometri: VegobjektGeometri | None, problems: list[str]
+) -> Position | None:
     """The best point there is; each source that fails leaves a clause in `problems`."""
     position = None
     if own is not None and (geometri is None or geometri.egengeometri):

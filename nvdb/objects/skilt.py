@@ -9,7 +9,7 @@ from typing import Any, Final
 from nvdb import datakatalog
 from nvdb.errors import SchemaError
 from nvdb.objects.geometri import Position
-from nvdb.objects.vegobjekt import Egenskap, RawObject, Stedfesting, Vegobjekt
+from nvdb.objects.vegobjekt import RawObject, Vegobjekt, VegobjektEgenskap, VegobjektStedfesting
 
 SHOWN: Final[Mapping[int, frozenset[int]]] = {
     datakatalog.SKILTPUNKT: frozenset({datakatalog.GEOMETRI_PUNKT_95}),
@@ -49,7 +49,7 @@ class Skilt:
     road_reference : str or None
         Short form of the first vegsystemreferanse.
     kommuner : tuple of int
-    stedfesting : tuple of Stedfesting
+    stedfesting : tuple of VegobjektStedfesting
     problems : tuple of str
         Values that could not be used, one clause each.
     raw : dict
@@ -67,7 +67,7 @@ class Skilt:
     capture_method: str | None = None
     road_reference: str | None = None
     kommuner: tuple[int, ...] = ()
-    stedfesting: tuple[Stedfesting, ...] = ()
+    stedfesting: tuple[VegobjektStedfesting, ...] = ()
     problems: tuple[str, ...] = ()
     raw: RawObject = field(default_factory=dict, repr=False, compare=False)
 
@@ -196,7 +196,7 @@ def _code(text: str | None, problems: list[str]) -> str | None:
     return code
 
 
-def _text(egenskap: Egenskap | None, problems: list[str]) -> str | None:
+def _text(egenskap: VegobjektEgenskap | None, problems: list[str]) -> str | None:
     if egenskap is None or egenskap.verdi is None:
         return None
     if not isinstance(egenskap.verdi, str):
@@ -205,7 +205,7 @@ def _text(egenskap: Egenskap | None, problems: list[str]) -> str | None:
     return egenskap.verdi
 
 
-def _integer(egenskap: Egenskap | None, problems: list[str]) -> int | None:
+def _integer(egenskap: VegobjektEgenskap | None, problems: list[str]) -> int | None:
     if egenskap is None or egenskap.verdi is None:
         return None
     verdi = egenskap.verdi

@@ -26,12 +26,12 @@ from nvdb.objects.skilt import (
     skiltpunkt_from_vegobjekt,
 )
 from nvdb.objects.vegobjekt import (
-    Egenskap,
-    Geometri,
     RawObject,
     Relasjon,
-    Stedfesting,
     Vegobjekt,
+    VegobjektEgenskap,
+    VegobjektGeometri,
+    VegobjektStedfesting,
     iso_date,
     kvalitet_from,
     own_geometry,
@@ -214,7 +214,7 @@ class _Reader:
 
     def egenskaper(
         self, raw: Mapping[str, Any], place: str, only: frozenset[int] | None = None
-    ) -> Iterator[Egenskap]:
+    ) -> Iterator[VegobjektEgenskap]:
         for key, item in raw.items():
             if not _is_id(key):
                 raise field_error(self.where, f"{place}.{key}", "is not the id of a property")
@@ -222,7 +222,7 @@ class _Reader:
             if only is None or number in only:
                 yield self._egenskap(number, {} if item is None else item, f"{place}.{key}")
 
-    def _egenskap(self, number: int, raw: Any, place: str) -> Egenskap:
+    def _egenskap(self, number: int, raw: Any, place: str) -> VegobjektEgenskap:
         kind = raw.get("type") if isinstance(raw, Mapping) else None
         schema = _SCHEMA_OF_KIND.get(kind, _Egenskap) if isinstance(kind, str) else _Egenskap
         item = read(raw, schema, self.where, place)
@@ -232,17 +232,19 @@ class _Reader:
         if isinstance(item, _EnumEgenskap):
             text = self._enum_text(number, item.verdi, egenskapstype)
             name = (egenskapstype.egenskapstype if egenskapstype else "") or name
-            return Egenskap(number, navn, name, text, item.verdi, raw=raw)
+            return VegobjektEgenskap(number, navn, name, text, item.verdi, raw=raw)
         if isinstance(item, _GeometriEgenskap):
             geometri = item.verdi or _NO_GEOMETRI
             kvalitet = kvalitet_from(geometri.kvalitet) if geometri.kvalitet else None
-            return Egenskap(number, navn, name, geometri.wkt, kvalitet=kvalitet, raw=raw.get("verdi") or {})
+            return VegobjektEgenskap(
+                number, navn, name, geometri.wkt, kvalitet=kvalitet, raw=raw.get("verdi") or {}
+            )
         if isinstance(item, _StrukturEgenskap):
             innhold = tuple(self.egenskaper(item.verdier or {}, f"{place}.verdier"))
-            return Egenskap(number, navn, name, None, innhold=innhold, raw=raw)
+            return VegobjektEgenskap(number, navn, name, None, innhold=innhold, raw=raw)
         # Members of a list have no ids, and a binary resource is only named: both stay in `raw`.
         verdi = None if item.type in {"ListeEgenskap", "BinaerEgenskap"} else item.verdi
-        return Egenskap(number, navn, name, verdi, raw=raw)
+        return VegobjektEgenskap(number, navn, name, verdi, raw=raw)
 
     def _enum_text(self, number: int, enum_id: int, egenskapstype: Egenskapstype | None) -> object:
         text = egenskapstype.verdier.get(enum_id) if egenskapstype else None
@@ -252,14 +254,14 @@ class _Reader:
             )
         return text
 
-    def stedfestinger(self, item: _Stedfesting | None) -> tuple[Stedfesting, ...]:
+    def stedfestinger(self, item: _Stedfesting | None) -> tuple[VegobjektStedfesting, ...]:
         if item is None:
             return ()
         steder = [_punkt(punkt) for punkt in item.punkter or ()]
         steder += [_linje(linje) for linje in item.linjer or ()]
         if item.type == "StedfestingSving":
             sving = read({"id": item.id}, _Sving, self.where, "stedfesting")
-            steder.append(Stedfesting(type="Sving", nodeid=sving.id))
+            steder.append(VegobjektStedfesting(type="Sving", nodeid=sving.id))
         return tuple(steder)
 
     def barn(self, raw: Mapping[str, Any]) -> Iterator[Relasjon]:
@@ -285,21 +287,21 @@ def _is_id(key: str) -> bool:
     return key.isascii() and key.isdigit()
 
 
-def _geometri(own: Egenskap | None) -> Geometri | None:
+def _geometri(own: VegobjektEgenskap | None) -> VegobjektGeometri | None:
     if own is None or not isinstance(own.verdi, str):
         return None
     srid = own.raw.get("srid")
-    return Geometri(wkt=own.verdi, srid=None if srid is None else str(srid), egengeometri=True)
+    return VegobjektGeometri(wkt=own.verdi, srid=None if srid is None else str(srid), egengeometri=True)
 
 
-def _position(own: Egenskap | None, problems: list[str]) -> Position | None:
+def _position(own: VegobjektEgenskap | None, problems: list[str]) -> Position | None:
     if own is None:
         return None
     return position_of(f"egenskap {own.id}", own.verdi, own.raw.get("srid"), problems)
 
 
-def _punkt(item: _Punkt) -> Stedfesting:
-    return Stedfesting(
+def _punkt(item: _Punkt) -> VegobjektStedfesting:
+    return VegobjektStedfesting(
         type="Punkt",
         veglenkesekvensid=item.id,
         relativ_posisjon=as_float(item.posisjon),
@@ -309,8 +311,8 @@ def _punkt(item: _Punkt) -> Stedfesting:
     )
 
 
-def _linje(item: _Linje) -> Stedfesting:
-    return Stedfesting(
+def _linje(item: _Linje) -> VegobjektStedfesting:
+    return VegobjektStedfesting(
         type="Linje",
         veglenkesekvensid=item.id,
         startposisjon=as_float(item.startposisjon),

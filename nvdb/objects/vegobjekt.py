@@ -55,7 +55,7 @@ class GeometriKvalitet(msgspec.Struct, frozen=True, gc=False):
     maksimalt_avvik_cm: float | None = None
 
 
-class Egenskap(_Received, frozen=True, gc=False):
+class VegobjektEgenskap(_Received, frozen=True, gc=False):
     """One property. Unknown kinds and enum ids are kept as they came.
 
     Attributes
@@ -67,7 +67,7 @@ class Egenskap(_Received, frozen=True, gc=False):
     enum_id : int or None
     enhet : str or None
         Unit's short name.
-    innhold : tuple of Egenskap
+    innhold : tuple of VegobjektEgenskap
         Members of a ``Liste`` or ``Struktur``.
     kvalitet : GeometriKvalitet or None
     raw : dict
@@ -80,12 +80,12 @@ class Egenskap(_Received, frozen=True, gc=False):
     verdi: object
     enum_id: int | None = None
     enhet: str | None = None
-    innhold: tuple[Egenskap, ...] = ()
+    innhold: tuple[VegobjektEgenskap, ...] = ()
     kvalitet: GeometriKvalitet | None = None
     raw: RawObject = msgspec.field(default_factory=dict)
 
 
-class Geometri(msgspec.Struct, frozen=True, gc=False):
+class VegobjektGeometri(msgspec.Struct, frozen=True, gc=False):
     """The geometry that V4 chose to show: the object's own, or one derived from the road network.
 
     `egengeometri` False means a point on the road's centre line: never a sign's position.
@@ -97,7 +97,7 @@ class Geometri(msgspec.Struct, frozen=True, gc=False):
     forenklet: bool = False
 
 
-class Stedfesting(msgspec.Struct, frozen=True, gc=False):
+class VegobjektStedfesting(msgspec.Struct, frozen=True, gc=False):
     """Where an object is on the road network (a projection onto the centre line).
 
     Positions are relative, 0 to 1, along the veglenkesekvens. A ``Punkt`` has `relativ_posisjon`, a ``Linje``
@@ -136,8 +136,8 @@ class Vegobjekt(_Received, frozen=True, gc=False):
         ISO dates.
     sist_modifisert : str or None
         NVDB's text, UTC by its documentation.
-    egenskaper : mapping of property id → Egenskap
-    geometri : Geometri or None
+    egenskaper : mapping of property id → VegobjektEgenskap
+    geometri : VegobjektGeometri or None
     position : Position or None
         From the geometry property where the object has own geometry, else from `geometri`; None if neither
         is a point in Norway.
@@ -148,7 +148,7 @@ class Vegobjekt(_Received, frozen=True, gc=False):
     kommuner, fylker : tuple of int
     vegsystemreferanser : tuple of str
         Short forms, ``EV6 S46D1 m1200``.
-    stedfestinger : tuple of Stedfesting
+    stedfestinger : tuple of VegobjektStedfesting
     foreldre, barn : tuple of Relasjon
     problems : tuple of str
         Values that could not be used, one clause each.
@@ -162,15 +162,15 @@ class Vegobjekt(_Received, frozen=True, gc=False):
     startdato: str | None
     sluttdato: str | None
     sist_modifisert: str | None
-    egenskaper: Mapping[int, Egenskap]
-    geometri: Geometri | None
+    egenskaper: Mapping[int, VegobjektEgenskap]
+    geometri: VegobjektGeometri | None
     position: Position | None
     own_geometry: bool
     kvalitet: GeometriKvalitet | None
     kommuner: tuple[int, ...]
     fylker: tuple[int, ...]
     vegsystemreferanser: tuple[str, ...]
-    stedfestinger: tuple[Stedfesting, ...]
+    stedfestinger: tuple[VegobjektStedfesting, ...]
     foreldre: tuple[Relasjon, ...]
     barn: tuple[Relasjon, ...]
     problems: tuple[str, ...]
@@ -222,7 +222,7 @@ def _iso_date(text: str) -> str | None:
         return None
 
 
-def own_geometry(egenskaper: Mapping[int, Egenskap], type_id: int) -> Egenskap | None:
+def own_geometry(egenskaper: Mapping[int, VegobjektEgenskap], type_id: int) -> VegobjektEgenskap | None:
     """The property with the object's own point: by the datakatalog for signs, else the first geometry."""
     by_id = egenskaper.get(datakatalog.GEOMETRI_PUNKT.get(type_id, -1))
     if by_id is not None:

@@ -7,4 +7,4 @@ from .status import FINAL as FINAL
 from .status import IKKE_STARTET as IKKE_STARTET
 from .status import UTFORT as UTFORT
 from .status import UTFORT_OG_ETTERBEHANDLET as UTFORT_OG_ETTERBEHANDLET
-from .status import Status as Status
+from .status import EndringssettStatus as EndringssettStatus

@@ -27,7 +27,7 @@ from nvdb.errors import (
 )
 from nvdb.skriv import status as skriv_status
 from nvdb.skriv.login import need_encryption
-from nvdb.skriv.status import Status
+from nvdb.skriv.status import EndringssettStatus
 
 log = logging.getLogger(__name__)
 
@@ -71,7 +71,7 @@ class SkrivClient:
         self._sleep = sleep
         self._clock = clock
 
-    def validate(self, sett: Endringssett) -> Status:
+    def validate(self, sett: Endringssett) -> EndringssettStatus:
         """Have a set checked for form and datakatalog. Nothing is registered, so it is sent again on trouble.
 
         A set that passes may still be refused when it is compared with what NVDB holds.
@@ -160,7 +160,7 @@ class SkrivClient:
             self._sleep(pause_s)
             wait_s = min(1.5 * wait_s, MAX_POLL_S)
 
-    def status(self, set_id: str) -> Status:
+    def status(self, set_id: str) -> EndringssettStatus:
         """Everything that API Skriv says about a set."""
         reply = self._call("GET", f"{_PATH}/{_checked(set_id)}/status", again=True)
         return skriv_status.status_from_xml(reply.body, set_id=set_id)
@@ -172,12 +172,12 @@ class SkrivClient:
         dry_run: bool = False,
         katalog: Datakatalog | None = None,
         timeout_s: float = 3600.0,
-    ) -> Status:
+    ) -> EndringssettStatus:
         """Do all of it: our own checks, the validator, register, start, poll, and the status.
 
         Returns
         -------
-        Status
+        EndringssettStatus
             Of the set; or the validator's answer (without `set_id`), where that refused it and nothing was
             registered.
 

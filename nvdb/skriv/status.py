@@ -64,7 +64,7 @@ class ObjektResultat:
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class EndringssettStatus:
     """State of a change set, or the answer of the validator.
 
     Attributes
@@ -128,7 +128,7 @@ def _sentences(where: str, varsler: Varsler) -> Iterator[str]:
             yield f"{kind}, {where}: {item.melding} ({item.kode})"
 
 
-def status_from_xml(document: bytes, *, set_id: str | None = None) -> Status:
+def status_from_xml(document: bytes, *, set_id: str | None = None) -> EndringssettStatus:
     """Read an answer of ``/status`` or of the validator.
 
     Raises
@@ -146,7 +146,7 @@ def status_from_xml(document: bytes, *, set_id: str | None = None) -> Status:
         raise SchemaError(msg)
     result = _child(root, "resultat")
     transaction = _child(root, "transaksjon")
-    return Status(
+    return EndringssettStatus(
         fremdrift=fremdrift,
         arsak=_text(root, "avvistårsak") or _text(root, "venteårsak"),
         varsler=Varsler() if result is None else _varsler(result),

@@ -18,7 +18,7 @@ _PAIRS_AT_ONCE: Final = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Feet:
+class FootPoints:
     """The points of polylines that are nearest, in plan, to m given points. All arrays (m,).
 
     Attributes
@@ -81,7 +81,7 @@ class Polylinjer:
         begin: Floats = total[self._first]
         return total - begin[line]
 
-    def feet(self, line: Ints, east: Floats, north: Floats) -> Feet:
+    def feet(self, line: Ints, east: Floats, north: Floats) -> FootPoints:
         """Nearest point of line ``line[i]`` for each point i.
 
         Parameters
@@ -96,7 +96,7 @@ class Polylinjer:
             self._feet(line[part], np.column_stack([east[part], north[part]]))
             for part in np.split(np.arange(len(line)), cuts)
         ]
-        return Feet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return FootPoints(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def _feet(self, line: Ints, points: Floats) -> tuple[Floats, ...]:
         segment, t = self._nearest_segment(line, points)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nvdb.errors import RequestError
-from nvdb.vegnett.polylinjer import Feet, Polylinjer
+from nvdb.vegnett.polylinjer import FootPoints, Polylinjer
 from nvdb.vegnett.retning import true_azimuth, wrap_deg
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ class Stedfester:
         n: int,
         point: NDArray[np.int64],
         row: NDArray[np.int64],
-        feet: Feet,
+        feet: FootPoints,
         reason: NDArray[np.object_],
     ) -> Stedfestinger:
         """Spread what is known of the placed points over all n."""

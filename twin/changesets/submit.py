@@ -9,7 +9,7 @@ from typing import Any
 
 from nvdb.datakatalog import Datakatalog, snapshot
 from nvdb.endringssett import ADVARSEL, errors, validate
-from nvdb.skriv import FINAL, IKKE_STARTET, SkrivClient, Status
+from nvdb.skriv import FINAL, IKKE_STARTET, EndringssettStatus, SkrivClient
 from twin.changesets.read_exported import ExportedSet
 from twin.changesets.receipts import NEW, Receipts
 from twin.changesets.undo import write_undo
@@ -127,7 +127,7 @@ def sent(
     )
 
 
-def _carried_out(client: SkrivClient, set_id: str, timeout_s: float, say: Say) -> Status:
+def _carried_out(client: SkrivClient, set_id: str, timeout_s: float, say: Say) -> EndringssettStatus:
     code = client.progress(set_id)
     if code == IKKE_STARTET:
         client.start(set_id)
@@ -145,7 +145,7 @@ def _katalog(found: ExportedSet) -> Datakatalog:
     return replace(snapshot(), version=found.sett.datakatalogversjon)
 
 
-def _objects(found: ExportedSet, status: Status | None) -> tuple[Mapping[str, Any], ...]:
+def _objects(found: ExportedSet, status: EndringssettStatus | None) -> tuple[Mapping[str, Any], ...]:
     answers = status.objekter if status is not None else ()
     by_name = {answer.temp_id: answer for answer in answers if answer.temp_id is not None}
     by_id = {answer.nvdb_id: answer for answer in answers if answer.nvdb_id is not None}

@@ -8,19 +8,19 @@ from nvdb.datakatalog import snapshot
 from nvdb.endringssett import Earlier, Egenskap, inverse, to_xml
 from nvdb.errors import RequestError
 from nvdb.objects import point_from_wkt
-from nvdb.skriv import Status
+from nvdb.skriv import EndringssettStatus
 from twin.changesets.nvdb_side import earlier_from_raw, name
 from twin.changesets.read_exported import ExportedSet
 from twin.store.atomic_files import replace_file
 
 
-def write_undo(found: ExportedSet, status: Status) -> tuple[str | None, tuple[str, ...]]:
+def write_undo(found: ExportedSet, status: EndringssettStatus) -> tuple[str | None, tuple[str, ...]]:
     """Write ``endringssett-1-angre-….xml`` beside a set that was carried out.
 
     Parameters
     ----------
     found : ExportedSet
-    status : Status
+    status : EndringssettStatus
         Of the set, accepted.
 
     Returns

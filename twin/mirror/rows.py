@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from functools import lru_cache
 from typing import Any
 
-from nvdb.objects import Skiltplate, Skiltpunkt, Stedfesting
+import msgspec
+
+from nvdb.objects import Skiltplate, Skiltpunkt
 from twin.mirror.raw import packed
 
 _NOWHERE = (None, None, None)
-_to_json = json.JSONEncoder(ensure_ascii=False).encode
+_ENCODER = msgspec.json.Encoder()
 
 
 def mirror_row(skilt: Skiltpunkt | Skiltplate, now: str) -> tuple[Any, ...]:
@@ -27,14 +27,14 @@ def mirror_row(skilt: Skiltpunkt | Skiltplate, now: str) -> tuple[Any, ...]:
         skilt.accuracy_cm,
         skilt.capture_method,
         skilt.road_reference,
-        _kommuner(skilt.kommuner),
-        f"[{', '.join([_place_json(place) for place in skilt.stedfesting])}]",
-        _to_json(skilt.problems) if skilt.problems else "[]",
+        _to_json(skilt.kommuner),
+        _to_json(skilt.stedfesting),
+        _to_json(skilt.problems),
         packed(skilt.raw),
         now,
     )
     if isinstance(skilt, Skiltpunkt):
-        return (*shared, str(list(skilt.plate_ids)))
+        return (*shared, _to_json(skilt.plate_ids))
     return (
         *shared,
         skilt.point_id,
@@ -47,24 +47,5 @@ def mirror_row(skilt: Skiltpunkt | Skiltplate, now: str) -> tuple[Any, ...]:
     )
 
 
-def _place_json(place: Stedfesting) -> str:
-    """``json.dumps(asdict(place))``, six times faster; every object has one."""
-    numbers = place.relativ_posisjon, place.startposisjon, place.sluttposisjon
-    relativ, start, slutt = ["null" if number is None else repr(number) for number in numbers]
-    return (
-        f'{{"type": {_known_json(place.type)}, "veglenkesekvensid": {_known_json(place.veglenkesekvensid)}, '
-        f'"nodeid": {_known_json(place.nodeid)}, "relativ_posisjon": {relativ}, "startposisjon": {start}, '
-        f'"sluttposisjon": {slutt}, "retning": {_known_json(place.retning)}, '
-        f'"kjorefelt": {_known_json(place.kjorefelt)}, "sideposisjon": {_known_json(place.sideposisjon)}, '
-        f'"kortform": {_to_json(place.kortform)}}}'
-    )
-
-
-@lru_cache(maxsize=4096)
-def _known_json(value: object) -> str:
-    return _to_json(value)
-
-
-@lru_cache(maxsize=1024)
-def _kommuner(numbers: tuple[int, ...]) -> str:
-    return str(list(numbers))
+def _to_json(value: object) -> str:
+    return _ENCODER.encode(value).decode()

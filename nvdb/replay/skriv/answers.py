@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Final
 from xml.etree import ElementTree as ET
 
-from nvdb.endringssett import FEIL, Endringssett, Finding
+from nvdb.endringssett import FEIL, Endringssett, ValidationFinding
 from nvdb.endringssett.write_tree import nvdb_time
 from nvdb.endringssett.xml import NAMESPACE
 
@@ -55,7 +55,7 @@ def ressurser_xml(base: str, set_id: str, relations: Iterable[str]) -> bytes:
 def status_xml(
     sett: Endringssett,
     code: str,
-    findings: Sequence[Finding],
+    findings: Sequence[ValidationFinding],
     received: datetime,
     reason: str | None = None,
     made: Mapping[int, tuple[int, int]] | None = None,
@@ -86,7 +86,7 @@ def status_xml(
     return _document(root)
 
 
-def _varsler(parent: Element, findings: Sequence[Finding]) -> None:
+def _varsler(parent: Element, findings: Sequence[ValidationFinding]) -> None:
     wrappers = {name: _sub(parent, name) for name in ("feil", "advarsler", "notabener")}
     for finding in findings:
         name, wrapper = ("feil", "feil") if finding.severity == FEIL else ("advarsel", "advarsler")

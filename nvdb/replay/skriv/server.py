@@ -27,7 +27,7 @@ from types import TracebackType
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-from nvdb.endringssett import Endringssett, Finding, errors, from_xml, validate
+from nvdb.endringssett import Endringssett, ValidationFinding, errors, from_xml, validate
 from nvdb.errors import ReplaySourceError, SchemaError
 from nvdb.replay.skriv.answers import fault_xml, fremdrift_xml, ressurser_xml, status_xml
 from nvdb.replay.skriv.world import NO_RIGHT, SkrivWorld
@@ -48,7 +48,7 @@ class _Set:
     dry_run: bool
     received: datetime
     codes: list[str] = field(default_factory=lambda: [IKKE_STARTET])
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[ValidationFinding, ...] = ()
     made: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     done: datetime | None = None
 
@@ -250,7 +250,7 @@ class SkrivReplayServer:
         entry.codes = [*self.on_the_way, AVVIST if refused else UTFORT]
 
 
-def _reason(code: str, findings: Sequence[Finding]) -> str | None:
+def _reason(code: str, findings: Sequence[ValidationFinding]) -> str | None:
     if code != AVVIST:
         return None
     return "IKKE_AUTORISERT" if any(f.code == NO_RIGHT for f in findings) else "VALIDERINGSFEIL"

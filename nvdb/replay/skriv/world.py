@@ -14,7 +14,7 @@ from datetime import UTC, date, datetime
 
 from nvdb import datakatalog
 from nvdb.datakatalog.katalog import Datakatalog
-from nvdb.endringssett import Egenskap, Endring, Endringssett, Finding, Stedfesting, validate
+from nvdb.endringssett import Egenskap, Endring, Endringssett, Stedfesting, ValidationFinding, validate
 from nvdb.endringssett.finding import FEIL
 
 NO_RIGHT = "MANGLER_TILGANG"
@@ -63,13 +63,15 @@ class SkrivWorld:
         self.now = now
         self._ids = itertools.count(max(self.objects, default=1_000_000_000) + 1)
 
-    def refusals(self, sett: Endringssett) -> tuple[Finding, ...]:
+    def refusals(self, sett: Endringssett) -> tuple[ValidationFinding, ...]:
         """Everything that speaks against carrying a set out now, and the warnings."""
         found = list(validate(sett, self.katalog))
         closing = {e.nvdb_id for e in sett.endringer if e.operasjon in {"lukk", "fjern"}}
         for endring in sett.endringer:
             found.extend(
-                Finding(FEIL, code, endring.navn, clause, endring.temp_id, endring.nvdb_id, endring.versjon)
+                ValidationFinding(
+                    FEIL, code, endring.navn, clause, endring.temp_id, endring.nvdb_id, endring.versjon
+                )
                 for code, clause in self._against(endring, closing)
             )
         return tuple(found)

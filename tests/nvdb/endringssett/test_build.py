@@ -35,8 +35,7 @@ from nvdb.endringssett import (
     validate,
 )
 from nvdb.errors import RequestError
-from nvdb.objects import Stedfesting as LesStedfesting
-from nvdb.objects import position_from_wkt, skilt_from_les_v4
+from nvdb.objects import VegobjektStedfesting, position_from_wkt, skilt_from_les_v4
 
 READ = datetime(2026, 11, 1, 12, 0, 15, tzinfo=UTC)
 DAY = date(2026, 10, 31)
@@ -257,6 +256,6 @@ def test_targets_and_places_come_from_what_api_les_gave(plate: Any, point: Any) 
     assert punkt_from_stedfesting(skilt.stedfesting[0]) == Punkt(
         veglenkesekvens_id=2510771, posisjon=0.25, retning="MED", sideposisjon="H", kjorefelt=("1",)
     )
-    assert punkt_from_stedfesting(LesStedfesting("Linje", 1)) is None
+    assert punkt_from_stedfesting(VegobjektStedfesting("Linje", 1)) is None
     with pytest.raises(RequestError, match="801 came without its version"):
         target_from_skilt(dataclasses.replace(skilt, version=None))

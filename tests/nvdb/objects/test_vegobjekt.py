@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from nvdb.errors import SchemaError
-from nvdb.objects import GeometriKvalitet, Position, Relasjon, Stedfesting, vegobjekt_from_les_v4
+from nvdb.objects import GeometriKvalitet, Position, Relasjon, VegobjektStedfesting, vegobjekt_from_les_v4
 
 steady = settings(
     deadline=None, derandomize=True, database=None, suppress_health_check=[HealthCheck.too_slow]
@@ -30,7 +30,7 @@ def test_vegobjekt_keeps_everything_of_a_whole_object(plate: Any) -> None:
     assert (found.kommuner, found.fylker) == ((5001,), (50,))
     assert found.vegsystemreferanser == ("EV6 S46D1 m1200", "FV1 S1D1 m0")
     assert found.stedfestinger == (
-        Stedfesting(
+        VegobjektStedfesting(
             type="Punkt",
             veglenkesekvensid=2510771,
             relativ_posisjon=0.25,
