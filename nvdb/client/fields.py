@@ -90,13 +90,6 @@ class Fields:
             return value
         raise self.error(name, f"is {value!r:.40} instead of a list")
 
-    def integers(self, name: str) -> tuple[int, ...]:
-        """List of whole numbers."""
-        values = self.items(name)
-        if all(isinstance(value, int) and not isinstance(value, bool) for value in values):
-            return tuple(values)
-        raise self.error(name, "holds something that is not a whole number")
-
     def texts(self, name: str) -> tuple[str, ...]:
         """List of texts."""
         values = self.items(name)

@@ -97,14 +97,12 @@ class Datakatalog:
     stedfesting: Mapping[int, Stedfestingskrav] = field(default_factory=dict)
 
     def enum_value(self, egenskap_id: int, enum_id: int) -> str | int | float | None:
-        """Value of an enum id, as API Les V4 shows it in ``verdi``; None if it is not known."""
+        """Value of an enum id, as API Les V4 shows it in ``verdi``; None if it is not known.
+
+        ``362.50 - Fartsgrense, 50 km/t``; in the snapshot often the code alone.
+        """
         kind = self.egenskapstyper.get(egenskap_id)
         return kind.verdier.get(enum_id) if kind is not None else None
-
-    def enum_text(self, egenskap_id: int, enum_id: int) -> str | None:
-        """Text of an enum id, ``362.50 - Fartsgrense, 50 km/t``; in the snapshot often the code alone."""
-        value = self.enum_value(egenskap_id, enum_id)
-        return None if value is None else str(value)
 
     def is_unknown(self, egenskap_id: int, enum_id: int | None = None) -> bool:
         """Whether a property or enum id is new: absent, and not only absent from a partial list."""

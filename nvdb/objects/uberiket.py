@@ -15,7 +15,7 @@ from typing import Any, Final
 import msgspec
 
 from nvdb import datakatalog
-from nvdb.datakatalog.katalog import Datakatalog, Egenskapstype
+from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.objects.geometri import Position
 from nvdb.objects.schema import Number, Whole, as_float, field_error, read
 from nvdb.objects.skilt import (
@@ -230,7 +230,7 @@ class _Reader:
         navn = egenskapstype.navn if egenskapstype else ""
         name = _KINDS.get(item.type or "", item.type or "")
         if isinstance(item, _EnumEgenskap):
-            text = self._enum_text(number, item.verdi, egenskapstype)
+            text = self._enum_text(number, item.verdi)
             name = (egenskapstype.egenskapstype if egenskapstype else "") or name
             return VegobjektEgenskap(number, navn, name, text, item.verdi, raw=raw)
         if isinstance(item, _GeometriEgenskap):
@@ -246,8 +246,8 @@ class _Reader:
         verdi = None if item.type in {"ListeEgenskap", "BinaerEgenskap"} else item.verdi
         return VegobjektEgenskap(number, navn, name, verdi, raw=raw)
 
-    def _enum_text(self, number: int, enum_id: int, egenskapstype: Egenskapstype | None) -> object:
-        text = egenskapstype.verdier.get(enum_id) if egenskapstype else None
+    def _enum_text(self, number: int, enum_id: int) -> object:
+        text = self.katalog.enum_value(number, enum_id)
         if text is None:
             self.problems.append(
                 f"enum {enum_id} of egenskap {number} is not in datakatalog {self.katalog.version}"
