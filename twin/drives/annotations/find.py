@@ -18,6 +18,7 @@ from twin.drives.annotations.formats.shapes import NO_HINTS, AnnotationFile, Hin
 from twin.drives.annotations.formats.table import (
     FORMATS,
     JSON,
+    MAY_ANNOTATE,
     NAMES,
     ONE_IMAGE,
     SUFFIXES,
@@ -32,9 +33,6 @@ from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes, SkipKind, skipped_annotations
 from twin.errors import DriveError
 
-_ANNOTATING = re.compile(
-    rb'"(?:shapes|imageData|imagePath|images|annotations|categories|items|completions|objects|result)"\s*:'
-)
 _OF_NAMED_CSV, _OF_OTHER_NAMED = (
     next(one for one in FORMATS if one.tool == tool) for tool in (plain_csv.TOOL, cvat.TOOL)
 )
@@ -177,7 +175,7 @@ def _read_file(
         return None  # a link that leads out of the folder: of interest only if it is asked for
     suffix = suffix_of(name, head)
     if suffix == JSON:
-        if not is_named and not _ANNOTATING.search(head):
+        if not is_named and not MAY_ANNOTATE.search(head):
             return None
         content = folder.peek(name)
         file = read_annotation_json(content, name, hints)

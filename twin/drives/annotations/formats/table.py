@@ -49,6 +49,8 @@ class AnnotationFormat(NamedTuple):
         a file is of one image and does not name it), and `Hints`.
     is_one_image : bool
         Whether the tool writes one such file for each image.
+    keys : tuple of str
+        Of JSON: keys of which the beginning of a file shows one. Others are not parsed: they may be large.
     """
 
     tool: str
@@ -57,25 +59,53 @@ class AnnotationFormat(NamedTuple):
     is_it: Callable[[Any], bool]
     read: Callable[[Any, str, Hints], AnnotationFile]
     is_one_image: bool = False
+    keys: tuple[str, ...] = ()
 
 
 FORMATS = (
     AnnotationFormat(cvat.TOOL, "CVAT XML 1.1", XML, cvat.is_cvat, cvat.read_cvat),
-    AnnotationFormat(coco.TOOL, "COCO", JSON, coco.looks_like_coco, coco.read_coco),
+    AnnotationFormat(
+        coco.TOOL,
+        "COCO",
+        JSON,
+        coco.looks_like_coco,
+        coco.read_coco,
+        keys=("images", "annotations", "categories"),
+    ),
     AnnotationFormat(
         labelstudio.TOOL,
         "Label Studio",
         JSON,
         labelstudio.looks_like_labelstudio,
         labelstudio.read_labelstudio,
+        keys=("annotations", "completions", "result"),
     ),
     AnnotationFormat(
-        labelme.TOOL, "labelme", JSON, labelme.looks_like_labelme, labelme.read_labelme, is_one_image=True
+        labelme.TOOL,
+        "labelme",
+        JSON,
+        labelme.looks_like_labelme,
+        labelme.read_labelme,
+        is_one_image=True,
+        keys=("shapes", "imageData", "imagePath"),
     ),
     AnnotationFormat(yolo.TOOL, "YOLO", ".txt", yolo.looks_like_yolo, yolo.read_yolo, is_one_image=True),
-    AnnotationFormat(datumaro.TOOL, "Datumaro", JSON, datumaro.looks_like_datumaro, datumaro.read_datumaro),
     AnnotationFormat(
-        vistas.TOOL, "Mapillary Vistas", JSON, vistas.looks_like_vistas, vistas.read_vistas, is_one_image=True
+        datumaro.TOOL,
+        "Datumaro",
+        JSON,
+        datumaro.looks_like_datumaro,
+        datumaro.read_datumaro,
+        keys=("items", "categories"),
+    ),
+    AnnotationFormat(
+        vistas.TOOL,
+        "Mapillary Vistas",
+        JSON,
+        vistas.looks_like_vistas,
+        vistas.read_vistas,
+        is_one_image=True,
+        keys=("objects",),
     ),
     AnnotationFormat(
         labelme_xml.TOOL,
@@ -92,6 +122,8 @@ FORMATS = (
 NAMES = f"{', '.join(one.name for one in FORMATS[:-1])} or {FORMATS[-1].name}"
 """For people."""
 SUFFIXES = tuple({one.suffix: None for one in FORMATS})
+MAY_ANNOTATE = re.compile(rb'"(?:%s)"\s*:' % b"|".join(key.encode() for one in FORMATS for key in one.keys))
+"""Finds a key of any format in the beginning of a JSON file."""
 ONE_IMAGE = frozenset(one.tool for one in FORMATS if one.is_one_image)
 """Tools that write one file for each image."""
 
