@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Mapping
 from contextlib import nullcontext
 from enum import StrEnum
@@ -76,6 +77,9 @@ def sync_nvdb(
     from twin.mirror import sync
     from twin.store.store import Store
 
+    # A page of NVDB is some 100,000 containers, which live until it is stored and then go by their reference
+    # counts: looking through them for circles at every 700 of them is work for nothing.
+    gc.set_threshold(100_000, 20, 50)
     area = sync.area_from_options(
         store,
         kommune=kommune,
