@@ -168,30 +168,11 @@ def adjust(
     CalibrationError
         If the rig lacks one of the cameras.
     """
-    rig, trajectory, object_index = observations.rig, observations.trajectory, observations.object_index
-    n = object_index.size
-    rays = rays_of(rig, observations.sightings)
-    bodies, poses = bodies_at(trajectory, observations.epoch_ns)
-    rejected = np.where(rays.rejected != "", rays.rejected, poses.reason)
-    rejected[(rejected == "") & ~poses.valid] = Reason.NO_POSE
-    rejected[(rejected == "") & (object_index < 0)] = Reason.NO_OBJECT
+    trajectory, object_index = observations.trajectory, observations.object_index
+    placed, rejected, poses = _placed(observations, budget, size_px)
     objects = np.unique(object_index[object_index >= 0])
-    rows = np.flatnonzero(rejected == "")
-    is_foot = np.asarray(observations.kind == Kind.FOOT)
-    key = 2 * object_index[rows] + ~is_foot[rows]
-    points, point = np.unique(key, return_inverse=True)
-    placed = Placed(
-        rows,
-        point,
-        points // 2,
-        points % 2 == 0,
-        observations.epoch_ns,
-        bodies,
-        rays,
-        sigma_px_of(budget, np.full(n, np.nan) if size_px is None else size_px),
-    )
-    scene = scene_of(rig, observations.sightings.camera, placed)
-    rejected[np.setdiff1d(rows, scene.row)] = Reason.NO_CROSSING
+    scene = scene_of(observations.rig, observations.sightings.camera, placed)
+    rejected[np.setdiff1d(placed.row, scene.row)] = Reason.NO_CROSSING
     if scene.point.size == 0:
         return _nothing(objects, rejected, poses)
     stated = budget if readout_ms is None else replace(budget, readout_ms=_STATED_READOUT_MS)
@@ -254,6 +235,42 @@ def _doubts(model: Model, solution: Solution, terrain: Terrain | None) -> Iterat
         )
 
 
+def _placed(
+    observations: Observations, budget: ErrorBudget, size_px: FloatArray | None
+) -> tuple[Placed, TextArray, Poses]:
+    """Cast the rays of an object's sightings from where the car was.
+
+    Returns
+    -------
+    placed : Placed
+        Sightings that can take part, and the point, a foot or a face, that each is of.
+    rejected : str (n,)
+        Why each of the others cannot.
+    poses : Poses (n,)
+    """
+    object_index = observations.object_index
+    rays = rays_of(observations.rig, observations.sightings)
+    bodies, poses = bodies_at(observations.trajectory, observations.epoch_ns)
+    rejected = np.where(rays.rejected != "", rays.rejected, poses.reason)
+    rejected[(rejected == "") & ~poses.valid] = Reason.NO_POSE
+    rejected[(rejected == "") & (object_index < 0)] = Reason.NO_OBJECT
+    rows = np.flatnonzero(rejected == "")
+    is_foot = np.asarray(observations.kind == Kind.FOOT)
+    points, point = np.unique(2 * object_index[rows] + ~is_foot[rows], return_inverse=True)
+    sizes_px = np.full(object_index.size, np.nan) if size_px is None else size_px
+    placed = Placed(
+        rows,
+        point,
+        points // 2,
+        points % 2 == 0,
+        observations.epoch_ns,
+        bodies,
+        rays,
+        sigma_px_of(budget, sizes_px),
+    )
+    return placed, rejected, poses
+
+
 def _adjusted(
     objects: IntArray,
     rejected: TextArray,
@@ -271,17 +288,12 @@ def _adjusted(
     latitude, longitude = geographic_from_enu(
         scene.anchor_deg[:, 0], scene.anchor_deg[:, 1], points[:, 0], points[:, 1]
     )
-    by_source = _merged(found.by_source)
-    for source, whole in _of_the_track(model, budget, track_sigma_m).items():
-        by_source[source] = by_source.get(source, 0.0) + whole
+    by_source = _every_source(found, model, budget, track_sigma_m)
     total = np.sum(list(by_source.values()), axis=0)
     sigma_major, _, _ = ellipse(total)
     firm = (sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points)
-    chosen = np.full(g, -1)
     index = np.searchsorted(objects, scene.object)
-    # What is written last counts: a foot before a face, a firm place before a vague one.
-    for point in np.lexsort((scene.is_foot, firm)):
-        chosen[index[point]] = point
+    chosen = _best_points(index, g, scene.is_foot, firm)
     reason = np.where(chosen < 0, Reason.NO_POSITION, np.where(firm[chosen], "", Reason.TOO_VAGUE))
     good = reason == ""
     lost = scene.row[~good[index[scene.point]]]
@@ -292,10 +304,7 @@ def _adjusted(
         result[good] = values[chosen[good]]
         return result
 
-    eye = model.origin_m + np.einsum("nij,nj->ni", scene.body.enu_R_rig, scene.rig_t_camera_m[scene.camera])
-    eye[:, :2] -= points[scene.point, :2]
-    columns = {name: np.full((n, k), np.nan) for name, k in (("residual", 2), ("eye", 3))}
-    columns["residual"][scene.row], columns["eye"][scene.row] = -solution.residual_px, eye
+    residual_px, eye_m = _of_sightings(model, solution, points, n)
     shared = np.sqrt(np.diag(found.shared))
     return Adjusted(
         object=objects,
@@ -308,24 +317,64 @@ def _adjusted(
         reason=reason,
         used=rejected == "",
         rejected=rejected,
-        residual_px=columns["residual"],
-        range_m=np.hypot(columns["eye"][:, 0], columns["eye"][:, 1]),
-        eye_m=columns["eye"],
+        residual_px=residual_px,
+        range_m=np.hypot(eye_m[:, 0], eye_m[:, 1]),
+        eye_m=eye_m,
         poses=poses,
         noise=solution.noise,
         time_offset_ms=Correction(1e3 * float(solution.x[TIME]), 1e3 * float(shared[TIME])),
         readout_ms=Correction(
             1e3 * (model.readout_s + float(solution.x[READOUT])), 1e3 * float(shared[READOUT])
         ),
-        boresight_deg={
-            name: tuple(
-                Correction(float(np.degrees(solution.x[k])), float(np.degrees(shared[k])))
-                for k in model.layout.boresight(np.array(i))
-            )
-            for i, name in enumerate(scene.cameras)
-        },
+        boresight_deg=_boresight_deg(model, solution, shared),
         doubts=doubts,
     )
+
+
+def _best_points(index: IntArray, n_objects: int, is_foot: BoolArray, firm: BoolArray) -> IntArray:
+    """Choose the point (n_objects,) that stands for each object; -1 for none.
+
+    `index`, `is_foot` and `firm` are of the points (m,): the object's, whether it is a foot, and whether its
+    place is firm.
+    """
+    chosen = np.full(n_objects, -1)
+    # What is written last counts: a foot before a face, a firm place before a vague one.
+    for point in np.lexsort((is_foot, firm)):
+        chosen[index[point]] = point
+    return chosen
+
+
+def _of_sightings(
+    model: Model, solution: Solution, points_m: FloatArray, n: int
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals (n, 2) of all sightings, and the camera's place (n, 3) from the point; NaN where unused."""
+    scene = model.scene
+    eye = model.origin_m + np.einsum("nij,nj->ni", scene.body.enu_R_rig, scene.rig_t_camera_m[scene.camera])
+    eye[:, :2] -= points_m[scene.point, :2]
+    residual_px, eye_m = np.full((n, 2), np.nan), np.full((n, 3), np.nan)
+    residual_px[scene.row], eye_m[scene.row] = -solution.residual_px, eye
+    return residual_px, eye_m
+
+
+def _every_source(
+    found: Spread, model: Model, budget: ErrorBudget, track_sigma_m: float
+) -> dict[str, FloatArray]:
+    """Covariance of each source: what the sightings show, and what holds for the whole track."""
+    by_source = _merged(found.by_source)
+    for source, whole in _of_the_track(model, budget, track_sigma_m).items():
+        by_source[source] = by_source.get(source, 0.0) + whole
+    return by_source
+
+
+def _boresight_deg(model: Model, solution: Solution, sigma: FloatArray) -> dict[str, tuple[Correction, ...]]:
+    """Pitch, yaw and roll of each camera; `sigma` is that of the shared unknowns, in radians for angles."""
+    return {
+        name: tuple(
+            Correction(float(np.degrees(solution.x[k])), float(np.degrees(sigma[k])))
+            for k in model.layout.boresight(np.array(i))
+        )
+        for i, name in enumerate(model.scene.cameras)
+    }
 
 
 def _leapt(model: Model, points_m: FloatArray) -> BoolArray:

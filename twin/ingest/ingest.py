@@ -28,11 +28,11 @@ from twin.drives.read import read_drive
 from twin.errors import ConfigError, DriveError
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
-from twin.ingest.rows import corrections, estimate_rows, positions_of, sighting_rows
+from twin.ingest.rows import Positions, corrections, estimate_rows, positions_of, sighting_rows
 from twin.ingest.save import save_drive
 from twin.store.poses import blob_from_poses
 from twin.store.schema import METHODS
-from twin.store.store import Store
+from twin.store.store import Row, Store
 
 if TYPE_CHECKING:
     from twin.drives.detection.run import DetectorOptions
@@ -120,12 +120,7 @@ def ingest_drive(
     ConfigError, DriveError, TerrainError, GeolocError
         The drive cannot be read or located; the store is unchanged.
     """
-    if method not in METHODS:
-        raise DriveError(f"There is no method {method!r}: use one of {', '.join(METHODS)}.")
-    if detector is not None and method != METHODS[0]:
-        raise ConfigError(
-            f"A detector finds the faces of signs, not their feet: only --method {METHODS[0]} places them."
-        )
+    _check_method(method, detector)
     say = progress or (lambda _text: None)
     meanings = None if labels is None else Path(labels)
     drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
@@ -141,27 +136,20 @@ def ingest_drive(
     )
     positions = positions_of(sighted)
     estimates = estimate_rows(drive, sighted, positions, method)
-    n_located = int((sighted.reasons == "").sum())
     n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
-    doubts: tuple[Doubt, ...] = ()
-    # Rays of a turned camera miss one another, which looks as if ids marked two signs.
-    if detector is None and not (sighted.adjusted and any(turned_cameras(sighted.adjusted))):
-        say("checking the annotators' ids")
-        doubts = clocks_apart(id_warnings(drive, trajectory), drive, trajectory)
-    misfits = misfits_of(drive, sighted, budget or ErrorBudget(), doubts)
+    id_doubts = () if detector is not None else _id_doubts(drive, trajectory, sighted, say)
+    misfits = misfits_of(drive, sighted, budget or ErrorBudget(), id_doubts)
     gap = absence_gap(drive, sighted)
-    line, length_m = _line(trajectory)
     warnings = (
         *drive.warnings,
         *track_doubts,
         *(sighted.adjusted.doubts if sighted.adjusted else ()),
-        *doubts,
+        *id_doubts,
         *(misfit.sentence for misfit in misfits),
-        *annotation_warnings(drive, n_located),
+        *annotation_warnings(drive, int((sighted.reasons == "").sum())),
         *_absence_warning(drive, n_unplaced, gap),
     )
-    sentences = tuple(dict.fromkeys(map(str, warnings)))
-    row = {**_drive_row(drive, trajectory), "line": line, "length_m": length_m, "warnings": list(sentences)}
+    row = _drive_row(drive, trajectory, list(dict.fromkeys(map(str, warnings))))
     save_drive(
         store,
         row,
@@ -173,21 +161,42 @@ def ingest_drive(
         misfits=[misfit.what for misfit in misfits],
         absence_gap=gap,
     )
+    return _report(drive, trajectory, sighted, positions, row, method, len(estimates))
+
+
+def _report(
+    drive: Drive,
+    trajectory: Trajectory,
+    sighted: SightedObjects,
+    positions: Positions,
+    row: Row,
+    method: str,
+    n_estimates: int,
+) -> IngestReport:
     return IngestReport(
         drive_id=drive.drive_id,
         name=drive.name,
         method=method,
         n_annotations=len(drive.annotations.frame),
         n_sightings=len(sighted.index),
-        n_located=n_located,
+        n_located=int((sighted.reasons == "").sum()),
         n_objects=len(np.unique(drive.annotations.object)),
-        n_estimates=len(estimates),
-        length_m=length_m,
+        n_estimates=n_estimates,
+        length_m=row["length_m"],
         delay_ms=row["delay_ms"],
         fix_quality=row["fix_quality"],
-        warnings=sentences,
+        warnings=tuple(row["warnings"]),
         skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
     )
+
+
+def _check_method(method: str, detector: DetectorOptions | None) -> None:
+    if method not in METHODS:
+        raise DriveError(f"There is no method {method!r}: use one of {', '.join(METHODS)}.")
+    if detector is not None and method != METHODS[0]:
+        raise ConfigError(
+            f"A detector finds the faces of signs, not their feet: only --method {METHODS[0]} places them."
+        )
 
 
 def _with_objects(
@@ -202,6 +211,19 @@ def _with_objects(
     if not drive.annotations.has_id.all():
         say("finding out which annotations show the same object")
     return with_objects(drive, trajectory)
+
+
+def _id_doubts(
+    drive: Drive, trajectory: Trajectory, sighted: SightedObjects, say: Callable[[str], None]
+) -> tuple[Doubt, ...]:
+    """Check what annotators marked as one object.
+
+    Not where a camera is turned: its rays miss one another, which looks as if ids marked two signs.
+    """
+    if sighted.adjusted and any(turned_cameras(sighted.adjusted)):
+        return ()
+    say("checking the annotators' ids")
+    return clocks_apart(id_warnings(drive, trajectory), drive, trajectory)
 
 
 def _ground(
@@ -226,8 +248,9 @@ def _ground(
     )
 
 
-def _drive_row(drive: Drive, trajectory: Trajectory) -> dict[str, Any]:
+def _drive_row(drive: Drive, trajectory: Trajectory, warnings: list[str]) -> dict[str, Any]:
     """What the store keeps of the drive itself."""
+    line, length_m = _line(trajectory)
     return {
         "drive_id": drive.drive_id,
         "name": drive.name,
@@ -245,6 +268,9 @@ def _drive_row(drive: Drive, trajectory: Trajectory) -> dict[str, Any]:
         "software": f"nvdb-twin {__version__}",
         "content_sha256": drive.content_sha256,
         "fix_quality": _fix_quality(drive),
+        "line": line,
+        "length_m": length_m,
+        "warnings": warnings,
     }
 
 

@@ -14,7 +14,6 @@ Progress = Callable[[str], None]
 class DriveDoubt(StrEnum):
     """What a warning of a drive is about."""
 
-    SETTINGS = "settings"
     RIG = "rig"
     TRACK = "track"
     CLOCK = "clock"
