@@ -6,6 +6,7 @@ import datetime as dt
 import math
 from collections.abc import Mapping
 from enum import StrEnum
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,7 @@ from twin.cli.output import note, print_json, print_pairs, print_table, warn
 
 if TYPE_CHECKING:
     from twin.reports.estimate import EstimateExplained
-    from twin.reports.evaluation import MethodResult
+    from twin.reports.evaluation import MethodResult, RangeErrors
     from twin.reports.store_status import Status
 
 app = typer.Typer()
@@ -73,10 +74,8 @@ def evaluate(
 def print_errors(methods: tuple[MethodResult, ...]) -> None:
     """Print the error tables: objects, then single sightings by range."""
     names = ("mean", "median", "p95", "max", "rmse")
-    rows = [
-        (m.method, int(m.objects["n"]), *(m.objects[name] for name in names), f"{m.coverage95:.0%}")
-        for m in methods
-    ]
+    numbers = attrgetter(*names)
+    rows = [(m.method, m.objects.n, *numbers(m.objects), f"{m.coverage95:.0%}") for m in methods]
     header = ["method", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
     print_table("Horizontal error of the estimates", header, rows)
     header = ["method", "range [m]", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
@@ -85,7 +84,7 @@ def print_errors(methods: tuple[MethodResult, ...]) -> None:
         ("Horizontal error of single sightings, by range to the object", "sightings_by_range"),
     ):
         by_range = [
-            (m.method, _bin(b), b["n"], *(b[name] for name in names), f"{b['coverage95']:.0%}")
+            (m.method, _bin(b), b.n, *numbers(b), f"{b.coverage95:.0%}")
             for m in methods
             for b in getattr(m, kind)
         ]
@@ -99,12 +98,8 @@ def print_errors(methods: tuple[MethodResult, ...]) -> None:
             warn(f"{m.method}: estimates of no surveyed object: {m.not_in_truth}.")
 
 
-def _bin(entry: dict[str, Any]) -> str:
-    return (
-        f"{entry['from_m']:.0f}–{entry['to_m']:.0f}"
-        if entry["to_m"] is not None
-        else f"≥ {entry['from_m']:.0f}"
-    )
+def _bin(errors: RangeErrors) -> str:
+    return f"≥ {errors.from_m:.0f}" if errors.to_m is None else f"{errors.from_m:.0f}–{errors.to_m:.0f}"
 
 
 @app.command("show", epilog="Example: twin show P01 --out P01.png")

@@ -12,7 +12,7 @@ import numpy as np
 import sqlalchemy as sa
 
 from geoloc.arrays import FloatArray
-from geoloc.locate.accuracy import ellipse_coverage, error_stats, stats_by_range
+from geoloc.locate.accuracy import ErrorStats, ellipse_coverage, error_stats, stats_by_range
 from twin.errors import TruthError
 from twin.reports.pairing import Pairing, by_id, by_position, nearest_m
 from twin.reports.truth import Truth, read_truth
@@ -36,19 +36,36 @@ ONE_FRAME = ("single-frame", "paper")
 
 
 @dataclass(frozen=True, slots=True)
+class RangeErrors:
+    """Horizontal errors, metres, of what was seen from ``[from_m, to_m)``; `to_m` is None for no limit.
+
+    `coverage95` is the share of the truths inside the 95 % ellipse.
+    """
+
+    from_m: float
+    to_m: float | None
+    n: int
+    mean: float
+    median: float
+    p95: float
+    max: float
+    rmse: float
+    coverage95: float
+
+
+@dataclass(frozen=True, slots=True)
 class MethodResult:
     """Errors of one method.
 
     Attributes
     ----------
-    objects : dict
-        n, mean, median, p95, max, rmse of the estimates' horizontal errors, metres.
+    objects : ErrorStats
+        Of the estimates' horizontal errors.
     coverage95 : float
         Share of the truths inside the 95 % ellipse.
-    objects_by_range, sightings_by_range : list of dict
-        The same statistics by distance: of the estimates by that of their nearest sighting, and of single
+    objects_by_range, sightings_by_range : tuple of RangeErrors
+        The same by distance: of the estimates by that of their nearest sighting, and of single
         sightings; the latter empty for `adjusted`, whose sightings are no positions by themselves.
-        ``from_m``, ``to_m`` (None: no limit), n … rmse, ``coverage95``.
     not_estimated : tuple of str
         Truth objects that this method has no estimate of.
     not_in_truth : int
@@ -58,10 +75,10 @@ class MethodResult:
     """
 
     method: str
-    objects: dict[str, float]
+    objects: ErrorStats
     coverage95: float
-    objects_by_range: list[dict[str, Any]]
-    sightings_by_range: list[dict[str, Any]]
+    objects_by_range: tuple[RangeErrors, ...]
+    sightings_by_range: tuple[RangeErrors, ...]
     not_estimated: tuple[str, ...]
     not_in_truth: int
     paired_by: str
@@ -132,7 +149,7 @@ def _result(
 ) -> MethodResult:
     return MethodResult(
         method=method,
-        objects=asdict(error_stats(objects.error_m)),
+        objects=error_stats(objects.error_m),
         coverage95=float(ellipse_coverage(objects.offset_m, objects.covariance_m2)),
         objects_by_range=objects.by_range(),
         sightings_by_range=singles.by_range(),
@@ -207,7 +224,7 @@ class _Errors:
     def arrays(self) -> dict[str, FloatArray]:
         return {"range_m": self.range_m, "speed_mps": self.speed_mps, "error_m": self.error_m}
 
-    def by_range(self) -> list[dict[str, Any]]:
+    def by_range(self) -> tuple[RangeErrors, ...]:
         bins = []
         for one in stats_by_range(self.error_m, self.range_m):
             if one.stats.n:
@@ -216,9 +233,9 @@ class _Errors:
                 # JSON has no infinity: the last bin is open.
                 to_m = one.to_m if math.isfinite(one.to_m) else None
                 bins.append(
-                    {"from_m": one.from_m, "to_m": to_m, **asdict(one.stats), "coverage95": float(covered)}
+                    RangeErrors(from_m=one.from_m, to_m=to_m, coverage95=float(covered), **asdict(one.stats))
                 )
-        return bins
+        return tuple(bins)
 
 
 def _errors(pairs: Sequence[tuple[Row, Truth]], range_name: str) -> _Errors:

@@ -101,7 +101,7 @@ def _expected(path: Path) -> dict[str, int]:
 def summary(report: DemoReport) -> dict[str, Any]:
     """Return the closing table's numbers, as ``--json`` prints them."""
     best = report.drives[-1]
-    errors = {result.method: result.objects["median"] for result in report.evaluation.methods}
+    errors = {result.method: result.objects.median for result in report.evaluation.methods}
     return {
         "signs_synced": {"skiltpunkt": report.sync.skiltpunkt, "skiltplate": report.sync.skiltplate},
         "drives": len({drive.drive_id for drive in report.drives}),

@@ -36,11 +36,11 @@ def evaluation(opened: Store, sample: Path) -> Evaluation:
 def test_evaluate_judges_adjusted_by_its_objects_alone(evaluation: Evaluation) -> None:
     """A sighting of `adjusted` is no position of its own; those of the methods of one frame are."""
     by_method = {result.method: result for result in evaluation.methods}
-    assert by_method["adjusted"].sightings_by_range == []
-    assert by_method["adjusted"].objects["n"] == 15
+    assert by_method["adjusted"].sightings_by_range == ()
+    assert by_method["adjusted"].objects.n == 15
     assert set(evaluation.sightings) == {"paper", "single-frame"}
     for method in evaluation.sightings:
-        n = sum(one["n"] for one in by_method[method].sightings_by_range)
+        n = sum(one.n for one in by_method[method].sightings_by_range)
         assert n == evaluation.sightings[method]["error_m"].size > 1000
 
 
@@ -116,7 +116,7 @@ def test_evaluate_by_position_counts_what_is_left_on_both_sides(
     path = renamed_truth(sample, tmp_path / "truth.csv", without="survey-06")
     path.write_text(path.read_text() + "\nelsewhere,skilt,273036.5,7039378.8\n")
     (adjusted, *_) = evaluate(opened, read_truth(path), by="position").methods
-    assert adjusted.objects["n"] == 14
+    assert adjusted.objects.n == 14
     assert adjusted.not_estimated == ("elsewhere",)
     assert adjusted.not_in_truth == 1
 
@@ -130,10 +130,10 @@ def test_evaluate_by_position_is_one_to_one_and_within_its_limit(
         "object,label,easting,northing\nnear,,273036.505,7039178.817\nbeside,,273037.505,7039178.817\n"
     )
     (adjusted, *_) = evaluate(opened, read_truth(path)).methods
-    assert adjusted.objects["n"] == 1
+    assert adjusted.objects.n == 1
     assert adjusted.not_estimated == ("beside",)
     path.write_text("object,label,easting,northing\nfar,,273039.505,7039178.817\n")
-    assert evaluate(opened, read_truth(path)).methods[0].objects["n"] == 1
+    assert evaluate(opened, read_truth(path)).methods[0].objects.n == 1
     with pytest.raises(TruthError, match=r"within 2 m of one; the nearest is 3\.\d m away"):
         evaluate(opened, read_truth(path), within_m=2.0)
 
@@ -143,7 +143,7 @@ def test_evaluate_by_position_heeds_the_codes_of_labels(opened: Store, sample: P
     path = renamed_truth(sample, tmp_path / "truth.csv", label="372")
     (adjusted, *_) = evaluate(opened, read_truth(path)).methods
     codes = {row["skiltnummer"] for row in opened.rows(sa.select(schema.estimate))}
-    assert adjusted.objects["n"] == sum("372" in code.split(";") for code in sorted(codes)) == 2
+    assert adjusted.objects.n == sum("372" in code.split(";") for code in sorted(codes)) == 2
 
 
 def test_evaluate_by_id_does_not_guess(opened: Store, sample: Path, tmp_path: Path) -> None:
