@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def console(*, stderr: bool = False) -> Console:
-    """Return a rich console; console when needed, since importing rich costs start-up time."""
+    """Return a rich console; made when needed, since importing rich costs start-up time."""
     from rich.console import Console
 
     terminal = Console(stderr=stderr, highlight=False)

@@ -232,7 +232,7 @@ def _print_corrections(corrections: Mapping[str, Any]) -> None:
         return f"{correction['value']:+{form}}" + ("" if sigma is None else f" ± {sigma:{form}}")
 
     print_pairs(
-        "What the adjustment corrections in this drive",
+        "What the adjustment found in this drive",
         {
             "added to the camera clock [ms]": told(corrections["camera_offset_ms"], ".1f"),
             "rolling shutter, first to last row [ms]": told(corrections["rolling_shutter_ms"], ".1f"),

@@ -169,6 +169,7 @@ def test_show_prints_every_part(twin: Twin, store: Path) -> None:
         "lever arm",
         "C3_tricam120",
         "does not fit the other sightings",
+        "What the adjustment found in this drive",
         "added to the camera clock [ms]",
         "rolling shutter",
         "Boresight",
