@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from checkout import REAL
+from checkout import REAL, ROOT
 
 GRIDS = REAL / "proj_grids"
 
 CODE = """
-import json
+import json, sys
+sys.path.insert(0, sys.argv[1])
+from findings import finding as a_finding
 from nvdb.datakatalog import snapshot
 from nvdb.endringssett import NewPlate, Punkt, endringssett, new_sign, to_xml, validate
 from twin.changesets.drive_side import Seen, height_of, measured_position
@@ -24,7 +26,7 @@ place = {"east_m": 269979.6, "north_m": 7040000.0}
 estimate = {"estimate_id": "d:P1:adjusted", **place, "height_m": 80.0, "sigma_height_m": 0.06}
 drive = {"drive_id": "d", "started_ns": 1_780_000_000_000_000_000}
 seen = Seen((drive,), (estimate,), {})
-finding = {**place, "cov_ee_m2": 0.0009, "cov_nn_m2": 0.0016}
+finding = a_finding(**place, covariance_m2=(0.0009, 0.0, 0.0016))
 measured = measured_position(finding, seen)
 where = Punkt(veglenkesekvens_id=1, posisjon=0.5, retning="MED", sideposisjon="H")
 plates = [NewPlate(skiltnummer="202")]
@@ -44,7 +46,7 @@ print(json.dumps({
 
 def _said(**environment: str) -> dict[str, Any]:
     done = subprocess.run(
-        [sys.executable, "-c", CODE],
+        [sys.executable, "-c", CODE, str(ROOT / "tests")],
         env={**os.environ, "PROJ_NETWORK": "OFF", **environment},
         capture_output=True,
         text=True,

@@ -149,7 +149,7 @@ def test_boards_yard_and_drive_are_one_recipe(
     assert "Next: put mounted/rig.json into the drive's folder" in made.err
     drive = Path(shutil.copytree(trip, tmp_path / "drive"))
     shutil.copy("calibrated/rig.json", drive)
-    (warning,) = (text for text in read_drive(drive).warnings if "at the rig's origin" in text)
+    (warning,) = (text for text in map(str, read_drive(drive).warnings) if "at the rig's origin" in text)
     assert warning.startswith("C1_front60Single, C3_tricam120: ")
     found, true, drawn = (
         places(twin, drive, rig, tmp_path / f"{number}.db")
