@@ -11,19 +11,18 @@ parameters of ``getVegobjektEndringerForTyper``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
-from typing import Any, Final
+from typing import Final
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
 from nvdb.client.paging import RawObject, follow, iter_pages
 from nvdb.datakatalog.ids import SKILTPLATE, SKILTPUNKT
-from nvdb.datakatalog.katalog import Datakatalog, snapshot
-from nvdb.errors import BodyError, HttpStatusError, RequestError, SchemaError
+from nvdb.errors import RequestError, SchemaError
 from nvdb.mirror.source import (
     FEW_UNREADABLE,
     MAX_PAGE,
+    ApiSource,
     ChangePage,
     FeedTooOldError,
     FetchResult,
@@ -55,7 +54,7 @@ _LISTS: Final = (
 _PARAMS: Final = {"inkluder": "alle", "srid": "5973"}
 
 
-class LesV4Source:
+class LesV4Source(ApiSource):
     """Skiltpunkt and Skiltplate from API Les V4; see :class:`nvdb.mirror.source.Source`.
 
     Parameters
@@ -71,29 +70,6 @@ class LesV4Source:
 
     name = "les-v4"
 
-    def __init__(
-        self,
-        client: NvdbClient,
-        *,
-        page_size: int = MAX_PAGE,
-        katalog: Datakatalog | None = None,
-        clock: Callable[[], datetime] = lambda: datetime.now(UTC),
-    ) -> None:
-        if not 1 <= page_size <= MAX_PAGE:
-            msg = f"A page of {page_size} objects cannot be asked for: take 1 to {MAX_PAGE}."
-            raise RequestError(msg)
-        self._client = client
-        self._page_size = page_size
-        self._katalog = katalog or snapshot()
-        self._clock = clock
-        self._known: set[tuple[int, int | None]] = set()
-        """Properties and enum ids that the datakatalog has been seen to know: a page repeats them."""
-
-    @property
-    def url(self) -> str:
-        """Base URL of the API."""
-        return self._client.api_url
-
     def check(self, area: Area) -> None:
         """Les V4 can select every area."""
 
@@ -108,12 +84,7 @@ class LesV4Source:
 
     def count(self, type_id: int, area: Area) -> int | None:
         """Ask ``statistikk``; None where it has no count to give, since no sync depends on it."""
-        try:
-            answer: Any = self._client.get_json(f"/vegobjekter/{type_id}/statistikk", area.params())
-        except (HttpStatusError, BodyError):
-            return None
-        number = answer.get("antall") if isinstance(answer, dict) else None
-        return number if isinstance(number, int) and not isinstance(number, bool) and number >= 0 else None
+        return self._counted(type_id, area.params())
 
     def pages(self, type_id: int, area: Area, start: str | None = None) -> Iterator[SourcePage]:
         """Yield pages of objects without an end date, in the area."""

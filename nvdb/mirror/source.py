@@ -11,13 +11,16 @@ they give for the same object differs only where the APIs do: see :mod:`nvdb.mir
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any, Final, Protocol
 
 from nvdb.area import Area
+from nvdb.client.client import NvdbClient, Params
 from nvdb.datakatalog.ids import SKILTPLATE, SKILTPUNKT
-from nvdb.errors import NvdbError, RequestError, SchemaError
+from nvdb.datakatalog.katalog import Datakatalog, snapshot
+from nvdb.errors import BodyError, HttpStatusError, NvdbError, RequestError, SchemaError
 from nvdb.objects.skilt import Skiltplate, Skiltpunkt
 
 FETCH_BATCH: Final = 100
@@ -150,6 +153,42 @@ class Source(Protocol):
 
     def fetch(self, type_id: int, ids: Sequence[int], area: Area) -> FetchResult:
         """Get objects as they are now, in batches of at most 100 ids."""
+
+
+class ApiSource:
+    """What the sources of both APIs are made of: a client, the size of a page, a datakatalog and a clock."""
+
+    def __init__(
+        self,
+        client: NvdbClient,
+        *,
+        page_size: int = MAX_PAGE,
+        katalog: Datakatalog | None = None,
+        clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        if not 1 <= page_size <= MAX_PAGE:
+            msg = f"A page of {page_size} objects cannot be asked for: take 1 to {MAX_PAGE}."
+            raise RequestError(msg)
+        self._client = client
+        self._page_size = page_size
+        self._katalog = katalog or snapshot()
+        self._clock = clock
+        self._known: set[Unknown] = set()
+        """Properties and enum ids that the datakatalog has been seen to know: a page repeats them."""
+
+    @property
+    def url(self) -> str:
+        """Base URL of the API."""
+        return self._client.api_url
+
+    def _counted(self, type_id: int, params: Params) -> int | None:
+        """Ask API Les V4's ``statistikk``; None where it has no count to give."""
+        try:
+            answer: Any = self._client.get_json(f"/vegobjekter/{type_id}/statistikk", params)
+        except (HttpStatusError, BodyError):
+            return None
+        number = answer.get("antall") if isinstance(answer, dict) else None
+        return number if isinstance(number, int) and not isinstance(number, bool) and number >= 0 else None
 
 
 @dataclass(slots=True)

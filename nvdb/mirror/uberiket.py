@@ -24,17 +24,16 @@ batches of 100 are those of nvdb-tnits-public.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, date, datetime
-from typing import Any, Final
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, date
+from typing import Final
 
 from nvdb.area import Area
-from nvdb.client.client import NvdbClient
 from nvdb.client.paging import follow
-from nvdb.datakatalog.katalog import Datakatalog, snapshot
-from nvdb.errors import AreaError, BodyError, HttpStatusError, RequestError, SchemaError
+from nvdb.errors import AreaError, HttpStatusError, RequestError, SchemaError
 from nvdb.mirror.source import (
     MAX_PAGE,
+    ApiSource,
     ChangePage,
     FeedTooOldError,
     FetchResult,
@@ -56,7 +55,7 @@ BOX_MARGIN_M: Final = 100.0
 geometry or at the road; which signs are inside is decided here."""
 
 
-class UberiketSource:
+class UberiketSource(ApiSource):
     """Skiltpunkt and Skiltplate from Uberiket V1; see :class:`nvdb.mirror.source.Source`.
 
     Selects the whole country or a box. There is no filter for kommune, fylke or kontraktsområde; and in a box
@@ -76,27 +75,6 @@ class UberiketSource:
     """
 
     name = "uberiket"
-
-    def __init__(
-        self,
-        client: NvdbClient,
-        *,
-        page_size: int = MAX_PAGE,
-        katalog: Datakatalog | None = None,
-        clock: Callable[[], datetime] = lambda: datetime.now(UTC),
-    ) -> None:
-        if not 1 <= page_size <= MAX_PAGE:
-            msg = f"A page of {page_size} objects cannot be asked for: take 1 to {MAX_PAGE}."
-            raise RequestError(msg)
-        self._client = client
-        self._page_size = page_size
-        self._katalog = katalog or snapshot()
-        self._clock = clock
-
-    @property
-    def url(self) -> str:
-        """Base URL of the API."""
-        return self._client.api_url
 
     def check(self, area: Area) -> None:
         """Raise AreaError for kommuner, fylker and kontraktsområder."""
@@ -121,12 +99,7 @@ class UberiketSource:
         self.check(area)
         if area.bbox is not None:
             return None
-        try:
-            answer: Any = self._client.get_json(f"/vegobjekter/{type_id}/statistikk")
-        except (HttpStatusError, BodyError):
-            return None
-        number = answer.get("antall") if isinstance(answer, dict) else None
-        return number if isinstance(number, int) and not isinstance(number, bool) and number >= 0 else None
+        return self._counted(type_id, {})
 
     def pages(self, type_id: int, area: Area, start: str | None = None) -> Iterator[SourcePage]:
         """Yield pages; one may hold no object of the area and still move the cursor on."""

@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from msgspec import structs
 from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
@@ -286,7 +287,7 @@ def test_sources_give_the_same_sign(api: Any) -> None:
                 kommuner=(),
                 road_reference=None,
                 position=rich.position if rich.own_geometry else None,
-                stedfesting=tuple(replace(place, kortform=None) for place in rich.stedfesting),
+                stedfesting=tuple(structs.replace(place, kortform=None) for place in rich.stedfesting),
                 **({} if isinstance(rich, Skiltpunkt) else {"point_id": None}),
             )
             assert poor == expected

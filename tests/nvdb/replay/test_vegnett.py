@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from vegnett_links import link_in_oslo
 
 from nvdb.area import Area
 from nvdb.errors import HttpStatusError, PagingError
@@ -17,25 +18,6 @@ from nvdb.replay import Fault, ReplayWorld
 from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
-
-
-def _segment(number: int, **changes: Any) -> dict[str, Any]:
-    """Link `number`: 10 m north, 1 km further east for each."""
-    east = 260_000 + 1000 * number
-    return {
-        "veglenkesekvensid": 5000 + number,
-        "veglenkenummer": 1,
-        "segmentnummer": 1,
-        "referanse": f"{5000 + number}-1-1",
-        "metadata": {"startdato": "2020-01-01"},
-        "startposisjon": 0,
-        "sluttposisjon": 1,
-        "type": "HOVED",
-        "geometri": {"wkt": f"LINESTRING Z({east} 6650000 1, {east} 6650010 1)", "srid": 5973},
-        "kommune": 301,
-        "vegsystemreferanse": {},
-        **changes,
-    }
 
 
 def _ids(client: Any, **options: Any) -> list[int]:
@@ -49,10 +31,10 @@ def _ids(client: Any, **options: Any) -> list[int]:
 def test_replayed_network_comes_whole_in_pages_of_any_size(api: Any, antall: int) -> None:
     """Every segment once, ordered, also where one veglenkesekvens spans pages and pages come short."""
     pieces = [
-        _segment(3, veglenkenummer=nummer, segmentnummer=segment, referanse=f"5003-{nummer}-{segment}")
+        link_in_oslo(3, veglenkenummer=nummer, segmentnummer=segment, referanse=f"5003-{nummer}-{segment}")
         for nummer, segment in ((10, 1), (2, 10), (2, 9))
     ]
-    links = [_segment(4), *pieces, _segment(1), _segment(2)]
+    links = [link_in_oslo(4), *pieces, link_in_oslo(1), link_in_oslo(2)]
     world = ReplayWorld(vegnett=links)
     world.page_limit = 5
     client, _ = api.serve(world)
@@ -64,7 +46,12 @@ def test_replayed_network_comes_whole_in_pages_of_any_size(api: Any, antall: int
 def test_replayed_network_is_filtered_as_asked(api: Any) -> None:
     """By kommune, by box (a segment that crosses it counts), by day, and ended ones only when asked for."""
     ended = {"startdato": "2010-01-01", "sluttdato": "2026-06-01"}
-    links = [_segment(1), _segment(2, kommune=5001), _segment(3, metadata=ended), _segment(4, kommune=None)]
+    links = [
+        link_in_oslo(1),
+        link_in_oslo(2, kommune=5001),
+        link_in_oslo(3, metadata=ended),
+        link_in_oslo(4, kommune=None),
+    ]
     client, _ = api.serve(ReplayWorld(vegnett=links, clock=lambda: NOW))
     assert _ids(client) == [5001, 5002, 5004]
     assert _ids(client, historisk=True) == [5001, 5002, 5003, 5004]
@@ -79,7 +66,7 @@ def test_replayed_network_is_filtered_as_asked(api: Any) -> None:
 def test_replayed_network_is_filtered_by_fylke_and_kontraktsomrade(api: Any) -> None:
     """A segment lies in one fylke and in any number of kontraktsområder, asked for by name or id."""
     contracts = [{"id": 17, "nummer": 9503, "navn": "9503 Hålogaland"}, {"id": 18, "navn": "Elektro"}]
-    links = [_segment(1, fylke=3), _segment(2, fylke=50), _segment(3, kontraktsområder=contracts)]
+    links = [link_in_oslo(1, fylke=3), link_in_oslo(2, fylke=50), link_in_oslo(3, kontraktsområder=contracts)]
     client, _ = api.serve(ReplayWorld(vegnett=links, clock=lambda: NOW))
     assert _ids(client, area=Area(fylker=(3,))) == [5001]
     assert _ids(client, area=Area(fylker=(3, 50))) == [5001, 5002]
@@ -90,7 +77,7 @@ def test_replayed_network_is_filtered_by_fylke_and_kontraktsomrade(api: Any) -> 
 
 def test_replayed_network_counts_when_asked(api: Any) -> None:
     """``inkluderAntall`` gives the number of all segments that pass the filters, not of those on the page."""
-    client, _ = api.serve(ReplayWorld(vegnett=[_segment(number) for number in range(5)]))
+    client, _ = api.serve(ReplayWorld(vegnett=[link_in_oslo(number) for number in range(5)]))
     body = client.get_json(SEGMENTERT, {"antall": 2, "inkluderAntall": "true"})
     assert (body["metadata"]["antall"], body["metadata"]["returnert"]) == (5, 2)
     assert body["metadata"]["neste"]["start"] == "5001-1-1"
@@ -99,7 +86,7 @@ def test_replayed_network_counts_when_asked(api: Any) -> None:
 
 def test_replayed_network_can_send_a_page_twice(api: Any) -> None:
     """The faults of content reach the network too, and the client notices."""
-    world = ReplayWorld(vegnett=[_segment(number) for number in range(6)])
+    world = ReplayWorld(vegnett=[link_in_oslo(number) for number in range(6)])
     client, _ = api.serve(world, faults=[None, Fault("repeat_page")])
     with pytest.raises(PagingError):
         list(hent_vegnett(client, Area(), antall=2))
@@ -110,13 +97,13 @@ def test_replayed_folder_serves_network_and_vegobjekter_side_by_side(
 ) -> None:
     """Files ``vegnett*`` are the network, plain or packed; every other file holds vegobjekter as before."""
     (tmp_path / "signs.json").write_text(json.dumps({"objekter": [plate(501)], "metadata": {}}))
-    page = {"objekter": [_segment(2), _segment(1)], "metadata": {}}
+    page = {"objekter": [link_in_oslo(2), link_in_oslo(1)], "metadata": {}}
     (tmp_path / "vegnett-1.json").write_text(json.dumps(page))
-    (tmp_path / "vegnett-2.json.gz").write_bytes(gzip.compress(json.dumps([_segment(3)]).encode()))
+    (tmp_path / "vegnett-2.json.gz").write_bytes(gzip.compress(json.dumps([link_in_oslo(3)]).encode()))
     client, server = api.serve(tmp_path)
     assert server.counts == {95: 0, 96: 1}
     objects = [link for found in hent_vegnett(client, Area()) for link in found.objects]
-    assert objects == [_segment(1), _segment(2), _segment(3)]
+    assert objects == [link_in_oslo(1), link_in_oslo(2), link_in_oslo(3)]
     assert len(Vegnett.from_les_v4(objects)) == 3
 
 
@@ -134,7 +121,7 @@ def test_replayed_folder_without_network_says_so(api: Any, tmp_path: Path, plate
 )
 def test_replayed_network_refuses_what_it_cannot_read(api: Any, query: dict[str, str]) -> None:
     """A query that cannot be honoured is a 400 that names the parameter."""
-    client, _ = api.serve(ReplayWorld(vegnett=[_segment(1)]))
+    client, _ = api.serve(ReplayWorld(vegnett=[link_in_oslo(1)]))
     with pytest.raises(HttpStatusError, match=next(iter(query))) as caught:
         client.get_json(SEGMENTERT, query)
     assert caught.value.status == 400

@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
+from vegnett_links import link_in_oslo
 
 from nvdb.area import Area
 from nvdb.client import NvdbClient
@@ -18,23 +19,6 @@ from nvdb.errors import PagingError, SchemaError
 from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 
 OSLO = Area(kommuner=(301,))
-
-
-def _segment(number: int) -> dict[str, Any]:
-    """Link `number`: 10 m north, 1 km further east for each."""
-    east = 260_000 + 1000 * number
-    return {
-        "veglenkesekvensid": 5000 + number,
-        "veglenkenummer": 1,
-        "segmentnummer": 1,
-        "referanse": f"{5000 + number}-1-1",
-        "metadata": {"startdato": "2020-01-01"},
-        "startposisjon": 0,
-        "sluttposisjon": 1,
-        "type": "HOVED",
-        "geometri": {"wkt": f"LINESTRING Z({east} 6650000 1, {east} 6650010 1)", "srid": 5973},
-        "vegsystemreferanse": {},
-    }
 
 
 class _Vegnett(ThreadingHTTPServer):
@@ -102,7 +86,7 @@ def client(server: _Vegnett) -> Iterator[NvdbClient]:
 
 def test_hent_vegnett_brings_every_link_once(server: _Vegnett, client: NvdbClient) -> None:
     """Seven links in pages of two arrive once each, although links have no id to tell full pages apart by."""
-    server.links = [_segment(number) for number in range(7)]
+    server.links = [link_in_oslo(number) for number in range(7)]
     pages = list(hent_vegnett(client, OSLO, antall=2))
     assert [len(page.objects) for page in pages] == [2, 2, 2, 1]
     nett = Vegnett.from_les_v4(link for page in pages for link in page.objects)
@@ -130,7 +114,7 @@ def test_hent_vegnett_asks_for_utm33_and_the_area(server: _Vegnett, client: Nvdb
 
 def test_hent_vegnett_goes_on_from_a_saved_cursor(server: _Vegnett, client: NvdbClient) -> None:
     """What follows a page's next_cursor is the rest, without loss or repetition."""
-    server.links = [_segment(number) for number in range(5)]
+    server.links = [link_in_oslo(number) for number in range(5)]
     first = next(hent_vegnett(client, OSLO, antall=2))
     rest = hent_vegnett(client, OSLO, antall=2, start=first.next_cursor)
     assert [link["veglenkesekvensid"] for page in rest for link in page.objects] == [5002, 5003, 5004]
@@ -138,21 +122,21 @@ def test_hent_vegnett_goes_on_from_a_saved_cursor(server: _Vegnett, client: Nvdb
 
 def test_hent_vegnett_notices_a_cursor_that_leads_back(server: _Vegnett, client: NvdbClient) -> None:
     """A page that comes again is an error: whatever follows it would be lost."""
-    server.links, server.broken = [_segment(number) for number in range(4)], True
+    server.links, server.broken = [link_in_oslo(number) for number in range(4)], True
     with pytest.raises(PagingError):
         list(hent_vegnett(client, OSLO, antall=2))
 
 
 def test_hent_vegnett_notices_a_page_that_comes_again(server: _Vegnett, client: NvdbClient) -> None:
     """The same links under a new cursor are an error: the links' references tell."""
-    server.links, server.stuck = [_segment(number) for number in range(4)], True
+    server.links, server.stuck = [link_in_oslo(number) for number in range(4)], True
     with pytest.raises(PagingError):
         list(hent_vegnett(client, OSLO, antall=2))
 
 
 def test_hent_vegnett_hands_out_links_as_received(server: _Vegnett, client: NvdbClient) -> None:
     """Nothing is added to a link to page through them."""
-    server.links = [_segment(number) for number in range(3)]
+    server.links = [link_in_oslo(number) for number in range(3)]
     assert [link for page in hent_vegnett(client, OSLO, antall=2) for link in page.objects] == server.links
 
 
