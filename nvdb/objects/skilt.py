@@ -128,16 +128,21 @@ def skiltpunkt_from_vegobjekt(vegobjekt: Vegobjekt) -> Skiltpunkt:
     return Skiltpunkt(**_shared(vegobjekt, []), plate_ids=tuple(plates))
 
 
-def skiltplate_from_vegobjekt(vegobjekt: Vegobjekt) -> Skiltplate:
-    """View an object of type 96 as a Skiltplate; SchemaError for any other type."""
+def skiltplate_from_vegobjekt(vegobjekt: Vegobjekt, *, unknown_enums_named: bool = False) -> Skiltplate:
+    """View an object of type 96 as a Skiltplate; SchemaError for any other type.
+
+    With `unknown_enums_named` an enum id without a text is already among the object's ``problems``: its sign
+    code is then not called missing as well.
+    """
     _check_type(vegobjekt, datakatalog.SKILTPLATE)
     problems: list[str] = []
     nummer = vegobjekt.egenskaper.get(datakatalog.SKILTNUMMER)
     nummer_text = _text(nummer, problems)
+    unknown_enum = nummer is not None and nummer.enum_id is not None and nummer_text is None
     side = vegobjekt.egenskaper.get(datakatalog.ANSIKTSSIDE)
     return Skiltplate(
         point_id=_point_id(vegobjekt, problems),
-        skiltnummer=_code(nummer_text, problems),
+        skiltnummer=None if unknown_enum and unknown_enums_named else _code(nummer_text, problems),
         skiltnummer_text=nummer_text,
         enum_id=nummer.enum_id if nummer else None,
         ansiktsside=_text(side, problems),

@@ -8,7 +8,7 @@ the form raises, and a value that cannot be used is named in ``problems``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Final
 
@@ -54,9 +54,6 @@ _KINDS: Final[Mapping[str, str]] = {
 }
 """Kind of property in Uberiket → in API Les V4."""
 
-_NO_CODE: Final = "skiltnummer is missing"
-"""What :mod:`nvdb.objects.skilt` says of a plate without text in 5530."""
-
 
 class _Periode(msgspec.Struct, gc=False):
     startdato: str | None = None
@@ -101,21 +98,20 @@ _SCHEMA_OF_KIND: Final[Mapping[object, type[_Egenskap]]] = {
 }
 
 
-class _Punkt(msgspec.Struct, gc=False):
+class _Sted(msgspec.Struct, gc=False):
     id: Whole | None = None
-    posisjon: Number | None = None
     retning: str | None = None
     kjorefelt: list[str] | None = None
     sideposisjon: str | None = None
 
 
-class _Linje(msgspec.Struct, gc=False):
-    id: Whole | None = None
+class _Punkt(_Sted, gc=False):
+    posisjon: Number | None = None
+
+
+class _Linje(_Sted, gc=False):
     startposisjon: Number | None = None
     sluttposisjon: Number | None = None
-    retning: str | None = None
-    kjorefelt: list[str] | None = None
-    sideposisjon: str | None = None
 
 
 class _Stedfesting(msgspec.Struct, gc=False):
@@ -197,11 +193,7 @@ def skilt_from_uberiket(raw: RawObject, type_id: int, katalog: Datakatalog) -> S
     vegobjekt = vegobjekt_from_uberiket(raw, katalog, SHOWN.get(type_id))
     if type_id == datakatalog.SKILTPUNKT:
         return skiltpunkt_from_vegobjekt(vegobjekt)
-    plate = skiltplate_from_vegobjekt(vegobjekt)
-    if plate.enum_id is not None and plate.skiltnummer_text is None:
-        # The number is there, its text is unknown, and that has been said.
-        return replace(plate, problems=tuple(p for p in plate.problems if p != _NO_CODE))
-    return plate
+    return skiltplate_from_vegobjekt(vegobjekt, unknown_enums_named=True)
 
 
 @dataclass(slots=True)
