@@ -13,8 +13,8 @@ import pytest
 from vegnett_links import link_in_oslo
 
 from nvdb.area import Area
-from nvdb.errors import HttpStatusError, PagingError
-from nvdb.replay import Fault, ReplayWorld
+from nvdb.errors import HttpStatusError
+from nvdb.replay import ReplayWorld
 from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
@@ -82,14 +82,6 @@ def test_replayed_network_counts_when_asked(api: Any) -> None:
     assert (body["metadata"]["antall"], body["metadata"]["returnert"]) == (5, 2)
     assert body["metadata"]["neste"]["start"] == "5001-1-1"
     assert "antall" not in client.get_json(SEGMENTERT, {"antall": 2})["metadata"]
-
-
-def test_replayed_network_can_send_a_page_twice(api: Any) -> None:
-    """The faults of content reach the network too, and the client notices."""
-    world = ReplayWorld(vegnett=[link_in_oslo(number) for number in range(6)])
-    client, _ = api.serve(world, faults=[None, Fault("repeat_page")])
-    with pytest.raises(PagingError):
-        list(hent_vegnett(client, Area(), antall=2))
 
 
 def test_replayed_folder_serves_network_and_vegobjekter_side_by_side(
