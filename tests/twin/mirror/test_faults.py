@@ -3,154 +3,39 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
-import signal
-import subprocess
-import sys
-import tempfile
-import threading
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import pytest
-import sqlalchemy as sa
-from mirror_bench import Visible, visible_at
-from nvdb_country import GeneratedWorld
+from mirror_bench import visible_at
+from mirror_scene import GENERATED, N_POINTS, PLATES, Scene
 
-from nvdb.area import Area
 from nvdb.client import NvdbClient
 from nvdb.client.client import RETRY_AFTER_CAP_S
-from nvdb.errors import NvdbError, PagingError, SchemaError, TransportError
+from nvdb.errors import PagingError, SchemaError, TransportError
 from nvdb.mirror import MassDeletionError, ShortBackfillError
 from nvdb.objects import in_norway
-from nvdb.replay import Fault, ReplayServer, ReplayWorld, RequestInfo
+from nvdb.replay import Fault, RequestInfo
 from twin.cli.exit_codes import exit_code
-from twin.errors import RefusedError, StoreError, TwinError
-from twin.mirror.sync import SyncResult, sync_nvdb
-from twin.store.store import Store
 
-N_POINTS, N_PLATES, PAGE = 8, 24, 7
-GENERATED = GeneratedWorld(N_POINTS, N_PLATES, seed=11)
-PLATES = GENERATED.ids(96, N_PLATES)
 CLIENT_DEFAULTS: dict[str, Any] = NvdbClient.__init__.__kwdefaults__ or {}
 Raw = dict[str, Any]
 
 
-def new_world() -> ReplayWorld:
-    """Generated signs in pages of five; one plate has been removed."""
-    records = {kind: [GENERATED.one(kind, i) for i in GENERATED.ids(kind, 99)] for kind in (95, 96)}
-    world = ReplayWorld({kind: [r.raw for r in found if r] for kind, found in records.items()})
-    world.page_limit = PAGE
-    world.remove(PLATES[20])
-    return world
+@pytest.mark.parametrize("kind", ["truncate", "cut", "damaged_gzip", "disconnect", "html_200"])
+def test_body_that_is_no_answer(scene: Scene, kind: Any) -> None:
+    """Half a body, with or without a declared length, is never half a page; nor is a gateway's HTML.
 
-
-@dataclass
-class Scene:
-    """A world that has changed since `path` was synced by `source`."""
-
-    source: str
-    world: ReplayWorld
-    path: Path
-    old: Visible = field(default_factory=dict)
-    server: ReplayServer = field(init=False)
-    then: Scene | None = None
-    faults: Callable[[RequestInfo], Fault | None] = lambda _: None
-    asked: int = 0
-
-    def fault_now(self, info: RequestInfo) -> Fault | None:
-        """The fault of the scene that the server belongs to at present."""
-        return (self.then or self).fault(info)
-
-    def fault(self, info: RequestInfo) -> Fault | None:
-        """The fault of a request; the datakatalog is asked without."""
-        if "datakatalog" in info.path:
-            return None
-        self.asked += 1
-        return self.faults(info)
-
-    def sync(self, path: Path | None = None, **options: Any) -> SyncResult:
-        """``twin sync-nvdb``."""
-        self.asked = 0
-        with Store.open(path or self.path) as store:
-            return sync_nvdb(store, Area(), api_url=self.server.url, source=self.source, **options)
-
-    def attempt(self, **options: Any) -> Exception | None:
-        """Sync; return the error, which must be one with a sentence and an exit code of its own."""
-        failed: Exception | None = None
-        try:
-            self.sync(**options)
-        except (NvdbError, TwinError) as error:
-            failed = error
-        assert failed is None or (exit_code(failed) in {3, 4, 5} and str(failed).endswith("."))
-        return failed
-
-    def new(self) -> Visible:
-        """What a first sync gives now."""
-        hook, self.world.on_request = self.world.on_request, None
-        clean = self.path.with_name(f"clean-{len(self.server.requests)}.db")
-        self.sync(clean)
-        self.world.on_request = hook
-        return visible_at(clean)
-
-    def stays_old(self) -> None:
-        """The visible mirror is the old one."""
-        assert visible_at(self.path) == self.old
-
-    def gets_new(self, **options: Any) -> None:
-        """Without faults the next sync brings the new mirror."""
-        self.faults = lambda _: None
-        self.sync(**options)
-        assert visible_at(self.path) == self.new() != self.old
-
-
-@pytest.fixture(scope="module", params=["les-v4", "uberiket"])
-def synced(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
-    """Both sources in turn: a store that mirrors a world, before anything happens."""
-    made = Scene(request.param, new_world(), tmp_path_factory.mktemp("synced") / "twin.db")
-    with ReplayServer(made.world, faults=made.fault_now) as made.server:
-        made.sync()
-        made.old = visible_at(made.path)
-        yield made
-
-
-@pytest.fixture
-def scene(synced: Scene, tmp_path: Path, no_waiting: None) -> Scene:
-    """Three plates changed, one removed and one made again since the store was synced."""
-    world = new_world()
-    synced.server.routes.source = world
-    made = Scene(synced.source, world, Path(shutil.copy(synced.path, tmp_path)), synced.old)
-    made.server, synced.then = synced.server, made
-    world.touch(PLATES[3:6])
-    world.remove(PLATES[9])
-    world.recreate(PLATES[20])
-    return made
-
-
-def wire_fault(scene: Scene, fault: Fault, error: type[Exception]) -> None:
-    """A fault that lasts leaves the old mirror, wherever it sets in; one that passes does no harm."""
+    A fault that lasts leaves the old mirror, wherever it sets in; one that passes does no harm.
+    """
+    fault = Fault(kind)
     for fresh, first in ((False, 0), (True, 4)):
         scene.faults = lambda _, first=first: fault if scene.asked > first else None  # type: ignore[misc]
-        assert isinstance(scene.attempt(fresh=fresh), error)
+        assert isinstance(scene.attempt(fresh=fresh), TransportError)
         scene.stays_old()
     scene.faults = lambda info: fault if info.number % 3 == 0 else None
     assert scene.attempt() is None
     scene.gets_new()
-
-
-@pytest.mark.parametrize("kind", ["truncate", "cut", "damaged_gzip", "disconnect"])
-def test_truncated_and_close_delimited_bodies(scene: Scene, kind: Any) -> None:
-    """Half a body, with or without a declared length, is never half a page."""
-    wire_fault(scene, Fault(kind), TransportError)
-
-
-def test_html_with_200(scene: Scene) -> None:
-    """A gateway's page of HTML is no answer."""
-    wire_fault(scene, Fault("html_200"), TransportError)
 
 
 @pytest.mark.parametrize("status", [429, 503])
@@ -349,102 +234,6 @@ def test_swapped_axes_and_absurd_coordinates_and_wrong_srid(scene: Scene) -> Non
             assert in_norway(row["east_m"], row["north_m"])
 
 
-def test_two_syncs_at_once(scene: Scene) -> None:
-    """The second says who holds the lock and asks nothing; its exit code is 5."""
-    refused: list[Exception] = []
-
-    def second(info: RequestInfo) -> None:
-        scene.world.on_request = None
-        try:
-            with Store.open(scene.path) as store:
-                sync_nvdb(store, Area(), api_url=scene.server.url, source=scene.source)
-        except RefusedError as error:
-            refused.append(error)
-
-    scene.world.on_request = second
-    scene.sync(fresh=True)
-    (error,) = refused
-    assert exit_code(error) == 5
-    assert f"A sync of twin.db (process {os.getpid()} on " in str(error)
-    assert visible_at(scene.path) == scene.new()
-
-
-@pytest.mark.skipif(not hasattr(os, "seteuid"), reason="folders are not made read-only by chmod here")
-def test_read_only_folder(scene: Scene) -> None:
-    """A user who may read and not write is told so, and nothing changes."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        path = Path(shutil.copy(scene.path, folder / "twin.db"))
-        path.chmod(0o444)
-        folder.chmod(0o555)
-        user, scene.path = os.geteuid(), path
-        if user == 0:
-            os.seteuid(65534)
-        try:
-            error = scene.attempt(fresh=True)
-        finally:
-            os.seteuid(user)
-        assert isinstance(error, StoreError | RefusedError)
-        assert "give this user the right to write" in str(error)
-        folder.chmod(0o755)
-        path.chmod(0o644)
-        scene.stays_old()
-        scene.gets_new()
-
-
-def test_disk_full(scene: Scene) -> None:
-    """Wherever the space runs out, while pages are kept or when they are published, the old mirror stays."""
-    n_failed, spare_pages = 0, 0
-
-    def limit(connection: Any, _record: Any) -> None:
-        pages = connection.execute("PRAGMA page_count").fetchone()[0]
-        connection.execute(f"PRAGMA max_page_count={pages + spare_pages}")
-
-    failed: Exception | None = StoreError()
-    while failed is not None:
-        failed = None
-        with Store.open(scene.path) as store:
-            sa.event.listen(store._engine, "connect", limit)
-            store._engine.dispose()  # connections that are open already have no limit
-            try:
-                sync_nvdb(store, Area(), api_url=scene.server.url, source=scene.source, fresh=True)
-            except StoreError as error:
-                failed = error
-        if failed is not None:
-            assert "free some space; nothing was changed" in str(failed)
-            scene.stays_old()
-            n_failed, spare_pages = n_failed + 1, spare_pages + 1
-    assert n_failed >= 2
-    assert visible_at(scene.path) == scene.new() != scene.old
-
-
-FULL = """
-import resource, sys
-from twin.cli import run
-
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
-sys.exit(run(sys.argv[2:]))
-"""
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no limit on the size of files here")
-def test_disk_full_under_the_command(scene: Scene) -> None:
-    """A file that may grow no more ends the command with exit code 4 and one sentence."""
-    command = ["sync-nvdb", "--all", "--fresh", "--source", scene.source, "--api-url", scene.server.url]
-    limit = str(scene.path.stat().st_size + 8192)
-    done = subprocess.run(
-        [sys.executable, "-c", FULL, limit, *command, "--store", str(scene.path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 4, done.stderr
-    assert "Traceback" not in done.stderr
-    assert "nothing was changed" in done.stderr
-    scene.stays_old()
-    scene.gets_new()
-
-
 @pytest.mark.parametrize("fresh", [False, True])
 def test_mass_deletion(scene: Scene, fresh: bool) -> None:
     """An API that has lost its objects is not believed until somebody confirms it; exit code 5."""
@@ -458,31 +247,3 @@ def test_mass_deletion(scene: Scene, fresh: bool) -> None:
         assert exit_code(error) == 5
         scene.stays_old()
     scene.gets_new(fresh=fresh, confirm_deletions=True)
-
-
-def test_interrupted_sync_does_not_wait_for_the_page_on_its_way(tmp_path: Path) -> None:
-    """Ctrl-C ends a sync with code 130 although a page comes in drops; the next run goes on from there."""
-    world = GeneratedWorld(40, 80)
-    world.page_limit = 10
-    slow, ended = threading.Event(), threading.Event()
-
-    def page_in_drops(info: RequestInfo) -> Fault | None:
-        if "/vegobjekter/96" not in info.path or "start" not in info.query or ended.is_set():
-            return None
-        slow.set()
-        return Fault("drip", pause_s=1.0)  # the whole page would take hours; no wait for a byte is long
-
-    with ReplayServer(world, faults=page_in_drops) as server:
-        command = ["sync-nvdb", "--all", "--api-url", server.url, "--store", str(tmp_path / "a.db")]
-        with subprocess.Popen(
-            [sys.executable, "-m", "twin", *command], stderr=subprocess.PIPE, text=True
-        ) as process:
-            assert slow.wait(60)
-            process.send_signal(signal.SIGINT)
-            _, told = process.communicate(timeout=60)  # far below the client's deadline of 300 s
-        assert process.returncode == 130
-        assert told.count("Interrupted:") == 1
-        ended.set()
-        with Store.open(tmp_path / "a.db") as store:
-            result = sync_nvdb(store, Area(), api_url=server.url)
-        assert (result.mode, result.skiltplate) == ("resumed", 80)
