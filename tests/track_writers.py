@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 from sbp.navigation import MsgGPSTime, MsgPosLLH, MsgUtcTime, MsgVelNED
 from sbp.orientation import MsgBaselineHeading
 
+from geoloc.simulation.simulate import SimulatedDrive
 from geoloc.trajectory.trajectory import GnssFixes
 
 S = 1_000_000_000
@@ -25,6 +27,16 @@ GGA_FROM_SWIFT = {4: 4, 5: 3, 2: 2, 1: 1, 6: 5}
 
 Timed = tuple[str, int, Any]
 """A topic, when its message was recorded, and the message."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A simulated drive and the folder of its NMEA recording."""
+
+    drive: SimulatedDrive
+    trip: Path
+    fixes: tuple[GnssFixes, ...]
+    """Of its two antennas, as the NMEA recording gives them."""
 
 
 def sbp_time(epoch_ns: int) -> tuple[int, int, int]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from left_out import counts
 
 from twin.drives.annotations.formats.coco import read_coco
 from twin.drives.annotations.formats.datumaro import read_datumaro
@@ -21,11 +22,6 @@ from twin.drives.annotations.formats.table import read_annotation_json
 from twin.drives.annotations.formats.vistas import read_vistas
 from twin.drives.annotations.formats.yolo import YoloClasses, read_yolo, read_yolo_classes
 from twin.errors import DriveError
-
-
-def left_out(file: AnnotationFile) -> dict[str, int]:
-    """Reason → count."""
-    return {skipped.reason: skipped.count for skipped in file.skipped}
 
 
 def coco(*annotations: dict[str, Any], keypoints: list[str] | None = None) -> AnnotationFile:
@@ -54,7 +50,7 @@ def test_coco_annotation_that_cannot_be_used_is_counted() -> None:
         {"bbox": [1, 1, 5, 5], "iscrowd": 1},
     )
     assert file.shapes == []
-    assert left_out(file) == {
+    assert counts(file.skipped) == {
         "image that is not listed": 1,
         "box without area": 2,
         "coordinates not finite": 1,
@@ -80,11 +76,11 @@ def test_coco_segment_without_a_box_counts_as_the_box_around_it() -> None:
     ],
 )
 def test_coco_object_without_a_clear_foot_is_left_out(
-    names: list[str], keypoints: list[int], reason: str
+    names: list[str], keypoints: list[int], reason: str.skipped
 ) -> None:
     """Its box is of the whole object, pole and all, and is not taken for the face."""
     file = coco({"keypoints": keypoints, "bbox": [1, 1, 5, 5]}, keypoints=names)
-    assert left_out(file) == {reason: 1}
+    assert counts(file.skipped) == {reason: 1}
 
 
 @pytest.mark.parametrize(
@@ -142,7 +138,7 @@ def test_label_studio_image_that_was_turned_is_left_out() -> None:
     turned = result("keypoint", x=1, y=1) | {"image_rotation": 90}
     file = label_studio(turned)
     assert file.shapes == []
-    assert "turned in Label Studio" in next(iter(left_out(file)))
+    assert "turned in Label Studio" in next(iter(counts(file.skipped)))
 
 
 def test_label_studio_region_keeps_what_was_said_of_it() -> None:
@@ -158,7 +154,7 @@ def test_label_studio_region_keeps_what_was_said_of_it() -> None:
     )
     (kept,) = file.shapes
     assert (kept.label, kept.attributes) == ("362.50", {"skiltnummer": "362.50;808.1", "object": "pole 3"})
-    assert left_out(file) == {"kind brush": 1}
+    assert counts(file.skipped) == {"kind brush": 1}
 
 
 def test_label_studio_version_that_counts_is_the_ground_truth() -> None:
@@ -170,7 +166,7 @@ def test_label_studio_version_that_counts_is_the_ground_truth() -> None:
     ]
     file = label_studio(annotations=versions)
     assert [shape.label for shape in file.shapes] == ["202"]
-    assert left_out(file) == {"another annotator's version of the task": 1}
+    assert counts(file.skipped) == {"another annotator's version of the task": 1}
 
 
 def test_label_studio_video_counts_frames_from_one() -> None:
@@ -183,7 +179,7 @@ def test_label_studio_video_counts_frames_from_one() -> None:
         (30, "t", "202", "/data/front.mp4"),
     ]
     assert file.shapes[0].in_pixels(1000, 500).box_px == pytest.approx((99.5, 99.5, 119.5, 119.5))
-    assert left_out(file) == {"frame number unreadable": 1}
+    assert counts(file.skipped) == {"frame number unreadable": 1}
 
 
 def test_labelme_shape_that_cannot_be_used_is_counted() -> None:
@@ -197,7 +193,7 @@ def test_labelme_shape_that_cannot_be_used_is_counted() -> None:
         "noise",
     ]
     file = read_labelme({"shapes": shapes, "imagePath": None}, "labels/12.json")
-    assert left_out(file) == {
+    assert counts(file.skipped) == {
         "kind line": 1,
         "kind point": 1,
         "kind polygon": 1,
@@ -250,7 +246,7 @@ def test_yolo_row_that_is_no_label_is_counted() -> None:
     ]
     file = read_yolo("\n".join(rows).encode(), "12.txt")
     assert file.shapes == []
-    assert left_out(file) == {
+    assert counts(file.skipped) == {
         "row of 4 numbers": 1,
         "row of 8 numbers: key points need kpt_shape = [points, 2 or 3] in data.yaml": 1,
         "coordinates unreadable": 1,
@@ -309,7 +305,7 @@ def test_vistas_polygon_may_be_flat_or_in_corners() -> None:
     ]
     file = read_vistas({"objects": things}, "12.json")
     assert {shape.box_px for shape in file.shapes} == {(0.5, 1.5, 4.5, 8.5)}
-    assert left_out(file) == {"coordinates unreadable": 1}
+    assert counts(file.skipped) == {"coordinates unreadable": 1}
 
 
 def test_csv_takes_semicolons_and_names_cameras() -> None:
@@ -344,7 +340,7 @@ def test_csv_row_that_cannot_be_used_is_counted() -> None:
     ]
     file = read_annotations_csv("\n".join(rows).encode(), "signs.csv")
     assert len(file.shapes) == 1
-    assert left_out(file) == {
+    assert counts(file.skipped) == {
         "neither point nor box": 1,
         "neither frame nor image": 1,
         "frame number unreadable, such as '-1'": 2,

@@ -8,14 +8,10 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from left_out import counts
 
 from twin.drives.annotations.formats.cvat import is_cvat, read_cvat
 from twin.errors import DriveError
-
-
-def counts(skipped: Any) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}
 
 
 def test_cvat_track_point_is_a_foot_half_a_pixel_up_and_left(maker: Any) -> None:

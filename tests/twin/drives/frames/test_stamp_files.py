@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from left_out import counts
 
 from twin.drives.frames.stamp_files import NO_STAMP, read_timestamps
 from twin.errors import DriveError
 
 T0_US = 1_781_078_400_000_000  # 2026-06-10 08:00 UTC
-
-
-def counts(skipped: object) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}  # type: ignore[attr-defined]
 
 
 def lines(*rows: tuple[int, int]) -> bytes:

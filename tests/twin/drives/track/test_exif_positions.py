@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
+from left_out import counts
 from PIL.TiffImagePlugin import IFDRational
 from track_writers import S, gps_tags, jpeg
 
@@ -14,11 +15,6 @@ from twin.errors import DriveError
 
 START_NS = int(datetime(2026, 6, 10, 8, 0, tzinfo=UTC).timestamp()) * S
 PLACE = (63.42, 10.4, 120.0)
-
-
-def counts(skipped: Any) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}
 
 
 def tags(second: float = 0.0, **changes: Any) -> dict[int, Any]:

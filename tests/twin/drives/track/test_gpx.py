@@ -8,17 +8,13 @@ from typing import Any
 import gpxpy
 import numpy as np
 import pytest
+from left_out import counts
 from track_writers import S, gpx_document, gpx_point
 
 from twin.drives.track.formats.gpx import looks_like_gpx, read_gpx
 from twin.errors import DriveError
 
 START_NS = int(datetime(2026, 6, 10, 8, 0, tzinfo=UTC).timestamp()) * S
-
-
-def counts(skipped: Any) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}
 
 
 def point(inside: str, lat: str = "63.42", lon: str = "10.4") -> str:

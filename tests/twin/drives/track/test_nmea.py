@@ -10,17 +10,13 @@ import pynmea2
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from left_out import counts
 
 from twin.drives.track.fixes import fix_rate_hz
 from twin.drives.track.formats.nmea import iter_sentences, read_nmea
 from twin.errors import DriveError
 
 S = 1_000_000_000
-
-
-def counts(skipped: Any) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}
 
 
 def epoch(*moment: int) -> int:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from left_out import counts
 
 from geoloc.trajectory.poses import GnssFixes
 from twin.drives.track.formats.nmea import read_nmea
@@ -20,7 +21,7 @@ def fixes_of(*lines: str) -> GnssFixes:
 
 def reasons(*lines: str) -> dict[str, int]:
     """What was left out."""
-    return {s.reason: s.count for s in read_nmea("".join(lines).encode(), "a", "a.nmea").skipped}
+    return counts(read_nmea("".join(lines).encode(), "a", "a.nmea").skipped)
 
 
 @pytest.mark.parametrize("body", ["GNHDT,12.5,T", "GPTHS,12.5,A", "INTHS,12.5,E"])

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from left_out import counts
 
 from twin.drives.track.formats.poses_csv import read_poses
 from twin.errors import DriveError
@@ -19,11 +18,6 @@ HEADER = "time_ns,latitude_deg,longitude_deg,height_m,roll_deg,pitch_deg,heading
 def table(*rows: str, header: str = HEADER) -> bytes:
     """Write a pose file."""
     return "\n".join([header, *rows, ""]).encode()
-
-
-def counts(skipped: Any) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}
 
 
 def test_poses_keep_every_nanosecond_and_digit() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from left_out import counts
 from track_writers import Ros, S, Timed
 
 from geoloc.earth.geodesy import rotation_enu_from_rig
@@ -20,11 +21,6 @@ from twin.errors import DriveError
 START_NS = int(datetime(2026, 6, 10, 8, 0, tzinfo=UTC).timestamp()) * S
 PLACE = (63.42, 10.4, 80.0)
 KINDS = [(1, ""), (1, "bz2"), (1, "lz4"), (2, ""), (2, "zstd"), (2, "db3")]
-
-
-def counts(skipped: Any) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}
 
 
 def recorded(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from left_out import counts
 from sbp.msg import SBP
 from sbp.navigation import MsgGPSTime, MsgPosLLHCov, MsgPosLLHGnss
 from sbp.orientation import MsgOrientEuler, MsgOrientQuat
@@ -22,11 +23,6 @@ from twin.errors import DriveError
 
 PLACE = (63.42, 10.4, 80.0)
 START_NS = int(datetime(2026, 6, 10, 8, 0, tzinfo=UTC).timestamp()) * S
-
-
-def counts(skipped: Any) -> dict[str, int]:
-    """Reasons and counts."""
-    return {s.reason: s.count for s in skipped}
 
 
 def epoch(*moment: int) -> int:
