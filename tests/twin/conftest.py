@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import shutil
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from command_line import Answer, Twin
 
 from nvdb.area import Area
 from nvdb.client import NvdbClient
@@ -44,22 +43,8 @@ def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(NvdbClient.__init__.__kwdefaults__, "sleep", lambda _s: None)
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What a command left behind."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        """Standard output as one JSON document."""
-        return json.loads(self.out)
-
-
 @pytest.fixture
-def twin(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+def twin(capsys: pytest.CaptureFixture[str]) -> Twin:
     """Run the command line in this process."""
 
     def call(*arguments: object) -> Answer:
@@ -72,11 +57,25 @@ def twin(capsys: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
 
 
 @pytest.fixture(scope="session")
-def matched_store(sample: Path, nvdb_url: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def synced_store(nvdb_url: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with the sample's NVDB and no drive; copy it before writing."""
+    path = tmp_path_factory.mktemp("synced") / "twin.db"
+    options = ["--kommune", "5001", "--api-url", nvdb_url, "--store", str(path), "--json"]
+    assert run(["sync-nvdb", *options]) == 0
+    return path
+
+
+@pytest.fixture
+def synced(synced_store: Path, tmp_path: Path) -> Path:
+    """A copy of the store without drives for one test."""
+    return Path(shutil.copy(synced_store, tmp_path / "synced.db"))
+
+
+@pytest.fixture(scope="session")
+def matched_store(sample: Path, synced_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store with the sample synced, ingested by every method and matched; copy it before writing."""
-    path = tmp_path_factory.mktemp("matched") / "twin.db"
+    path = Path(shutil.copy(synced_store, tmp_path_factory.mktemp("matched") / "twin.db"))
     store = ["--store", str(path), "--json"]
-    assert run(["sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, *store]) == 0
     for method in METHODS:
         assert run(["ingest-drive", str(sample / "trip_trondheim"), "--method", method, *store]) == 0
     assert run(["match", *store]) == 0
@@ -87,6 +86,19 @@ def matched_store(sample: Path, nvdb_url: str, tmp_path_factory: pytest.TempPath
 def store(matched_store: Path, tmp_path: Path) -> Path:
     """A copy of the matched store for one test."""
     return Path(shutil.copy(matched_store, tmp_path / "twin.db"))
+
+
+@pytest.fixture
+def opened(store: Path) -> Iterator[Store]:
+    """The matched store of one test, opened: every object by every method."""
+    with Store.open(store) as one:
+        yield one
+
+
+@pytest.fixture
+def trip(sample: Path, tmp_path: Path) -> Path:
+    """A copy of the sample's drive for one test."""
+    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
 
 
 @pytest.fixture(scope="session")

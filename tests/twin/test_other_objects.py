@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import re
-import shutil
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
-import pytest
 import sqlalchemy as sa
+from annotation_edits import as_boxes, edit_tracks
+from command_line import Twin
 
 from twin.export.from_store import layers_from_store
 from twin.ingest.ingest import IngestReport, ingest_drive
@@ -20,19 +18,6 @@ from twin.store.store import Store
 RAIL_END = 14
 """Rekkverksende."""
 LABELS = f'[labels]\n"guard rail end" = {{ type = {RAIL_END} }}\n'
-
-
-@pytest.fixture
-def trip(sample: Path, tmp_path: Path) -> Path:
-    """A copy of the sample's drive."""
-    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
-
-
-@pytest.fixture
-def opened(store: Path) -> Iterator[Store]:
-    """A copy of the sample's matched store."""
-    with Store.open(store) as found:
-        yield found
 
 
 def new_object(store: Store) -> str:
@@ -47,33 +32,13 @@ def new_object(store: Store) -> str:
 def relabel(trip: Path, name: str, label: str) -> None:
     """Give the tracks of one object another label, and no sign code."""
 
-    def changed(track: re.Match[str]) -> str:
-        text = track.group()
-        if f'"object">{name}<' not in text:
-            return text
-        text = text.replace('label="skilt"', f'label="{label}"', 1)
-        return re.sub(r'("skiltnummer">)[^<]*', r"\1", text)
+    def changed(track: str) -> str:
+        if f'"object">{name}<' not in track:
+            return track
+        track = track.replace('label="skilt"', f'label="{label}"', 1)
+        return re.sub(r'("skiltnummer">)[^<]*', r"\1", track)
 
-    for path in trip.glob("*.xml"):
-        text = path.read_text(encoding="utf-8")
-        path.write_text(re.sub(r"<track .*?</track>", changed, text, flags=re.DOTALL), encoding="utf-8")
-
-
-def as_boxes(trip: Path, label: str) -> None:
-    """Draw the tracks with a label as boxes instead of points."""
-
-    def box(points: re.Match[str]) -> str:
-        x, y = float(points[2]), float(points[3])
-        return f'<box{points[1]} xtl="{x - 5}" ytl="{y - 5}" xbr="{x + 5}" ybr="{y + 5}"'
-
-    def changed(track: re.Match[str]) -> str:
-        if f'label="{label}"' not in track.group():
-            return track.group()
-        return re.sub(r'<points(.*?) points="(.*?),(.*?)"', box, track.group()).replace("</points>", "</box>")
-
-    for path in trip.glob("*.xml"):
-        text = path.read_text(encoding="utf-8")
-        path.write_text(re.sub(r"<track .*?</track>", changed, text, flags=re.DOTALL), encoding="utf-8")
+    edit_tracks(trip, changed)
 
 
 def n_unplaced(store: Store, method: str) -> int:
@@ -106,7 +71,7 @@ def test_object_of_another_type_is_located_and_not_compared(opened: Store, trip:
 def test_object_of_another_type_without_a_place_hides_no_sign(opened: Store, trip: Path) -> None:
     """A face that one frame cannot place may be any sign, but not if its label says that it is none."""
     relabel(trip, new_object(opened), "guard rail end")
-    as_boxes(trip, "guard rail end")
+    as_boxes(trip, holding='label="guard rail end"')
     ingest_drive(opened, trip, method="single-frame")
     assert n_unplaced(opened, "single-frame") == 1
     (trip / "labels.toml").write_text(LABELS)
@@ -136,7 +101,7 @@ def test_label_that_is_ignored_is_left_out_and_counted(opened: Store, trip: Path
 
 
 def test_labels_option_stands_in_for_the_drives_own(
-    twin: Callable[..., Any], store: Path, trip: Path, tmp_path: Path
+    twin: Twin, store: Path, trip: Path, tmp_path: Path
 ) -> None:
     """``--labels FILE`` is read instead of labels.toml, wherever it lies."""
     with Store.open(store) as opened:

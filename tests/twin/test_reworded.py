@@ -59,20 +59,19 @@ def as_it_is(_folder: Path) -> None:
 )
 def test_reworded_messages_change_no_verdict(
     matched_store: Path,
-    sample: Path,
+    trip: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     damage: Damage,
     is_doubted: bool,
 ) -> None:
     """Neither of the sample nor of a drive that does not fit itself, whatever its warnings say."""
-    drive = Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
-    damage(drive)
+    damage(trip)
 
     def found(name: str) -> tuple[list[tuple[str, str]], list[str]]:
         path = Path(shutil.copy(matched_store, tmp_path / name))
         with Store.open(path) as store:
-            ingest_drive(store, drive)
+            ingest_drive(store, trip)
             match(store, method="adjusted")
             columns = schema.change.c
             rows = store.rows(sa.select(columns.change_id, columns.verdict, columns.reason))

@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from command_line import Twin
 
 from geoloc.calibration.intrinsics import angle_between
 from geoloc.calibration_files import read_cameras
@@ -21,8 +22,6 @@ from twin.calibrate.boards.boards import Board, board_from_text
 from twin.calibrate.intrinsics.calibrate import Calibrated, calibrate_intrinsics
 from twin.calibrate.intrinsics.example import EXAMPLE_BOARD, EXAMPLE_CAMERA, example_camera, rendered
 from twin.cli import run as run_twin
-
-Twin = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")
@@ -315,10 +314,3 @@ def test_example_refuses_a_folder_that_holds_something(twin: Twin, example: Path
     answer = twin("calibrate", "example", example)
     assert answer.code == 5
     assert "is not an empty folder" in answer.err
-
-
-@pytest.mark.parametrize("command", ["intrinsics", "example"])
-def test_help_of_calibrate_has_an_example(twin: Twin, command: str) -> None:
-    """Each command of calibrate shows how it is run."""
-    answer = twin("calibrate", command, "--help")
-    assert f"Example: twin calibrate {command}" in " ".join(answer.out.split())

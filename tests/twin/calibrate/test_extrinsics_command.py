@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 from checkout import ROOT
+from command_line import Twin
 from scipy.spatial.transform import Rotation
 
 from geoloc.rig.rig import read_rig
@@ -23,8 +23,6 @@ from twin.calibrate.camera_files import new_rig_document, rig_text
 from twin.calibrate.extrinsics.example import write_yard
 from twin.calibrate.extrinsics.layout import FIRST_BOARD, read_layout
 from twin.calibrate.extrinsics.tag_corners import find_tags
-
-Twin = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")

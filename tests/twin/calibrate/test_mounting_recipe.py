@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import shlex
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 
 from geoloc.calibration_files import kalibr_text, opencv_text, read_cameras
 from geoloc.cameras import FisheyeCamera, PinholeCamera
@@ -28,8 +28,6 @@ from twin.drives.read import read_drive
 from twin.samples.write_drive import write_driveworks_trip
 from twin.store import schema
 from twin.store.store import Store
-
-Twin = Callable[..., Any]
 
 FRONT = RigCamera(
     name="front",
@@ -149,7 +147,8 @@ def test_boards_yard_and_drive_are_one_recipe(
     assert "Next: put mounted/rig.json into the drive's folder" in made.err
     drive = Path(shutil.copytree(trip, tmp_path / "drive"))
     shutil.copy("calibrated/rig.json", drive)
-    (warning,) = (text for text in map(str, read_drive(drive).warnings) if "at the rig's origin" in text)
+    told = [doubt.sentence for doubt in read_drive(drive).warnings]
+    (warning,) = (sentence for sentence in told if "at the rig's origin" in sentence)
     assert warning.startswith("C1_front60Single, C3_tricam120: ")
     found, true, drawn = (
         places(twin, drive, rig, tmp_path / f"{number}.db")

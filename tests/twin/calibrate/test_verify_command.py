@@ -5,11 +5,11 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 from pyproj import Transformer
 
 from geoloc.calibration.verify_mounting import turned
@@ -22,8 +22,6 @@ from twin.ingest.save import save_drive
 from twin.samples.simulation import simulate
 from twin.store import schema
 from twin.store.store import Store
-
-Twin = Callable[..., Any]
 
 
 @pytest.fixture(scope="module")

@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 from findings import finding
 
 from nvdb.datakatalog import Ansiktsside, katalog_from_document, snapshot
@@ -35,7 +34,6 @@ from twin.export import FILES
 from twin.store import schema
 from twin.store.store import Store
 
-Twin = Callable[..., Any]
 DAY = date(2026, 6, 10)
 MOVED, WRONG_PLATE, MISSING, THREE_PLATES = 1042500106, 1042600114, 1042500115, 1042500105
 SETS = [

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import Twin
 from findings import finding
 from pyproj import Transformer
 
@@ -21,7 +21,6 @@ from twin.changesets.datafangst import datafangst
 from twin.changesets.operations import Group
 from twin.store.store import Store
 
-Twin = Callable[..., Any]
 MOVED, WRONG_PLATE, MISSING = 1042500106, 1042600114, 1042500115
 # https://apiskriv.vegdata.no/datafangst/datafangst-api, sections Properties and geometryAttributes.
 PROPERTIES = {

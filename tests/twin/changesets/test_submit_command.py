@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from copy import deepcopy
 from datetime import UTC, datetime
@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 
 import twin.changesets.build as accepted_findings
 from nvdb.datakatalog import snapshot
@@ -26,7 +27,6 @@ from twin.mirror.raw import raw_object
 from twin.store import schema
 from twin.store.store import Store
 
-Twin = Callable[..., Any]
 NOW = datetime(2026, 11, 22, 8, 0, tzinfo=UTC)
 SECRET = "hemmelig-4c1d"  # of the local server
 MOVED, MOVED_PLATE, WRONG_PLATE, MISSING, GONE_PLATE = (

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import re
-import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 
 from nvdb.replay import Fault, ReplayServer
 from twin.store import schema
 from twin.store.store import Store
-
-Twin = Callable[..., Any]
 
 
 def contents(store: Path) -> dict[str, Any]:
@@ -31,24 +26,6 @@ def contents(store: Path) -> dict[str, Any]:
     return seen
 
 
-@pytest.fixture
-def trip(sample: Path, tmp_path: Path) -> Path:
-    """A copy of the sample's drive to spoil."""
-    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
-
-
-def edit_rig(trip: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    """Change the rig document."""
-    document = json.loads((trip / "rig.json").read_text())
-    change(document)
-    (trip / "rig.json").write_text(json.dumps(document))
-
-
-def camera_of(document: dict[str, Any], name: str) -> dict[str, Any]:
-    """One sensor of a rig document."""
-    return next(s for s in document["rig"]["sensors"] if s["name"] == name)
-
-
 @pytest.mark.parametrize("command", ["status", "match", "export out", "show P01", "explain x", "decide undo"])
 def test_an_empty_file_is_no_store_to_read(twin: Twin, tmp_path: Path, command: str) -> None:
     """Commands that only read say so and leave the file empty."""
@@ -57,72 +34,6 @@ def test_an_empty_file_is_no_store_to_read(twin: Twin, tmp_path: Path, command: 
     answer = twin(*command.split(), "--store", path)
     assert (answer.code, "is empty and not a twin store: name another --store." in answer.err) == (4, True)
     assert path.stat().st_size == 0
-
-
-def two_rigs(trip: Path) -> None:
-    """Add a second, different rig."""
-    text = (trip / "rig.json").read_text()
-    (trip / "other.json").write_text(text.replace("1.47", "1.57"))
-
-
-def no_gnss(trip: Path) -> None:
-    """Take both GNSS recordings away."""
-    for path in trip.glob("gnss*"):
-        path.unlink()
-
-
-def no_timestamps(trip: Path) -> None:
-    """Take the time stamps of an annotated camera away."""
-    (trip / "C3_tricam120.h264.timestamps").unlink()
-
-
-def unknown_model(trip: Path) -> None:
-    """Give an annotated camera a model that nobody knows."""
-    edit_rig(trip, lambda d: camera_of(d, "C3_tricam120")["properties"].update(Model="hyperbolic"))
-
-
-def camera_not_in_rig(trip: Path) -> None:
-    """Take an annotated camera out of the rig."""
-    edit_rig(
-        trip,
-        lambda d: d["rig"].update(sensors=[s for s in d["rig"]["sensors"] if s["name"] != "C3_tricam120"]),
-    )
-
-
-def other_resolution(trip: Path) -> None:
-    """Say that the pictures were annotated at half size."""
-    edit_rig(trip, lambda d: camera_of(d, "C3_tricam120")["properties"].update(width="960", height="604"))
-
-
-def unknown_setting(trip: Path) -> None:
-    """Misspell a key of drive.toml."""
-    (trip / "drive.toml").write_text("anotations_complete = true\n")
-
-
-DRIVE_FAULTS: list[tuple[Callable[[Path], None], str]] = [
-    (two_rigs, r"other\.json.*rig\.json|rig\.json.*other\.json"),
-    (no_gnss, r"GNSS|gnss"),
-    (no_timestamps, r"C3_tricam120"),
-    (unknown_model, r"hyperbolic"),
-    (camera_not_in_rig, r"C3_tricam120"),
-    (other_resolution, r"1920.*960|960.*1920"),
-    (unknown_setting, r"anotations_complete"),
-]
-
-
-@pytest.mark.parametrize(("spoil", "names"), DRIVE_FAULTS, ids=lambda v: getattr(v, "__name__", ""))
-def test_bad_drive_gives_one_sentence_and_leaves_the_store(
-    twin: Twin, store: Path, trip: Path, spoil: Callable[[Path], None], names: str
-) -> None:
-    """Each fault exits with 4, names what is wrong in one line, and changes nothing."""
-    before = contents(store)
-    spoil(trip)
-    answer = twin("ingest-drive", trip, "--store", store, "--json")
-    assert answer.code == 4, answer.err
-    assert re.search(names, answer.err), answer.err
-    assert len(answer.err.strip().splitlines()) == 1, answer.err
-    assert "Traceback" not in answer.err
-    assert contents(store) == before
 
 
 def test_missing_drive_folder_is_said(twin: Twin, store: Path, tmp_path: Path) -> None:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-import re
-import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pyogrio
 import pytest
+from annotation_edits import without_tracks
 from checkout import ROOT
+from command_line import Twin
 from typer.core import TyperGroup
 from typer.main import get_group
 
@@ -23,8 +22,6 @@ from twin.cli.exit_codes import exit_code
 from twin.cli.findings import FindingVerdict
 from twin.store.kinds import QUIET, Verdict
 from twin.store.schema import METHODS
-
-Twin = Callable[..., Any]
 
 
 def commands(group: TyperGroup | None = None) -> list[str]:
@@ -181,14 +178,10 @@ def test_match_and_export_before_their_time_say_what_to_run(twin: Twin, sample: 
     assert answer.code == 0
 
 
-def test_match_by_a_method_without_estimates_says_so(
-    twin: Twin, sample: Path, nvdb_url: str, tmp_path: Path
-) -> None:
+def test_match_by_a_method_without_estimates_says_so(twin: Twin, sample: Path, synced: Path) -> None:
     """A method that was never ingested is named with its cure."""
-    store = tmp_path / "twin.db"
-    twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", store)
-    twin("ingest-drive", sample / "trip_trondheim", "--method", "paper", "--store", store)
-    answer = twin("match", "--method", "single-frame", "--store", store)
+    twin("ingest-drive", sample / "trip_trondheim", "--method", "paper", "--store", synced)
+    answer = twin("match", "--method", "single-frame", "--store", synced)
     assert answer.code == 4
     assert "only by paper" in answer.err
 
@@ -199,18 +192,15 @@ def test_verdicts_to_decide_about_are_those_that_are_not_quiet() -> None:
 
 
 def test_a_drive_without_sightings_can_still_miss_signs(
-    twin: Twin, sample: Path, nvdb_url: str, tmp_path: Path
+    twin: Twin, synced: Path, trip: Path, tmp_path: Path
 ) -> None:
     """A complete drive whose annotation files name no object: every sign in view is missing, and exports."""
-    store, trip = tmp_path / "twin.db", Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
-    for path in trip.glob("*.xml"):
-        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
-    twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", store)
-    assert twin("ingest-drive", trip, "--store", store).code == 0
-    verdicts = twin("match", "--store", store, "--json").json["verdicts"]
+    without_tracks(trip)
+    assert twin("ingest-drive", trip, "--store", synced).code == 0
+    verdicts = twin("match", "--store", synced, "--json").json["verdicts"]
     assert verdicts["missing"] == 15
     assert sum(verdicts.values()) == 15
-    assert twin("export", tmp_path / "out", "--store", store).code == 0
+    assert twin("export", tmp_path / "out", "--store", synced).code == 0
 
 
 def test_json_is_one_document_on_stdout(twin: Twin, store: Path) -> None:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
-
-Twin = Callable[..., Any]
+from command_line import Twin
 
 SENTENCES = {
     "match --method magic": "--method is magic: write one of adjusted, single-frame, paper.",

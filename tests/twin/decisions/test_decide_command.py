@@ -5,20 +5,19 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from annotation_edits import edit_tracks
+from command_line import Twin
 from qgis_edits import decide_in_qgis
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from twin.cli.options import person
 from twin.export import FILES
-
-Twin = Callable[..., Any]
 
 
 @pytest.fixture(autouse=True)
@@ -162,28 +161,21 @@ def test_export_does_not_bring_back_what_was_undone(twin: Twin, store: Path, tmp
 
 
 def test_dismissed_finding_comes_back_when_the_drive_shows_something_else(
-    twin: Twin, sample: Path, nvdb_url: str, tmp_path: Path
+    twin: Twin, synced: Path, trip: Path
 ) -> None:
     """Ingested again as it was it stays dismissed; with another sign code seen it is open and says why."""
-    store, trip = tmp_path / "twin.db", Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
-    ingest = ["ingest-drive", trip, "--method", "single-frame", "--store", store]
-    assert twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", store).code == 0
+    ingest = ["ingest-drive", trip, "--method", "single-frame", "--store", synced]
     assert twin(*ingest).code == 0
-    first = found(twin, store)
+    first = found(twin, synced)
     for verdict in ("wrong_type", "new"):
         change_id = first[verdict]["change_id"]
-        assert twin("decide", "dismiss", change_id, "--store", store).code == 0
+        assert twin("decide", "dismiss", change_id, "--store", synced).code == 0
     assert twin(*ingest).code == 0
-    assert twin("decide", "undo", "--store", store).code == 0
-    assert found(twin, store)["wrong_type"]["decision"] == "dismiss"
-    for path in trip.glob("*.xml"):
-        text = path.read_text()
-        for track in re.findall(r"<track .*?</track>", text, flags=re.DOTALL):
-            if ">362.50<" in track:
-                text = text.replace(track, track.replace(">362.50<", ">362.30<"))
-        path.write_text(text)
+    assert twin("decide", "undo", "--store", synced).code == 0
+    assert found(twin, synced)["wrong_type"]["decision"] == "dismiss"
+    edit_tracks(trip, lambda track: track.replace(">362.50<", ">362.30<"))
     assert twin(*ingest).code == 0
-    changes = twin("match", "--store", store, "--json").json["changes"]
+    changes = twin("match", "--store", synced, "--json").json["changes"]
     plate = first["wrong_type"]["nvdb_id"]
     (again,) = (c for c in changes if c["verdict"] == "wrong_type" and c["nvdb_id"] == plate)
     assert again["decision"] == "open"
@@ -191,7 +183,7 @@ def test_dismissed_finding_comes_back_when_the_drive_shows_something_else(
         r"Dismissed \d{4}-\d\d-\d\d by kari; since then the sign code seen changed from 362.50 to 362.30",
         again["reason"],
     )
-    assert again["reason"] in twin("explain", again["change_id"], "--store", store).out.replace("\n", " ")
+    assert again["reason"] in twin("explain", again["change_id"], "--store", synced).out.replace("\n", " ")
 
 
 def test_whole_rerun_with_nothing_new_changes_nothing(

@@ -14,6 +14,7 @@ import shapely
 import sqlalchemy as sa
 from hypothesis import given
 from hypothesis import strategies as st
+from store_rows import row
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
@@ -29,16 +30,6 @@ from twin.store.store import Store
 
 EAST, NORTH = 270_000.0, 7_041_000.0
 DAY_NS = 86_400 * 10**9
-EMPTY = {sa.JSON: [], sa.LargeBinary: b"", sa.String: "", sa.Float: 0.0, sa.Boolean: False, sa.Integer: 0}
-
-
-def _row(table: sa.Table, **values: Any) -> dict[str, Any]:
-    """Make a row with something in every column that must not be null."""
-    row = {}
-    for column in table.columns:
-        kind = next(kind for kind in EMPTY if isinstance(column.type, kind))
-        row[column.name] = None if column.nullable else EMPTY[kind]
-    return {**row, **values}
 
 
 def change(change_id: str, verdict: str = "wrong_type", **values: Any) -> dict[str, Any]:
@@ -59,7 +50,7 @@ def change(change_id: str, verdict: str = "wrong_type", **values: Any) -> dict[s
         "east_m": EAST,
         "north_m": NORTH,
     }
-    return _row(schema.change, change_id=change_id, verdict=verdict, **{**usual, **values})
+    return row(schema.change, change_id=change_id, verdict=verdict, **{**usual, **values})
 
 
 def new(change_id: str, **values: Any) -> dict[str, Any]:
@@ -90,10 +81,10 @@ def store(tmp_path: Path) -> Iterator[Store]:
     """Return a store with a plate of NVDB, two drives ten days apart and no finding."""
     with Store.open(tmp_path / "small.db") as opened:
         drives = [
-            _row(schema.drive, drive_id=f"d{k}", name=f"trip {k}", started_ns=t, ended_ns=t, line=b"x")
+            row(schema.drive, drive_id=f"d{k}", name=f"trip {k}", started_ns=t, ended_ns=t, line=b"x")
             for k, t in ((1, 0), (2, 10 * DAY_NS))
         ]
-        plate = _row(schema.skiltplate, nvdb_id=7, version=1, east_m=EAST, north_m=NORTH + 0.3)
+        plate = row(schema.skiltplate, nvdb_id=7, version=1, east_m=EAST, north_m=NORTH + 0.3)
         with opened.transaction() as connection:
             connection.execute(sa.insert(schema.drive), drives)
             connection.execute(sa.insert(schema.skiltplate), [plate])

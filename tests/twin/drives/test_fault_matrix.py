@@ -11,13 +11,14 @@ import os
 import shutil
 import signal
 import sqlite3
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 from drive_damage import (
+    CAMERA,
     GNSS,
     MARKS,
     SETTINGS,
@@ -36,13 +37,12 @@ from drive_damage import (
     photographed,
     put,
     video,
+    without,
 )
 
 from twin.cli import run
 from twin.ingest.ingest import ingest_drive
 from twin.store.store import Store
-
-Twin = Callable[..., Any]
 
 N_FRAMES = 384
 SOUND_VIDEO = video([33 * i for i in range(N_FRAMES)])
@@ -71,6 +71,10 @@ def _face(left: int, top: int, right: int, bottom: int) -> Damage:
     corners = f'xtl="{left}" ytl="{top}" xbr="{right}" ybr="{bottom}"'
     box = f'<track id="9" label="202"><box frame="330" outside="0" {corners}/></track></annotations>'
     return edited(MARKS, "</annotations>", box)
+
+
+def _another_rig(drive: Path) -> None:
+    put("other.json", (drive / "rig.json").read_text().replace("1.47", "1.57"))(drive)
 
 
 FAULTS = (
@@ -142,6 +146,19 @@ FAULTS = (
     Fault("utf_16_that_says_utf_8", encoded(MARKS, "utf-16"), 4, f"{MARKS} is not well-formed XML"),
     Fault("latin_1_that_says_utf_8", put(SETTINGS, 'name = "Skrå"'.encode("latin-1")), 4, "save it as UTF-8"),
     Fault("annotations_empty", put(MARKS, b""), 0, f"{MARKS} is empty or no XML"),
+    # The folder as a whole
+    Fault("two_rigs", _another_rig, 4, "other.json and rig.json are two different rigs"),
+    Fault("no_gnss", both(*(without(name) for name in GNSS)), 4, "no GNSS recording"),
+    Fault("no_timestamps", without(STAMPS), 4, f"{STAMPS} is not in"),
+    Fault("model_unknown", edited("rig.json", '"ftheta"', '"hyperbolic"', 0), 4, "hyperbolic"),
+    Fault("camera_not_in_rig", edited("rig.json", CAMERA, "C9", 0), 4, CAMERA),
+    Fault(
+        "other_resolution",
+        both(edited("rig.json", r'"1920"', '"960"', 0), edited("rig.json", r'"1208"', '"604"', 0)),
+        4,
+        "1920 x 1208 pixels, but C1_front60Single has 960 x 604",
+    ),
+    Fault("setting_misspelt", put(SETTINGS, "anotations_complete = true\n"), 4, "anotations_complete"),
 )
 
 

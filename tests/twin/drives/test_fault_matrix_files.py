@@ -6,11 +6,11 @@ import os
 import struct
 import unicodedata
 import zlib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
+from command_line import Twin
 from drive_damage import (
     CAMERA,
     GNSS,
@@ -28,8 +28,6 @@ from drive_damage import (
     stamped_by,
     without,
 )
-
-Twin = Callable[..., Any]
 
 NFC, NFD = (unicodedata.normalize(form, "Ålesund.timestamps") for form in ("NFC", "NFD"))
 LAUGHS = (

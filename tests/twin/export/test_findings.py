@@ -15,6 +15,7 @@ import pytest
 import shapely
 import sqlalchemy as sa
 from qgis_edits import decide_in_qgis
+from store_rows import row
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
@@ -30,31 +31,21 @@ from twin.store.store import Store
 
 EAST, NORTH = 270_000.0, 7_041_000.0
 METHOD = "single-frame"
-EMPTY = {sa.JSON: [], sa.LargeBinary: b"", sa.String: "", sa.Float: 0.0, sa.Boolean: False, sa.Integer: 0}
-
-
-def _row(table: sa.Table, **values: Any) -> dict[str, Any]:
-    """Make a row with something in every column that must not be null."""
-    row = {}
-    for column in table.columns:
-        kind = next(kind for kind in EMPTY if isinstance(column.type, kind))
-        row[column.name] = None if column.nullable else EMPTY[kind]
-    return {**row, **values}
 
 
 def _change(change_id: str, verdict: str = "new") -> dict[str, Any]:
-    return _row(schema.change, change_id=change_id, verdict=verdict, nvdb_type=95, east_m=EAST, north_m=NORTH)
+    return row(schema.change, change_id=change_id, verdict=verdict, nvdb_type=95, east_m=EAST, north_m=NORTH)
 
 
 def _drive(drive_id: str) -> dict[str, Any]:
     line = shapely.LineString([(EAST, NORTH), (EAST + 50.0, NORTH)])
-    return _row(schema.drive, drive_id=drive_id, name=drive_id, line=shapely.to_wkb(line))
+    return row(schema.drive, drive_id=drive_id, name=drive_id, line=shapely.to_wkb(line))
 
 
 def _estimate(method: str) -> dict[str, Any]:
     values = {"estimate_id": f"e-{method}", "drive_id": "d", "object": "1", "method": method}
     at = {"east_m": EAST, "north_m": NORTH, "cov_ee_m2": 0.04, "cov_nn_m2": 0.01}
-    return _row(schema.estimate, **values, **at)
+    return row(schema.estimate, **values, **at)
 
 
 def _insert(store: Store, table: sa.Table, *rows: dict[str, Any]) -> None:
@@ -79,7 +70,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
     with Store.open(tmp_path / "small.db") as opened:
         _insert(opened, schema.drive, _drive("d"))
         _insert(opened, schema.estimate, _estimate(METHOD), _estimate("paper"))
-        _insert(opened, schema.skiltpunkt, _row(schema.skiltpunkt, nvdb_id=1, east_m=EAST, north_m=NORTH))
+        _insert(opened, schema.skiltpunkt, row(schema.skiltpunkt, nvdb_id=1, east_m=EAST, north_m=NORTH))
         _matched(opened, ["c-1", "c-2"])
         yield opened
 
@@ -121,7 +112,7 @@ def test_layers_from_store_say_where_changes_come_from(store: Store) -> None:
     """Cameras, when NVDB's word was fetched, and the match; the newest word where NVDB has no such object."""
     for nvdb_id, day in ((2, "01"), (3, "09")):
         fetched = f"2026-06-{day}T08:00:00Z"
-        plate = _row(schema.skiltplate, nvdb_id=nvdb_id, east_m=EAST, north_m=NORTH, synced_at=fetched)
+        plate = row(schema.skiltplate, nvdb_id=nvdb_id, east_m=EAST, north_m=NORTH, synced_at=fetched)
         _insert(store, schema.skiltplate, plate)
     known = {**_change("c-3"), "nvdb_id": 2, "cameras": "C1,C3"}
     run = {"settings": {"software": "nvdb-twin 1.2.3"}, "config_sha256": "ab" * 32}

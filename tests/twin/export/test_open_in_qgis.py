@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from command_line import Twin
 from qgis_edits import opened_as_qgis_does
 
 from twin.export import COLUMNS
-
-Twin = Callable[..., Any]
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,9 @@ from typing import Any
 import pytest
 import shapely
 import sqlalchemy as sa
+from annotation_edits import as_boxes, days_later, edit_tracks, without_tracks
+from command_line import Twin
+from drive_damage import frames_later
 
 from geoloc.locate.single_frame import ErrorBudget
 from twin.errors import ConfigError
@@ -20,9 +22,6 @@ from twin.matching.config import MatchConfig
 from twin.matching.match_store import match
 from twin.store import schema
 from twin.store.store import Store
-
-Twin = Callable[..., Any]
-
 
 AS_MADE = {
     "unchanged": 12,
@@ -36,48 +35,11 @@ AS_MADE = {
 """What the sample was made to show (`data/README.md`)."""
 
 
-@pytest.fixture
-def trip(sample: Path, tmp_path: Path) -> Path:
-    """A copy of the sample's drive."""
-    return Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
-
-
-@pytest.fixture
-def synced(nvdb_url: str, tmp_path: Path, twin: Twin) -> Path:
-    """A store with the sample's NVDB and no drive."""
-    path = tmp_path / "synced.db"
-    assert twin("sync-nvdb", "--kommune", "5001", "--api-url", nvdb_url, "--store", path).code == 0
-    return path
-
-
-def later(trip: Path, days: int) -> None:
-    """Move a drive's GNSS and frames `days` later: another recording of the same road."""
-    shift_us = days * 86_400_000_000
-    for path in trip.glob("gnss*"):
-        lines = [line.rsplit(" ", 1) for line in path.read_text().splitlines()]
-        path.write_text("".join(f"{sentence} {int(us) + shift_us}\n" for sentence, us in lines))
-    for path in trip.glob("*.timestamps"):
-        pairs = [line.split() for line in path.read_text().splitlines()]
-        path.write_text("".join(f"{i}\t{int(us) + shift_us}\n" for i, us in pairs))
-
-
-def without_object(trip: Path, name: str) -> None:
-    """Take one annotated object out of every file."""
-    for path in trip.glob("*.xml"):
-        text = path.read_text()
-        tracks = re.findall(r"<track .*?</track>", text, flags=re.DOTALL)
-        for track in tracks:
-            if f">{name}<" in track:
-                text = text.replace(track, "")
-        path.write_text(text)
-
-
 def test_match_takes_absence_only_from_drives_of_its_method(synced: Path, trip: Path) -> None:
     """A complete drive ingested by `paper` alone is no evidence for a match of `single-frame`."""
     other = Path(shutil.copytree(trip, trip.with_name("other")))
-    later(other, 1)
-    for path in other.glob("*.xml"):
-        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    days_later(other, 1)
+    without_tracks(other)
     (other / "drive.toml").write_text("annotations_complete = false\n")
     with Store.open(synced) as store:
         ingest_drive(store, trip, method="paper")
@@ -87,8 +49,7 @@ def test_match_takes_absence_only_from_drives_of_its_method(synced: Path, trip: 
 
 def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) -> None:
     """Without the attribute object, each camera has ids of its own: the findings are the same."""
-    for path in trip.glob("*.xml"):
-        path.write_text(re.sub(r'\s*<attribute name="object">[^<]*</attribute>', "", path.read_text()))
+    edit_tracks(trip, lambda track: re.sub(r'\s*<attribute name="object">[^<]*</attribute>', "", track))
     with Store.open(synced) as store:
         ingest_drive(store, trip)
         verdicts = match(store).verdicts
@@ -97,17 +58,16 @@ def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) 
 
 def renamed(trip: Path, name: str, new: str, *, both: bool) -> None:
     """Give an object another id in the second half of its pictures; or in all, beside the first one."""
-    for path in trip.glob("*.xml"):
-        text = path.read_text()
-        for track in re.findall(r"<track .*?</track>", text, flags=re.DOTALL):
-            if f">{name}<" not in track:
-                continue
-            parts = re.split(r"(?=<points )", track)
-            half = 0 if both else len(parts) // 2
-            anew = parts[0] + "".join(p.replace(f">{name}<", f">{new}<") for p in parts[1:][half:])
-            kept = track if both else "".join(parts[: half + 1]) + "</track>"
-            text = text.replace(track, kept + anew)
-        path.write_text(text)
+
+    def changed(track: str) -> str:
+        if f">{name}<" not in track:
+            return track
+        parts = re.split(r"(?=<points )", track)
+        half = 0 if both else len(parts) // 2
+        anew = parts[0] + "".join(p.replace(f">{name}<", f">{new}<") for p in parts[1:][half:])
+        return (track if both else "".join(parts[: half + 1]) + "</track>") + anew
+
+    edit_tracks(trip, changed)
 
 
 def test_match_takes_a_track_that_was_begun_anew_for_one_sign(synced: Path, trip: Path) -> None:
@@ -130,11 +90,8 @@ def test_match_finds_a_second_plate_new_where_a_picture_shows_both(synced: Path,
 
 def test_match_compares_the_texts_of_plates(synced: Path, trip: Path) -> None:
     """From the attribute and from NVDB's property to the finding: another text is said, and is no verdict."""
-    for path in trip.glob("*.xml"):
-        code = '<attribute name="skiltnummer">404.1;906V</attribute>'
-        path.write_text(
-            path.read_text().replace(code, f'{code}<attribute name="tekst">;E6 0,3 KM</attribute>')
-        )
+    code, text = '<attribute name="skiltnummer">404.1;906V</attribute>', ";E6 0,3 KM"
+    edit_tracks(trip, lambda track: track.replace(code, f'{code}<attribute name="tekst">{text}</attribute>'))
     said, ids = {}, set()
     with Store.open(synced) as store:
         ingest_drive(store, trip)
@@ -156,23 +113,9 @@ def test_match_compares_the_texts_of_plates(synced: Path, trip: Path) -> None:
     assert said[None]["cameras"] == "C2_tricam60,C3_tricam120"
 
 
-def boxed(trip: Path) -> None:
-    """Turn every point of the annotations into a box whose middle is near it."""
-    for path in trip.glob("*.xml"):
-        text = re.sub(
-            r'<points (frame="\d+"[^>]*?) points="([\d.]+),([\d.]+)"',
-            lambda m: (
-                f'<box {m[1]} xtl="{float(m[2]) - 5}" ytl="{float(m[3]) - 5}"'
-                f' xbr="{float(m[2]) + 5}" ybr="{float(m[3]) + 5}"'
-            ),
-            path.read_text(),
-        )
-        path.write_text(text.replace("</points>", "</box>"))
-
-
 def test_match_calls_nothing_missing_where_annotations_have_no_place(synced: Path, trip: Path) -> None:
     """One frame cannot place boxes, but their signs were seen: the drive says so, and none is missing."""
-    boxed(trip)
+    as_boxes(trip)
     with Store.open(synced) as store:
         report = ingest_drive(store, trip, method="single-frame")
         assert any("cannot show that a sign is missing" in warning for warning in report.warnings)
@@ -181,8 +124,7 @@ def test_match_calls_nothing_missing_where_annotations_have_no_place(synced: Pat
 
 def test_match_calls_nothing_missing_without_an_annotation_file(synced: Path, trip: Path) -> None:
     """A file that holds no sign says that none was seen; where there is no file, nobody looked."""
-    for path in trip.glob("*.xml"):
-        path.write_text(re.sub(r"<track.*</track>", "", path.read_text(), flags=re.DOTALL))
+    without_tracks(trip)
     with Store.open(synced) as store:
         ingest_drive(store, trip)
         assert match(store).verdicts["missing"] > 0
@@ -198,9 +140,7 @@ def test_match_calls_nothing_missing_without_an_annotation_file(synced: Path, tr
 
 def test_match_asks_for_review_of_a_drive_that_does_not_fit_itself(synced: Path, trip: Path) -> None:
     """Camera stamps one second late move every sign: none of that is a finding, and the drive is named."""
-    for path in trip.glob("*.timestamps"):
-        pairs = [line.split() for line in path.read_text().splitlines()]
-        path.write_text("".join(f"{i}\t{int(us) + 1_000_000}\n" for i, us in pairs))
+    frames_later(1.0)(trip)
     with Store.open(synced) as store:
         report = ingest_drive(store, trip)
         assert any("Do not trust the positions" in warning for warning in report.warnings)
@@ -217,7 +157,7 @@ def test_match_asks_for_review_of_a_drive_that_does_not_fit_itself(synced: Path,
 
 def test_match_finds_the_same_where_only_boxes_were_drawn(synced: Path, trip: Path) -> None:
     """The adjustment places boxes by where their rays cross: the findings are those of points."""
-    boxed(trip)
+    as_boxes(trip)
     with Store.open(synced) as store:
         report = ingest_drive(store, trip)
         verdicts = match(store).verdicts
@@ -225,20 +165,18 @@ def test_match_finds_the_same_where_only_boxes_were_drawn(synced: Path, trip: Pa
     assert verdicts == AS_MADE
 
 
-def test_match_does_not_miss_what_was_put_up_later(synced: Path, trip: Path) -> None:
+def test_match_does_not_miss_what_was_put_up_later(opened: Store) -> None:
     """A sign that NVDB starts a year after the drive could not be seen."""
-    with Store.open(synced) as store:
-        with store.transaction() as connection:
-            connection.execute(sa.update(schema.skiltpunkt).values(start_date="2027-06-01"))
-        ingest_drive(store, trip)
-        assert match(store).verdicts["missing"] == 0
+    with opened.transaction() as connection:
+        connection.execute(sa.update(schema.skiltpunkt).values(start_date="2027-06-01"))
+    assert match(opened).verdicts["missing"] == 0
 
 
 def test_match_lets_a_later_complete_drive_overrule_an_earlier_one(synced: Path, trip: Path) -> None:
     """A sign seen last year that a complete drive of today passes and does not see is missing."""
     today = Path(shutil.copytree(trip, trip.with_name("today")))
-    later(today, 300)
-    without_object(today, "P07")
+    days_later(today, 300)
+    without_tracks(today, ">P07<")
     with Store.open(synced) as store:
         ingest_drive(store, trip)
         before = match(store)
@@ -248,17 +186,13 @@ def test_match_lets_a_later_complete_drive_overrule_an_earlier_one(synced: Path,
     assert (after.verdicts["moved"], after.verdicts["missing"], after.n_outdated) == (0, 2, 1)
 
 
-def test_match_of_two_drives_finds_what_one_finds(synced: Path, trip: Path) -> None:
+def test_match_of_two_drives_finds_what_one_finds(opened: Store, trip: Path) -> None:
     """A second drive over the same road doubles no sign, and keeps every change_id."""
-    again = Path(shutil.copytree(trip, trip.with_name("again")))
-    later(again, 30)
-    with Store.open(synced) as store:
-        ingest_drive(store, trip)
-        match(store)
-        first = {row["change_id"]: row for row in store.rows(sa.select(schema.change))}
-        ingest_drive(store, again)
-        match(store)
-        both = {row["change_id"]: row for row in store.rows(sa.select(schema.change))}
+    days_later(trip, 30)
+    first = {row["change_id"]: row for row in opened.rows(sa.select(schema.change))}
+    ingest_drive(opened, trip)
+    match(opened)
+    both = {row["change_id"]: row for row in opened.rows(sa.select(schema.change))}
     assert both.keys() == first.keys()
     seen = [row for row in both.values() if row["verdict"] != "missing"]
     assert all("," in row["drive_ids"] for row in seen)
@@ -267,7 +201,7 @@ def test_match_of_two_drives_finds_what_one_finds(synced: Path, trip: Path) -> N
 def test_match_keeps_ids_when_an_earlier_drive_arrives_later(synced: Path, trip: Path) -> None:
     """Drives are ingested in any order: the finding keeps the id that it first got."""
     early = Path(shutil.copytree(trip, trip.with_name("early")))
-    later(trip, 30)
+    days_later(trip, 30)
     with Store.open(synced) as store:
         ingest_drive(store, trip)
         match(store)
@@ -284,16 +218,15 @@ def run_of(store: Store) -> dict[str, Any]:
     return found
 
 
-def test_match_hashes_every_setting_that_changes_findings(store: Path) -> None:
+def test_match_hashes_every_setting_that_changes_findings(opened: Store) -> None:
     """Tolerance, gate, a prior and the method change the hash, a re-run does not; no setting is left out."""
-    with Store.open(store) as opened:
-        hashes = []
-        for settings in ({}, {}, {"tolerance_m": 2.0}, {"gate_m": 10.0}, {"p_misread": 0.02}):
-            match(opened, config=MatchConfig(**settings))
-            hashes.append(run_of(opened)["config_sha256"])
-        assert run_of(opened)["settings"]["matching"].keys() == {field.name for field in fields(MatchConfig)}
-        match(opened, method="paper")
+    hashes = []
+    for settings in ({}, {}, {"tolerance_m": 2.0}, {"gate_m": 10.0}, {"p_misread": 0.02}):
+        match(opened, config=MatchConfig(**settings))
         hashes.append(run_of(opened)["config_sha256"])
+    assert run_of(opened)["settings"]["matching"].keys() == {field.name for field in fields(MatchConfig)}
+    match(opened, method="paper")
+    hashes.append(run_of(opened)["config_sha256"])
     assert hashes[0] == hashes[1]
     assert len(set(hashes)) == 5
 
@@ -319,16 +252,13 @@ def test_match_hashes_what_the_drive_says_of_itself(synced: Path, trip: Path) ->
 
 
 def test_export_refuses_findings_of_an_older_state(
-    twin: Twin, synced: Path, trip: Path, tmp_path: Path
+    twin: Twin, store: Path, trip: Path, tmp_path: Path
 ) -> None:
     """After another ingest the findings are stale: exported only after the next match."""
-    again = Path(shutil.copytree(trip, trip.with_name("again")))
-    later(again, 30)
-    twin("ingest-drive", trip, "--store", synced)
-    twin("match", "--store", synced)
-    assert twin("export", tmp_path / "out", "--store", synced).code == 0
-    twin("ingest-drive", again, "--store", synced)
-    answer = twin("export", tmp_path / "out", "--store", synced)
+    days_later(trip, 30)
+    assert twin("export", tmp_path / "out", "--store", store).code == 0
+    twin("ingest-drive", trip, "--store", store)
+    answer = twin("export", tmp_path / "out", "--store", store)
     assert answer.code == 5
     assert "twin match" in answer.err
 
@@ -348,8 +278,8 @@ def test_match_refuses_a_probability_above_one() -> None:
     assert MatchConfig(gate_m=1.5).gate_m == 1.5
 
 
-def with_road(store: Store, retning: int) -> None:
-    """Give the store a road network of one link: the drive's own track, metered with it or against it."""
+def with_road(store: Store) -> None:
+    """Give the store a road network of one link: the drive's own track, metered with it."""
     line = store.rows(sa.select(schema.drive.c.line))[0]["line"]
     link = {
         "veglenkesekvensid": 1,
@@ -365,7 +295,7 @@ def with_road(store: Store, retning: int) -> None:
         "vegkategori": "K",
         "trafikantgruppe": "K",
         "kortform": "KV1 S1D1 m0-1000",
-        "retning": retning,
+        "retning": 1,
         "geometri": shapely.to_wkb(shapely.force_3d(shapely.from_wkb(line), 0.0)),
     }
     with store.transaction() as connection:
@@ -373,15 +303,13 @@ def with_road(store: Store, retning: int) -> None:
         store.put_fact(connection, "vegnett", {"rejected": []})
 
 
-def test_match_knows_by_the_road_which_side_of_a_sign_was_seen(synced: Path, trip: Path) -> None:
+def test_match_knows_by_the_road_which_side_of_a_sign_was_seen(opened: Store) -> None:
     """With the road network nothing changes, but a road metered the other way turns every plate round."""
-    with Store.open(synced) as store:
-        ingest_drive(store, trip)
-        with_road(store, 1)
-        with_it = match(store).verdicts
-        with store.transaction() as connection:
-            connection.execute(sa.update(schema.veglenke).values(retning=-1))
-        against = match(store).verdicts
+    with_road(opened)
+    with_it = match(opened).verdicts
+    with opened.transaction() as connection:
+        connection.execute(sa.update(schema.veglenke).values(retning=-1))
+    against = match(opened).verdicts
     assert with_it == AS_MADE
     assert against["missing"] == 0
     assert against["not_observable"] > 0

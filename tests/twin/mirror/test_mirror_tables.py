@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
@@ -40,13 +41,6 @@ def url(world: GeneratedWorld) -> Iterator[str]:
         yield server.url
 
 
-@pytest.fixture
-def fresh_store(tmp_path: Path) -> Iterator[Store]:
-    """An empty store."""
-    with Store.open(tmp_path / "mirror.db") as made:
-        yield made
-
-
 def ids(store: Store, table: sa.Table) -> list[int]:
     """Ids in a table, in order."""
     return [row["nvdb_id"] for row in store.rows(sa.select(table.c.nvdb_id).order_by(table.c.nvdb_id))]
@@ -59,15 +53,15 @@ def page(world: GeneratedWorld, wanted: list[int], cursor: str = "1:1", **more: 
     return SourcePage(96, plates, (), cursor, len(plates), **more)
 
 
-def test_mirror_store_keeps_every_field_of_a_sign(world: GeneratedWorld, fresh_store: Store) -> None:
+def test_mirror_store_keeps_every_field_of_a_sign(world: GeneratedWorld, empty: Store) -> None:
     """A row holds what the typed view holds, and the object as it came can be had again."""
-    mirror = StoreMirror(fresh_store)
+    mirror = StoreMirror(empty)
     mirror.begin_backfill(Backfill("les-v4", "the whole country", "7"))
     wanted = world.ids(96, 60)
     made = page(world, wanted)
     mirror.save_page(made)
     mirror.publish(Following("les-v4", "the whole country", "7"))
-    rows = {row["nvdb_id"]: row for row in fresh_store.rows(sa.select(schema.skiltplate))}
+    rows = {row["nvdb_id"]: row for row in empty.rows(sa.select(schema.skiltplate))}
     assert sorted(rows) == wanted
     for plate in made.objects:
         row = rows[plate.nvdb_id]
@@ -81,48 +75,48 @@ def test_mirror_store_keeps_every_field_of_a_sign(world: GeneratedWorld, fresh_s
 
 
 def test_mirror_store_keeps_the_last_of_an_object_that_comes_twice(
-    world: GeneratedWorld, fresh_store: Store
+    world: GeneratedWorld, empty: Store
 ) -> None:
     """A backfill that shows an object on two pages has it once, in its later state."""
-    mirror = StoreMirror(fresh_store)
+    mirror = StoreMirror(empty)
     mirror.begin_backfill(Backfill("les-v4", "the whole country", "7"))
     first, second = world.ids(96, 2)
     mirror.save_page(page(world, [first, second]))
     world.update(first, egenskaper=[])
     mirror.save_page(page(world, [first], "2:1"))
     assert mirror.count_aside(96) == 2
-    assert ids(fresh_store, schema.skiltplate) == []
+    assert ids(empty, schema.skiltplate) == []
     mirror.publish(Following("les-v4", "the whole country", "7"))
-    (row,) = fresh_store.rows(sa.select(schema.skiltplate).where(schema.skiltplate.c.nvdb_id == first))
+    (row,) = empty.rows(sa.select(schema.skiltplate).where(schema.skiltplate.c.nvdb_id == first))
     assert row["skiltnummer"] is None
 
 
 def test_mirror_store_remembers_a_backfill_and_its_unreadable_objects(
-    world: GeneratedWorld, fresh_store: Store
+    world: GeneratedWorld, empty: Store
 ) -> None:
     """Cursors and unreadable ids outlive the process; an object that is read later is forgotten."""
-    mirror = StoreMirror(fresh_store)
+    mirror = StoreMirror(empty)
     begun = Backfill("les-v4", "the whole country", "7")
     mirror.begin_backfill(begun)
-    assert StoreMirror(fresh_store).backfill() == begun
+    assert StoreMirror(empty).backfill() == begun
     first, second, third = world.ids(96, 3)
     mirror.save_page(page(world, [first], "1:1", unreadable=frozenset({second, third})))
     mirror.save_page(page(world, [second], "2:1"))
     expected = Backfill("les-v4", "the whole country", "7", {96: "2:1"}, {96: frozenset({third})})
-    assert StoreMirror(fresh_store).backfill() == expected
+    assert StoreMirror(empty).backfill() == expected
     mirror.begin_changes()
     assert (mirror.backfill(), mirror.count_aside(96)) == (None, 0)
 
 
-def test_mirror_store_takes_no_page_before_a_backfill(world: GeneratedWorld, fresh_store: Store) -> None:
+def test_mirror_store_takes_no_page_before_a_backfill(world: GeneratedWorld, empty: Store) -> None:
     """A page without a backfill has no cursor to go with: a fault of the caller."""
     with pytest.raises(RuntimeError, match="begin_backfill"):
-        StoreMirror(fresh_store).save_page(page(world, world.ids(96, 1)))
+        StoreMirror(empty).save_page(page(world, world.ids(96, 1)))
 
 
-def test_mirror_store_fills_gaps_from_the_visible_mirror(world: GeneratedWorld, fresh_store: Store) -> None:
+def test_mirror_store_fills_gaps_from_the_visible_mirror(world: GeneratedWorld, empty: Store) -> None:
     """keep_visible copies states that are not aside, drop_aside takes out what is gone, and only there."""
-    mirror = StoreMirror(fresh_store)
+    mirror = StoreMirror(empty)
     wanted = world.ids(96, 4)
     for position in ("7", "8"):
         mirror.begin_backfill(Backfill("les-v4", "the whole country", position))
@@ -131,15 +125,15 @@ def test_mirror_store_fills_gaps_from_the_visible_mirror(world: GeneratedWorld, 
             mirror.publish(Following("les-v4", "the whole country", position))
     mirror.drop_aside({96: frozenset({wanted[0], 1})})
     mirror.keep_visible({96: frozenset({wanted[1], wanted[2], 1})})
-    assert ids(fresh_store, schema.MIRROR[96].aside) == wanted[1:3]
-    assert ids(fresh_store, schema.skiltplate) == wanted
+    assert ids(empty, schema.MIRROR[96].aside) == wanted[1:3]
+    assert ids(empty, schema.skiltplate) == wanted
     applied = mirror.publish(Following("les-v4", "the whole country", "8"))
     assert (applied.deleted[96], applied.changed[96], applied.total[96]) == (2, 0, 2)
 
 
-def test_mirror_store_counts_ids_in_many_chunks(world: GeneratedWorld, fresh_store: Store) -> None:
+def test_mirror_store_counts_ids_in_many_chunks(world: GeneratedWorld, empty: Store) -> None:
     """Thousands of ids do not meet the limit of SQLite's parameters."""
-    mirror = StoreMirror(fresh_store)
+    mirror = StoreMirror(empty)
     mirror.begin_changes()
     wanted = world.ids(96, 60)
     mirror.save_changes(FetchResult(page(world, wanted).objects, frozenset()))
@@ -150,37 +144,37 @@ def test_mirror_store_counts_ids_in_many_chunks(world: GeneratedWorld, fresh_sto
 
 
 def test_mirror_store_raises_the_revision_only_when_something_changed(
-    world: GeneratedWorld, url: str, fresh_store: Store
+    world: GeneratedWorld, url: str, empty: Store
 ) -> None:
     """Findings stay valid through a sync that brings nothing."""
     revisions = []
     for change in (None, None, world.ids(96, 1)):
         world.touch(change or [])
-        sync_nvdb(fresh_store, Area(), api_url=url)
-        revisions.append(fresh_store.revision())
+        sync_nvdb(empty, Area(), api_url=url)
+        revisions.append(empty.revision())
     assert revisions[0] == revisions[1] < revisions[2]
 
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_mirror_readers_in_one_snapshot_see_one_mirror(
-    world: GeneratedWorld, url: str, fresh_store: Store, source: str
+    world: GeneratedWorld, url: str, empty: Store, source: str
 ) -> None:
     """A reader that began before the swap goes on in the old mirror; a new one sees the new."""
-    sync_nvdb(fresh_store, Area(), api_url=url, source=source)
-    old = ids(fresh_store, schema.skiltplate)
-    with fresh_store.snapshot() as reader:
+    sync_nvdb(empty, Area(), api_url=url, source=source)
+    old = ids(empty, schema.skiltplate)
+    with empty.snapshot() as reader:
         statement = sa.select(schema.skiltplate.c.nvdb_id).order_by(schema.skiltplate.c.nvdb_id)
         assert [row["nvdb_id"] for row in reader.rows(statement)] == old
         world.remove(old[7])
-        with Store.open(fresh_store.path) as writer:
+        with Store.open(empty.path) as writer:
             result = sync_nvdb(writer, Area(), api_url=url, source=source, fresh=True)
         assert (result.mode, result.deleted, result.skiltplate) == ("backfill", 1, 59)
         assert [row["nvdb_id"] for row in reader.rows(statement)] == old
-    assert ids(fresh_store, schema.skiltplate) == [number for number in old if number != old[7]]
+    assert ids(empty, schema.skiltplate) == [number for number in old if number != old[7]]
 
 
 def test_sync_command_tells_what_the_mirror_holds(
-    world: GeneratedWorld, url: str, tmp_path: Path, twin: Callable[..., Any]
+    world: GeneratedWorld, url: str, tmp_path: Path, twin: Twin
 ) -> None:
     """The numbers of the command agree with the world, on the first run and on one that follows."""
     command = ["sync-nvdb", "--all", "--api-url", url, "--store", tmp_path / "a.db", "--json"]
@@ -194,7 +188,7 @@ def test_sync_command_tells_what_the_mirror_holds(
 
 
 def test_sync_command_refuses_another_area_and_mass_deletion(
-    world: GeneratedWorld, url: str, tmp_path: Path, twin: Callable[..., Any]
+    world: GeneratedWorld, url: str, tmp_path: Path, twin: Twin
 ) -> None:
     """Exit code 5 with the cure in the message; --confirm-deletions lets the deletions pass."""
     command = ["sync-nvdb", "--api-url", url, "--store", tmp_path / "a.db"]
@@ -215,11 +209,11 @@ def test_sync_command_refuses_another_area_and_mass_deletion(
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_kept_counts_are_those_of_the_objects(
-    world: GeneratedWorld, url: str, fresh_store: Store, source: str
+    world: GeneratedWorld, url: str, empty: Store, source: str
 ) -> None:
     """After backfills and rounds of changes, removals and creations the kept counts are the true ones."""
     rng = random.Random(source)
-    mirror = StoreMirror(fresh_store)
+    mirror = StoreMirror(empty)
     for n in range(6):
         plates = [number for number in world.ids(96, 60) if world.one(96, number) is not None]
         gone = sorted(set(world.ids(96, 60)) - set(plates))
@@ -230,34 +224,32 @@ def test_kept_counts_are_those_of_the_objects(
             world.remove(rng.choice(plates))
             if gone:
                 world.recreate(gone[0])
-        result = sync_nvdb(fresh_store, Area(), api_url=url, source=source, fresh=n == 3)
+        result = sync_nvdb(empty, Area(), api_url=url, source=source, fresh=n == 3)
         assert mirror.counts() == mirror.recounted()
-        rows = [row for t in (schema.skiltpunkt, schema.skiltplate) for row in fresh_store.rows(sa.select(t))]
+        rows = [row for t in (schema.skiltpunkt, schema.skiltplate) for row in empty.rows(sa.select(t))]
         assert result.skiltpunkt + result.skiltplate == len(rows)
         assert result.without_own_geometry == sum(not row["own_geometry"] for row in rows)
         own = Counter(row["capture_method"] for row in rows if row["own_geometry"])
         assert result.by_capture_method == {kind or "not stated": n for kind, n in own.items()}
 
 
-def test_mirror_of_an_older_store_is_counted_once(
-    world: GeneratedWorld, url: str, fresh_store: Store
-) -> None:
+def test_mirror_of_an_older_store_is_counted_once(world: GeneratedWorld, url: str, empty: Store) -> None:
     """A store without kept counts is counted when it is next synced: its guard against deletions holds."""
-    sync_nvdb(fresh_store, Area(), api_url=url)
-    with fresh_store.transaction() as connection:
-        fresh_store.drop_fact(connection, "mirror_counts")
+    sync_nvdb(empty, Area(), api_url=url)
+    with empty.transaction() as connection:
+        empty.drop_fact(connection, "mirror_counts")
     for number in world.ids(96, 40):
         world.remove(number)
     with pytest.raises(MassDeletionError, match="40 of 60"):
-        sync_nvdb(fresh_store, Area(), api_url=url)
-    assert sync_nvdb(fresh_store, Area(), api_url=url, confirm_deletions=True).skiltplate == 20
+        sync_nvdb(empty, Area(), api_url=url)
+    assert sync_nvdb(empty, Area(), api_url=url, confirm_deletions=True).skiltplate == 20
 
 
 def test_following_changes_reads_no_visible_table_from_end_to_end(
-    world: GeneratedWorld, url: str, fresh_store: Store
+    world: GeneratedWorld, url: str, empty: Store
 ) -> None:
     """By SQLite's own plans a round of changes costs what changed, and one without news nothing."""
-    sync_nvdb(fresh_store, Area(), api_url=url)
+    sync_nvdb(empty, Area(), api_url=url)
     world.touch(world.ids(96, 7))
     world.remove(world.ids(96, 8)[7])
     asked: list[tuple[str, Any]] = []
@@ -269,11 +261,11 @@ def test_following_changes_reads_no_visible_table_from_end_to_end(
     sa.event.listen(sa.Engine, "before_cursor_execute", note)
     try:
         for _ in range(2):
-            sync_nvdb(fresh_store, Area(), api_url=url)
+            sync_nvdb(empty, Area(), api_url=url)
     finally:
         sa.event.remove(sa.Engine, "before_cursor_execute", note)
     assert any("skiltplate_history" in text for text, _ in asked)
-    with fresh_store.transaction() as connection:
+    with empty.transaction() as connection:
         for text, values in asked:
             plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}", values)
             steps = [row[3] for row in plan]

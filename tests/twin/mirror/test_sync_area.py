@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 from nvdb_country import GeneratedWorld
 
 from nvdb.area import Area
@@ -19,7 +20,6 @@ from twin.mirror.sync import dry_run, sync_nvdb
 from twin.store import schema
 from twin.store.store import Store
 
-Twin = Callable[..., Any]
 CONTRACT = {"id": 17, "nummer": 9503, "navn": "9503 Midtre Hålogaland 2021-2026"}
 ELSEWHERE = {"kommuner": [301], "fylker": [3]}
 

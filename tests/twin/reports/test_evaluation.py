@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import matplotlib.image
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 
 from twin.errors import TruthError
 from twin.ingest.ingest import ingest_drive
 from twin.reports.evaluation import Evaluation, evaluate, plot, read_truth
 from twin.store import schema
 from twin.store.store import Store
-
-Twin = Callable[..., Any]
-
-
-@pytest.fixture
-def opened(store: Path) -> Iterator[Store]:
-    """The matched sample: every object by every method."""
-    with Store.open(store) as one:
-        yield one
 
 
 @pytest.fixture

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 import re
-import shutil
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from annotation_edits import as_boxes
+from command_line import Twin
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.locate.accuracy import ellipse_coverage
@@ -24,15 +23,6 @@ from twin.reports.estimate_picture import draw_estimate
 from twin.samples.write_drive import write_driveworks_trip
 from twin.store import schema
 from twin.store.store import Store
-
-Twin = Callable[..., Any]
-
-
-@pytest.fixture
-def opened(store: Path) -> Iterator[Store]:
-    """The matched sample: every object by every method."""
-    with Store.open(store) as one:
-        yield one
 
 
 @pytest.fixture(scope="module")
@@ -241,21 +231,11 @@ def test_show_picture_must_be_called_png(opened: Store, tmp_path: Path) -> None:
     assert list(tmp_path.glob("a.*")) == []
 
 
-def test_show_works_on_boxes(sample: Path, tmp_path: Path) -> None:
+def test_show_works_on_boxes(empty: Store, trip: Path, tmp_path: Path) -> None:
     """An object of which only the face was marked is explained and drawn too."""
-    trip = Path(shutil.copytree(sample / "trip_trondheim", tmp_path / "trip"))
-    for path in trip.glob("C*.xml"):
-        text = re.sub(
-            r'<points (frame="\d+"[^>]*?) points="([\d.]+),([\d.]+)"',
-            lambda m: (
-                f'<box {m[1]} xtl="{m[2]}" ytl="{m[3]}" xbr="{float(m[2]) + 9}" ybr="{float(m[3]) + 9}"'
-            ),
-            path.read_text(encoding="utf-8"),
-        )
-        path.write_text(text.replace("</points>", "</box>"), encoding="utf-8")
-    with Store.open(tmp_path / "boxes.db") as store:
-        ingest_drive(store, trip)
-        told = explain_estimate(store, "P02")
+    as_boxes(trip)
+    ingest_drive(empty, trip)
+    told = explain_estimate(empty, "P02")
     assert set(told.frames.kind) == {"box"}
     assert "its face, not its foot" in told.flags
     assert draw_estimate(told, tmp_path / "box.png", dpi=60).exists()

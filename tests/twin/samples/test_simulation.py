@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import pytest
+from command_line import Twin
 
 from geoloc.errors import GeolocError
 from geoloc.simulation.noise import NoiseSpec
@@ -17,8 +16,6 @@ from twin.drives.read import read_drive
 from twin.errors import ConfigError, RefusedError
 from twin.samples import simulation as simulate_module
 from twin.samples.simulation import noise_sources, simulate
-
-Twin = Callable[..., Any]
 
 
 def contents(folder: Path) -> dict[str, bytes]:

@@ -7,7 +7,6 @@ import signal
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import pytest
 import sqlalchemy as sa
 from checkout import ROOT
 from findings import finding
+from store_rows import row
 
 from twin.errors import StoreError
 from twin.ingest.save import save_drive
@@ -22,49 +22,18 @@ from twin.matching.save import save_changes
 from twin.store import schema
 from twin.store.store import Store, store_errors
 
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    """A new store."""
-    with Store.open(tmp_path / "twin.db") as opened:
-        yield opened
-
-
-def drive(drive_id: str = "d") -> dict[str, Any]:
-    """Make a row of the drive table."""
-    return {
-        "drive_id": drive_id,
-        "name": "trip",
-        "started_ns": 1,
-        "ended_ns": 2,
-        "datum": "EUREF89",
-        "annotations_complete": True,
-        "n_frames": 1,
-        "n_annotations": 1,
-        "length_m": 1.0,
-        "delay_ms": None,
-        "line": b"",
-        "rig": b"",
-        "poses": b"",
-        "cameras": ["C1"],
-        "warnings": [],
-        "skipped": [],
-        "software": "test",
-        "content_sha256": "1",
-        "fix_quality": {},
-    }
+DRIVE = row(schema.drive, drive_id="d", content_sha256="1")
 
 
 def estimate(name: str, method: str = "single-frame") -> dict[str, Any]:
     """Make a row of the estimate table."""
-    row: dict[str, Any] = dict.fromkeys((c.name for c in schema.estimate.columns), 0)
-    texts = {"drive_id": "d", "object": name, "label": "", "skiltnummer": "", "flags": ""}
-    return {**row, **texts, "estimate_id": f"d:{name}:{method}", "method": method}
+    identity = {"estimate_id": f"d:{name}:{method}", "object": name, "method": method}
+    return row(schema.estimate, drive_id="d", **identity)
 
 
-def test_store_is_in_wal_mode(store: Store) -> None:
+def test_store_is_in_wal_mode(empty: Store) -> None:
     """A reader never waits for a writer: the file is in WAL mode."""
-    with sqlite3.connect(store.path) as raw:
+    with sqlite3.connect(empty.path) as raw:
         assert raw.execute("PRAGMA journal_mode").fetchone() == ("wal",)
     raw.close()
 
@@ -109,68 +78,68 @@ def test_store_in_a_missing_folder_is_said(tmp_path: Path) -> None:
         Store.open(tmp_path / "nowhere" / "twin.db")
 
 
-def test_transaction_rolls_back_on_any_exception(store: Store) -> None:
+def test_transaction_rolls_back_on_any_exception(empty: Store) -> None:
     """An exception in the middle leaves the old state."""
-    save_changes(store, [finding("a")], {}, {"method": "m"})
+    save_changes(empty, [finding("a")], {}, {"method": "m"})
 
     def fail_halfway() -> None:
-        with store.transaction() as connection:
+        with empty.transaction() as connection:
             connection.execute(sa.delete(schema.change))
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail_halfway()
-    assert store.count(schema.change) == 1
+    assert empty.count(schema.change) == 1
 
 
-def test_revision_counts_drives_but_not_matches(store: Store) -> None:
+def test_revision_counts_drives_but_not_matches(empty: Store) -> None:
     """A match belongs to the revision it was made from: a drive that comes later makes it stale."""
-    save_drive(store, drive(), "single-frame", [], [estimate("1")])
-    save_changes(store, [finding("a")], {}, {"method": "m"})
-    last = store.fact("last_match")
+    save_drive(empty, DRIVE, "single-frame", [], [estimate("1")])
+    save_changes(empty, [finding("a")], {}, {"method": "m"})
+    last = empty.fact("last_match")
     assert last is not None
-    assert last["revision"] == store.revision()
-    save_drive(store, drive(), "single-frame", [], [estimate("1")])
-    assert last["revision"] != store.revision()
+    assert last["revision"] == empty.revision()
+    save_drive(empty, DRIVE, "single-frame", [], [estimate("1")])
+    assert last["revision"] != empty.revision()
 
 
-def test_snapshot_sees_one_state(store: Store) -> None:
+def test_snapshot_sees_one_state(empty: Store) -> None:
     """What is written while a snapshot is open is not in it."""
-    save_changes(store, [finding("a")], {}, {"method": "m"})
-    with store.snapshot() as view:
+    save_changes(empty, [finding("a")], {}, {"method": "m"})
+    with empty.snapshot() as view:
         before = view.rows(sa.select(schema.change.c.change_id))
-        save_changes(store, [finding("b")], {}, {"method": "m"})
+        save_changes(empty, [finding("b")], {}, {"method": "m"})
         assert view.rows(sa.select(schema.change.c.change_id)) == before == [{"change_id": "a"}]
 
 
-def test_save_drive_twice_doubles_nothing(store: Store) -> None:
+def test_save_drive_twice_doubles_nothing(empty: Store) -> None:
     """The same drive by the same method replaces itself; another method stands beside it."""
-    save_drive(store, drive(), "single-frame", [], [estimate("1"), estimate("2")])
-    save_drive(store, drive(), "single-frame", [], [estimate("1")])
-    save_drive(store, drive(), "paper", [], [estimate("1", "paper")])
-    assert store.count(schema.drive) == 1
-    assert store.count(schema.estimate) == 2
-    assert store.methods() == ["paper", "single-frame"]
+    save_drive(empty, DRIVE, "single-frame", [], [estimate("1"), estimate("2")])
+    save_drive(empty, DRIVE, "single-frame", [], [estimate("1")])
+    save_drive(empty, DRIVE, "paper", [], [estimate("1", "paper")])
+    assert empty.count(schema.drive) == 1
+    assert empty.count(schema.estimate) == 2
+    assert empty.methods() == ["paper", "single-frame"]
 
 
-def test_save_drive_of_changed_files_forgets_other_methods(store: Store) -> None:
+def test_save_drive_of_changed_files_forgets_other_methods(empty: Store) -> None:
     """A drive that was annotated anew does not keep estimates from its old annotations."""
-    save_drive(store, drive(), "paper", [], [estimate("1", "paper")])
-    save_drive(store, {**drive(), "content_sha256": "2"}, "single-frame", [], [estimate("1")])
-    assert store.methods() == ["single-frame"]
+    save_drive(empty, DRIVE, "paper", [], [estimate("1", "paper")])
+    save_drive(empty, DRIVE | {"content_sha256": "2"}, "single-frame", [], [estimate("1")])
+    assert empty.methods() == ["single-frame"]
 
 
-def test_store_locked_by_another_process_is_said(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_store_locked_by_another_process_is_said(empty: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second writer is told that another one is at work."""
     monkeypatch.setattr("twin.store.store._BUSY_TIMEOUT_S", 0.05)
-    with Store.open(store.path) as second:
-        raw = sqlite3.connect(store.path, isolation_level=None)
+    with Store.open(empty.path) as second:
+        raw = sqlite3.connect(empty.path, isolation_level=None)
         raw.execute("BEGIN IMMEDIATE")
         with pytest.raises(StoreError, match="another process is writing"):
             save_changes(second, [finding("a")], {}, {"method": "m"})
         raw.execute("ROLLBACK")
         raw.close()
-    assert store.count(schema.change) == 0
+    assert empty.count(schema.change) == 0
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
+from left_out import counts
 
 from geoloc.earth.geodesy import utm33_from_geographic
 from twin.cli import run
@@ -90,7 +91,7 @@ def test_frames_outside_the_track_are_not_run(
     rows = (folder / "poses.csv").read_text().splitlines()
     (folder / "poses.csv").write_text("\n".join(rows[:41]) + "\n")
     drive = read_drive(folder, detector=DetectorOptions(model))
-    left_out = {s.reason: s.count for s in drive.skipped}
+    left_out = counts(drive.skipped)
     assert left_out["outside the track"] == 56 - 44
     assert drive.annotations.frame.max() <= 43
 
@@ -164,7 +165,7 @@ def test_methods_that_need_feet_are_refused(
 
 
 def test_command_runs_the_detector(
-    board_drive: tuple[Any, Path], model: Path, twin: Callable[..., Any], tmp_path: Path
+    board_drive: tuple[Any, Path], model: Path, twin: Twin, tmp_path: Path
 ) -> None:
     """``twin ingest-drive --detector`` ends with two estimates, and tells its progress on stderr."""
     answer = twin(
@@ -199,5 +200,5 @@ def test_images_of_another_size_are_counted(
     text = (folder / "drive.toml").read_text().partition("[frames.front]")[0]
     (folder / "drive.toml").write_text(f'{text}[frames]\nfront = "pictures/"\n')
     drive = read_drive(folder, detector=DetectorOptions(model))
-    assert {s.reason: s.count for s in drive.skipped} == {"picture of another size than the camera's": 1}
+    assert counts(drive.skipped) == {"picture of another size than the camera's": 1}
     assert sorted(set(drive.annotations.frame)) == [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11]

@@ -5,28 +5,16 @@ from __future__ import annotations
 import functools
 import operator
 import random
-import shutil
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from command_line import Twin
 
 from twin.drives.inspection.inspect import inspect_drive
 from twin.drives.inspection.picture import text_timeline
 from twin.drives.inspection.sensors import frames_span
 from twin.samples.simulation import simulate
-
-Twin = Callable[..., Any]
-
-
-@pytest.fixture
-def trip(sample: Path, tmp_path: Path) -> Path:
-    """A copy of the sample's trip."""
-    copy = tmp_path / "trip"
-    shutil.copytree(sample / "trip_trondheim", copy)
-    return copy
 
 
 def test_sample_is_recognised_whole(sample: Path) -> None:
