@@ -64,9 +64,17 @@ def objects_by_place(drive: Drive) -> dict[tuple[str, int, float, float], str]:
     return dict(zip(keys, notes.object.tolist(), strict=True))
 
 
-def test_annotations_without_ids_become_the_poles_they_show(tmp_path: Path) -> None:
-    """Image tasks without ids give the sample's 15 poles, and hardly any annotation lands at a wrong one."""
-    bare = without_ids(tmp_path)
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Drive:
+    """The sample's drive, of which no annotation has an id."""
+    return without_ids(tmp_path_factory.mktemp("bare"))
+
+
+def test_annotations_without_ids_become_the_poles_they_show(bare: Drive) -> None:
+    """Image tasks without ids give the sample's 15 poles, and hardly any annotation lands at a wrong one.
+
+    Slips of the hand, which stand nowhere, are in the drive's account of what was left out.
+    """
     assert not bare.annotations.has_id.any()
     drive = with_objects(bare, trajectory_of(bare))
     truth = objects_by_place(sample_drive()[0])
@@ -78,25 +86,23 @@ def test_annotations_without_ids_become_the_poles_they_show(tmp_path: Path) -> N
     assert len(set(owner.values())) == 15
     assert np.mean([owner[name] == true for true, name in pairs]) >= 0.99
     assert "by position they are 15 objects" in drive.warnings[-1].sentence
-
-
-def test_track_of_ordinary_fixes_gives_each_pole_once(tmp_path: Path) -> None:
-    """One antenna with fixes good to 2 m: still the sample's 15 poles, none of them twice."""
-    bare = without_ids(tmp_path)
-    one = bare.gnss[0]
-    poor = replace(bare, gnss=(replace(one, quality=np.ones_like(one.quality)),))
-    drive = with_objects(poor, trajectory_of(poor))
-    assert "by position they are 15 objects" in drive.warnings[-1].sentence
-    assert np.unique(drive.annotations.object).size == 15
-
-
-def test_slips_of_the_hand_are_left_out_and_counted(tmp_path: Path) -> None:
-    """What stands nowhere is in the drive's account of what was left out."""
-    bare = without_ids(tmp_path)
-    drive = with_objects(bare, trajectory_of(bare))
     (slips,) = (skipped for skipped in drive.skipped if "slip of the hand" in skipped.reason)
     assert slips.count == bare.annotations.frame.size - drive.annotations.frame.size
     assert 1 <= slips.count <= 10
+
+
+def with_ordinary_fixes(drive: Drive) -> Drive:
+    """The drive with one antenna whose fixes are good to 2 m."""
+    one = drive.gnss[0]
+    return replace(drive, gnss=(replace(one, quality=np.ones_like(one.quality)),))
+
+
+def test_track_of_ordinary_fixes_gives_each_pole_once(bare: Drive) -> None:
+    """Still the sample's 15 poles, none of them twice."""
+    poor = with_ordinary_fixes(bare)
+    drive = with_objects(poor, trajectory_of(poor))
+    assert "by position they are 15 objects" in drive.warnings[-1].sentence
+    assert np.unique(drive.annotations.object).size == 15
 
 
 def test_annotations_without_ids_join_ids_that_were_given(tmp_path: Path) -> None:
@@ -124,9 +130,7 @@ def test_right_ids_give_no_warning() -> None:
 
 def test_right_ids_on_a_track_of_ordinary_fixes_give_no_warning() -> None:
     """Rays that miss one another because the track is off are no doubt about ids."""
-    drive, _ = sample_drive()
-    one = drive.gnss[0]
-    poor = replace(drive, gnss=(replace(one, quality=np.ones_like(one.quality)),))
+    poor = with_ordinary_fixes(sample_drive()[0])
     assert id_warnings(poor, trajectory_of(poor)) == ()
 
 

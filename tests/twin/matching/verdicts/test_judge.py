@@ -57,22 +57,51 @@ def test_judge_unchanged_is_one_row_for_the_whole_site() -> None:
     assert changes[0].distance_m == pytest.approx(0.1)
 
 
-def test_judge_moved_needs_distance_and_certainty() -> None:
-    """3 m at a sigma of 0.2 m has moved; 1.2 m at 0.2 m and 3 m at 2 m have not for certain."""
-    assert verdicts(found([pole(3, 0, "202")], [site(1, "202")])) == [("moved", 95, 1)]
-    assert verdicts(found([pole(1.2, 0, "202")], [site(1, "202")])) == [("unchanged", 95, 1)]
-    assert verdicts(found([pole(3, 0, "202", sigma=2.0)], [site(1, "202")])) == [("unchanged", 95, 1)]
+BACK_FACE, FRONT_FACE = (180.0, math.nan), (0.0, math.nan)
+JUDGED: dict[str, tuple[ObservedPole, Site, MatchConfig, list[tuple[str, int, int | None]]]] = {
+    "3 m at a sigma of 0.2 m has moved": (pole(3, 0, "202"), site(1, "202"), CONFIG, [("moved", 95, 1)]),
+    "1.2 m at 0.2 m has not moved for certain": (
+        *(pole(1.2, 0, "202"), site(1, "202"), CONFIG, [("unchanged", 95, 1)]),
+    ),
+    "3 m at 2 m has not moved for certain": (
+        *(pole(3, 0, "202", sigma=2.0), site(1, "202"), CONFIG, [("unchanged", 95, 1)]),
+    ),
+    "NVDB's own 3 m of uncertainty does not excuse a sign that we measured 3 m away": (
+        *(pole(3, 0, "202"), site(1, "202", sigma=3.0), CONFIG, [("moved", 95, 1)]),
+    ),
+    "with a tolerance of 5 m, a sign 3 m off stands where it should": (
+        *(pole(3, 0, "202"), site(1, "202"), MatchConfig(tolerance_m=5.0), [("unchanged", 95, 1)]),
+    ),
+    "position belongs to the pole, type to the plate: both findings stand": (
+        *(pole(1.6, 0, "362.60"), site(1, "362.50", sigma=0.8), CONFIG),
+        [("moved", 95, 1), ("wrong_type", 96, 10)],
+    ),
+    "one plate more than NVDB has on that pole is a new plate, not a new pole": (
+        *(pole(0, 0, "202", "808"), site(1, "202"), CONFIG, [("new", 96, None)]),
+    ),
+    "a plate that faces the other way cannot be missed from this side": (
+        *(pole(0, 0, "202"), site(1, "202", Plate(99, 1, "372", "mot")), CONFIG, [("unchanged", 95, 1)]),
+    ),
+    "a plate that faces like one that was seen can": (
+        *(pole(0, 0, "202"), site(1, "202", Plate(98, 1, "372", "med")), CONFIG, [("missing", 96, 98)]),
+    ),
+    "a wrong code is that of the plate that faces the camera, not of the one on the back": (
+        replace(pole(0, 0, "372"), seen_from_deg=frozenset({0.0})),
+        site(1, Plate(11, 1, "402.1", "mot", BACK_FACE), Plate(12, 1, "202", "med", FRONT_FACE)),
+        *(CONFIG, [("wrong_type", 96, 12)]),
+    ),
+    "what NVDB has on the centre line gets its position, and its plate is compared all the same": (
+        *(pole(5, 0, "362.60"), site(1, "362.50", sigma=8.0, own=False), CONFIG),
+        [("review", 95, 1), ("wrong_type", 96, 10)],
+    ),
+}
 
 
-def test_judge_bad_nvdb_accuracy_widens_the_gate_but_not_the_verdict() -> None:
-    """NVDB's own 3 m of uncertainty does not excuse a sign that we measured 3 m away."""
-    assert verdicts(found([pole(3, 0, "202")], [site(1, "202", sigma=3.0)])) == [("moved", 95, 1)]
-
-
-def test_judge_tolerance_is_the_owners() -> None:
-    """With a tolerance of 5 m, a sign 3 m off stands where it should."""
-    config = MatchConfig(tolerance_m=5.0)
-    assert verdicts(found([pole(3, 0, "202")], [site(1, "202")], config=config)) == [("unchanged", 95, 1)]
+@pytest.mark.parametrize("fact", JUDGED)
+def test_judge_of_one_pole_and_one_site(fact: str) -> None:
+    """Each verdict is the one that its fact asks for, and there is no other."""
+    one, other, config, expected = JUDGED[fact]
+    assert verdicts(found([one], [other], config=config)) == expected
 
 
 def test_judge_wrong_type_is_the_plates() -> None:
@@ -146,20 +175,6 @@ def test_judge_asks_two_questions_of_a_plate_without_position() -> None:
     assert len({change.change_id for change in changes}) == 2
 
 
-def test_judge_leaves_the_back_plate_alone() -> None:
-    """A wrong code is that of the plate that faces the camera, not of the one on the back."""
-    back, front = Plate(11, 1, "402.1", "mot", (180.0, math.nan)), Plate(12, 1, "202", "med", (0.0, math.nan))
-    seen = replace(pole(0, 0, "372"), seen_from_deg=frozenset({0.0}))
-    changes = found([seen], [site(1, back, front)])
-    assert verdicts(changes) == [("wrong_type", 96, 12)]
-
-
-def test_judge_reports_a_moved_pole_and_its_wrong_plate_apart() -> None:
-    """Position belongs to the pole, type to the plate: both findings stand."""
-    changes = found([pole(1.6, 0, "362.60")], [site(1, "362.50", sigma=0.8)])
-    assert verdicts(changes) == [("moved", 95, 1), ("wrong_type", 96, 10)]
-
-
 def test_judge_new_pole_has_no_nvdb_id() -> None:
     """A sign with nothing near is new, where it was measured."""
     changes = found([pole(0, 0, "202")], [site(1, "372", east=100.0)], views=0)
@@ -189,11 +204,6 @@ def test_judge_confidence_of_moved_falls_near_the_tolerance() -> None:
     assert near.confidence < far.confidence
 
 
-def test_judge_new_plate_on_a_known_pole() -> None:
-    """One plate more than NVDB has on that pole is a new plate, not a new pole."""
-    assert verdicts(found([pole(0, 0, "202", "808")], [site(1, "202")])) == [("new", 96, None)]
-
-
 def test_judge_missing_needs_the_place_in_view_of_a_complete_drive() -> None:
     """Nothing seen is missing after 50 frames in view; 4 cannot tell."""
     (change,) = found([], [site(1, "202")], views=50)
@@ -210,21 +220,6 @@ def test_judge_centre_line_positions_are_never_missing_or_moved() -> None:
     (change,) = found([pole(5, 0, "202")], [line_only])
     assert change.verdict == "review"
     assert "centre line" in change.reason
-
-
-def test_judge_missing_plate_only_if_it_faces_like_one_that_was_seen() -> None:
-    """A plate that faces the other way cannot be missed from this side."""
-    back = Plate(99, 1, "372", "mot")
-    front = Plate(98, 1, "372", "med")
-    assert verdicts(found([pole(0, 0, "202")], [site(1, "202", back)])) == [("unchanged", 95, 1)]
-    assert verdicts(found([pole(0, 0, "202")], [site(1, "202", front)])) == [("missing", 96, 98)]
-
-
-def test_judge_ambiguous_pairs_go_to_review() -> None:
-    """A pole between two equal sites is for a person to decide."""
-    sites = [site(1, "202", east=-1.0), site(2, "202", east=1.0)]
-    changes = found([pole(0, 0, "202", sigma=1.0)], sites, views=0)
-    assert [c.verdict for c in changes] == ["review"]
 
 
 def test_judge_gives_the_same_ids_in_every_run() -> None:
@@ -260,9 +255,10 @@ def test_judge_says_what_a_verdict_rests_on() -> None:
 
 
 def test_judge_names_the_alternatives_of_a_review() -> None:
-    """A review says which other site it may be, and how likely."""
+    """A pole between two equal sites is for a person to decide: which other it may be, and how likely."""
     sites = [site(1, "202", east=-1.0), site(2, "202", east=1.0)]
     (change,) = found([pole(0, 0, "202", sigma=1.0)], sites, views=0)
+    assert change.verdict == "review"
     others = {one["nvdb_id"]: one["probability"] for one in change.terms["alternatives"]}
     assert others.keys() <= {1, 2, None}
     assert len(others.keys() & {1, 2}) == 1
@@ -293,12 +289,6 @@ def test_judge_confidence_of_missing_is_that_it_is_gone() -> None:
     (change,) = found([], [site(1, "202")])
     gone = CONFIG.p_gone / (CONFIG.p_gone + (1 - CONFIG.p_gone) * CONFIG.p_missed)
     assert change.confidence == pytest.approx(gone)
-
-
-def test_judge_finds_a_wrong_plate_of_a_site_without_position() -> None:
-    """What NVDB only has on the centre line gets its position, and its plate is compared all the same."""
-    line_only = site(1, "362.50", sigma=8.0, own=False)
-    assert verdicts(found([pole(5, 0, "362.60")], [line_only])) == [("review", 95, 1), ("wrong_type", 96, 10)]
 
 
 def test_offset_trusts_nvdb_where_nvdb_is_good() -> None:
