@@ -14,9 +14,9 @@ from geoloc.cameras import PinholeCamera
 from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.annotations.formats.labelme_xml import looks_like_labelme_xml, read_labelme_xml
 from twin.drives.annotations.formats.plain_csv import looks_like_annotations_csv, read_annotations_csv
-from twin.drives.annotations.formats.shapes import AnnotationFile, Hints
+from twin.drives.annotations.formats.shapes import AnnotationFile, Hints, YoloClasses
 from twin.drives.annotations.formats.table import read_annotation_json
-from twin.drives.annotations.formats.yolo import YoloClasses, looks_like_yolo, read_yolo, read_yolo_classes
+from twin.drives.annotations.formats.yolo import looks_like_yolo, read_yolo, read_yolo_classes
 from twin.drives.annotations.gather import gather
 from twin.drives.annotations.labels import read_label_map
 from twin.errors import DriveError

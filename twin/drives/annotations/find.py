@@ -14,7 +14,7 @@ from pathlib import PurePosixPath
 from twin.drives.annotations.formats import cvat, plain_csv, yolo
 from twin.drives.annotations.formats.cvat import root_tag
 from twin.drives.annotations.formats.plain_csv import lacking
-from twin.drives.annotations.formats.shapes import NO_HINTS, AnnotationFile, Hints, merged
+from twin.drives.annotations.formats.shapes import NO_HINTS, AnnotationFile, Hints, YoloClasses, merged
 from twin.drives.annotations.formats.table import (
     FORMATS,
     JSON,
@@ -27,7 +27,7 @@ from twin.drives.annotations.formats.table import (
     read_annotation_json,
     suffix_of,
 )
-from twin.drives.annotations.formats.yolo import NAME_FILES, YoloClasses, looks_like_yolo, read_yolo_classes
+from twin.drives.annotations.formats.yolo import NAME_FILES, looks_like_yolo, read_yolo_classes
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes, SkipKind, skipped_annotations

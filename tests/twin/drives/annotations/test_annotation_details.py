@@ -17,10 +17,10 @@ from twin.drives.annotations.formats.labelme import read_labelme
 from twin.drives.annotations.formats.labelme_xml import read_labelme_xml
 from twin.drives.annotations.formats.labelstudio import read_labelstudio
 from twin.drives.annotations.formats.plain_csv import read_annotations_csv
-from twin.drives.annotations.formats.shapes import AnnotationFile, Hints, foot_of
+from twin.drives.annotations.formats.shapes import AnnotationFile, Hints, YoloClasses, foot_of
 from twin.drives.annotations.formats.table import read_annotation_json
 from twin.drives.annotations.formats.vistas import read_vistas
-from twin.drives.annotations.formats.yolo import YoloClasses, read_yolo, read_yolo_classes
+from twin.drives.annotations.formats.yolo import read_yolo, read_yolo_classes
 from twin.errors import DriveError
 
 

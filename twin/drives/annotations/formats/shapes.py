@@ -13,12 +13,8 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 from twin.drives.folder.notes import SkipKind, Skipped
-
-if TYPE_CHECKING:
-    from twin.drives.annotations.formats.yolo import YoloClasses
 
 _CORNER_TO_CENTRE_PX = 0.5
 """Annotation tools count from the corner of the first pixel, the twin from its centre."""
@@ -111,6 +107,27 @@ class UnusableShapeError(Exception):
 def of_kind(kind: str) -> UnusableShapeError:
     """Return the reason to leave out a shape of a kind that stands for no foot and no face."""
     return UnusableShapeError(SkipKind.OTHER_SHAPE.reason(f"{kind:.40}"), kind=SkipKind.OTHER_SHAPE)
+
+
+@dataclass(frozen=True, slots=True)
+class YoloClasses:
+    """What ``data.yaml``, ``obj.names`` or ``classes.txt`` says.
+
+    Attributes
+    ----------
+    labels : mapping of class number to name
+    n_keypoints : int
+        Key points of an object; 0 for boxes and polygons.
+    n_values : int
+        2: x and y; 3: and visibility.
+    keypoint_names : tuple of str
+        Empty where not said.
+    """
+
+    labels: dict[int, str]
+    n_keypoints: int = 0
+    n_values: int = 3
+    keypoint_names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

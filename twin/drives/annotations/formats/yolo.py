@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from twin.drives.annotations.formats.json_values import mapping, sequence, text
@@ -20,6 +20,7 @@ from twin.drives.annotations.formats.shapes import (
     Hints,
     Shape,
     UnusableShapeError,
+    YoloClasses,
     as_fraction,
     box_around,
     box_at,
@@ -35,27 +36,6 @@ NAME_FILES = (".names", ".yaml", ".yml", "classes.txt")
 """How the files end that name the classes."""
 _MOST_BYTES = 1_000_000
 _MOST_POINTS = 1000
-
-
-@dataclass(frozen=True, slots=True)
-class YoloClasses:
-    """What ``data.yaml``, ``obj.names`` or ``classes.txt`` says.
-
-    Attributes
-    ----------
-    labels : mapping of class number to name
-    n_keypoints : int
-        Key points of an object; 0 for boxes and polygons.
-    n_values : int
-        2: x and y; 3: and visibility.
-    keypoint_names : tuple of str
-        Empty where not said.
-    """
-
-    labels: dict[int, str]
-    n_keypoints: int = 0
-    n_values: int = 3
-    keypoint_names: tuple[str, ...] = ()
 
 
 def looks_like_yolo(head: bytes) -> bool:
