@@ -19,6 +19,7 @@ V3, so the address and the two answers that V4 no longer gives are put in its wa
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import resource
 import subprocess
@@ -111,6 +112,7 @@ def bare(url: str, source: str, most: int = 10**9) -> int:
 def mirrored(url: str, source: str, store_path: str) -> dict[str, float]:
     """Sync once, in this process; gives seconds, objects, changed objects and requests."""
     from nvdb.area import Area
+    from twin.cli.mirror import COLLECT_AFTER
     from twin.mirror.sync import sync_nvdb
     from twin.store.store import Store
 
@@ -124,6 +126,7 @@ def mirrored(url: str, source: str, store_path: str) -> dict[str, float]:
     requests.Session.send = counted  # type: ignore[method-assign]
     with Store.open(store_path) as store:
         begin, begin_cpu = time.perf_counter(), time.process_time()
+        gc.set_threshold(*COLLECT_AFTER)  # as the command does
         result = sync_nvdb(store, Area(), api_url=url, source=source)
         seconds, cpu_s = time.perf_counter() - begin, time.process_time() - begin_cpu
     n = result.skiltpunkt + result.skiltplate

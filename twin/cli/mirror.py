@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from twin.mirror.sync import SyncPlan, SyncResult
 
 app = typer.Typer()
+COLLECT_AFTER = (100_000, 20, 50)
+"""Thresholds of the garbage collector. A page of NVDB is some 100,000 containers, which live until it is stored
+and then go by their reference counts: looking through them for circles at every 700 of them is work for nothing."""
 DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
 
 
@@ -77,9 +80,7 @@ def sync_nvdb(
     from twin.mirror import sync
     from twin.store.store import Store
 
-    # A page of NVDB is some 100,000 containers, which live until it is stored and then go by their reference
-    # counts: looking through them for circles at every 700 of them is work for nothing.
-    gc.set_threshold(100_000, 20, 50)
+    gc.set_threshold(*COLLECT_AFTER)
     area = sync.area_from_options(
         store,
         kommune=kommune,
