@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 COLLECT_AFTER = (100_000, 20, 50)
-"""Thresholds of the garbage collector. A page of NVDB is some 100,000 containers, which live until it is stored
-and then go by their reference counts: looking through them for circles at every 700 of them is work for nothing."""
+"""Thresholds of the garbage collector. A page of NVDB is some 100,000 containers, which live until it is
+stored and then go by their reference counts: to look through them for circles at every 700 is for nothing.
+"""
+
 DEFAULT_API = "https://nvdbapiles.atlas.vegvesen.no"
 
 
