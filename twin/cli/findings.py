@@ -19,10 +19,9 @@ from twin.errors import ConfigError, RefusedError
 from twin.store.kinds import Decision, Method, Verdict
 
 if TYPE_CHECKING:
-    from twin.decisions.findings import Selection
+    from twin.decisions.explain import ChangeExplained
+    from twin.decisions.findings import FindingStatus, Selection
     from twin.store.store import Store
-
-Row = Mapping[str, Any]
 
 app = typer.Typer()
 _UNDO = "undo"
@@ -55,7 +54,7 @@ def match(
     json_output: JsonOption = False,
 ) -> None:
     """Compare the estimates with the mirror: new, missing, moved, wrong type, unchanged, or for review."""
-    from twin.decisions.findings import findings, is_open
+    from twin.decisions.findings import latest_findings
     from twin.matching.config import MatchConfig
     from twin.matching.match_store import match as run
     from twin.store.store import Store
@@ -63,14 +62,14 @@ def match(
     config = MatchConfig(tolerance_m=tolerance)
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         report = run(opened, method=method, config=config, progress=progress)
-        changes = findings(opened.rows)
-    n_open = sum(is_open(change) for change in changes)
+        changes = latest_findings(opened.rows)
+    n_open = sum(change.is_open for change in changes)
     for warning in report.warnings:
         warn(warning)
     if json_output:
-        print_json({**asdict(report), "n_open": n_open, "changes": changes})
+        print_json({**asdict(report), "n_open": n_open, "changes": [change.as_json() for change in changes]})
     else:
-        _print_findings([change for change in changes if change["verdict"] != Verdict.UNCHANGED])
+        _print_findings([change for change in changes if change.finding.verdict != Verdict.UNCHANGED])
         print_table("Verdicts", ["verdict", "findings"], list(report.verdicts.items()))
         note(
             f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
@@ -87,8 +86,8 @@ def match(
         raise typer.Exit(EXIT_OPEN_FINDINGS)
 
 
-def _print_findings(changes: Sequence[Row]) -> None:
-    rows = [(c["change_id"], c["verdict"], c["decision"], c["reason"]) for c in changes]
+def _print_findings(changes: Sequence[FindingStatus]) -> None:
+    rows = [(c.change_id, c.finding.verdict, c.decision, c.finding.reason) for c in changes]
     print_table("Findings", ["change", "verdict", "decision", "reason"], rows, right_from=4)
 
 
@@ -172,7 +171,7 @@ def decide(
                 )
                 if selects:
                     selected = _selected(opened, selection)
-                    others = [row["change_id"] for row in selected]
+                    others = [change.change_id for change in selected]
                     if dry_run and not json_output:
                         _print_findings(selected)
                 done, sentence = _decide(opened, others, verbs[0], by=who, reason=reason, dry_run=dry_run)
@@ -187,17 +186,17 @@ def _refuse(wrong: bool, cure: str) -> None:
         raise ConfigError(f"This is no decision that twin understands: {cure} (see `twin decide --help`).")
 
 
-def _selected(store: Store, selection: Selection) -> list[Row]:
+def _selected(store: Store, selection: Selection) -> list[FindingStatus]:
     from twin.decisions.findings import select
 
     store.matched()
-    rows = select(store.rows, selection)
-    if not rows:
+    selected = select(store.rows, selection)
+    if not selected:
         raise RefusedError(
             f"No {selection.decision} finding fits what was selected, so nothing was decided: "
             "`twin match` lists the findings; --state selects those that were decided before."
         )
-    return rows
+    return selected
 
 
 def _decide(
@@ -256,44 +255,36 @@ def explain(
         print_json(explained.as_json())
         return
     sys.stdout.write(f"{explained.sentence}\n")
-    print_pairs(f"Change {explained.change['change_id']}", _pairs(explained.change, explained.drives))
+    print_pairs(f"Change {explained.change.change_id}", _pairs(explained))
     if explained.terms:
-        _print_terms(explained.terms)
+        print_pairs("Term by term", dict(_flat("", explained.terms)))
     if explained.history:
         print_table(
             "Decisions",
             ["at", "decision", "by", "how", "reason"],
-            [(e["at"], e["decision"], e["by"], e["kind"], e["reason"]) for e in explained.history],
+            [(e.at, e.decision, e.by, e.kind, e.reason) for e in explained.history],
             right_from=5,
         )
 
 
-def _pairs(change: Row, drives: Sequence[Row]) -> dict[str, object]:
+def _pairs(explained: ChangeExplained) -> dict[str, object]:
     from twin.decisions.explain import percent
 
-    kind = "Skiltpunkt" if change["nvdb_type"] == 95 else "Skiltplate"
-    distance, sigma = change["distance_m"], change["distance_sigma_m"]
-    days = (dt.datetime.fromtimestamp(drive["started_ns"] / 1e9, tz=dt.UTC) for drive in drives)
+    finding = explained.change.finding
+    kind = "Skiltpunkt" if finding.nvdb_type == 95 else "Skiltplate"
+    distance, sigma = finding.distance_m, finding.distance_sigma_m
     return {
-        "verdict": change["verdict"],
-        "confidence": percent(change["confidence"]),
-        "NVDB": f"{kind} {change['nvdb_id']}, version {change['nvdb_version']}"
-        if change["nvdb_id"]
-        else None,
-        "sign code in NVDB": change["skiltnummer_nvdb"].replace(";", " + ") or None,
-        "sign code seen": change["skiltnummer_seen"].replace(";", " + ") or None,
+        "verdict": finding.verdict,
+        "confidence": percent(finding.confidence),
+        "NVDB": f"{kind} {finding.nvdb_id}, version {finding.nvdb_version}" if finding.nvdb_id else None,
+        "sign code in NVDB": " + ".join(finding.skiltnummer_nvdb) or None,
+        "sign code seen": " + ".join(finding.skiltnummer_seen) or None,
         "distance from NVDB's position": None if distance is None else f"{distance:.2f} ± {sigma:.2f} m",
-        "position, EPSG:25833": f"{change['east_m']:.2f} E  {change['north_m']:.2f} N",
-        "sightings": change["n_sightings"],
-        "drives": ", ".join(f"{d['name']} {day:%Y-%m-%d}" for d, day in zip(drives, days, strict=True))
-        or None,
-        "decision": change["decision"],
+        "position, EPSG:25833": f"{finding.east_m:.2f} E  {finding.north_m:.2f} N",
+        "sightings": finding.n_sightings,
+        "drives": ", ".join(f"{drive.name} {drive.day}" for drive in explained.drives) or None,
+        "decision": explained.change.decision,
     }
-
-
-def _print_terms(terms: Any) -> None:
-    """Print what the verdict rests on, a term a line."""
-    print_pairs("Term by term", dict(_flat("", terms)))
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, object]]:

@@ -1,5 +1,6 @@
 from .explain import ChangeExplained as ChangeExplained
 from .explain import explain_change as explain_change
+from .findings import FindingStatus as FindingStatus
 from .findings import Selection as Selection
 from .findings import select as select
 from .record import Decided as Decided

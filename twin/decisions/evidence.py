@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,6 +12,9 @@ import sqlalchemy as sa
 from twin.store import schema
 
 Row = Mapping[str, Any]
+Ask = Callable[[sa.Select[Any]], list[Row]]
+"""Runs a query: :meth:`twin.store.store.Store.rows`, or that of a snapshot or of
+:func:`twin.decisions.log.asking`."""
 
 _CHI2_95_2DOF = 5.991
 """95 % quantile of chi-square with two degrees of freedom: the 95 % ellipse."""
@@ -62,7 +65,7 @@ class Evidence:
 
     @classmethod
     def from_row(cls, row: Row) -> Evidence:
-        """Take it from a row of :func:`changes_with_nvdb`, or of an exported layer with the same names.
+        """Take it from a row of the ``change`` table, or of an exported layer with the same names.
 
         Without a covariance the distance's standard deviation serves for both directions, if there is one.
         """
@@ -82,7 +85,12 @@ class Evidence:
         )
 
 
-def changes_with_nvdb() -> sa.Select[Any]:
+def present_evidence(ask: Ask) -> dict[str, Evidence]:
+    """What is known now of the findings of the last match, by ``change_id``, in the order of these."""
+    return {row["change_id"]: Evidence.from_row(row) for row in ask(_changes_with_nvdb())}
+
+
+def _changes_with_nvdb() -> sa.Select[Any]:
     """Select the findings of the last match with NVDB's position of their object beside them."""
     change, point, plate = schema.change, schema.skiltpunkt, schema.skiltplate
     joined = change
@@ -157,9 +165,9 @@ def _changed(what: str, then: str, now: str) -> str:
 
 
 def _covariance(row: Row) -> tuple[float, float, float] | None:
-    found = [row.get(name) for name in ("cov_ee_m2", "cov_en_m2", "cov_nn_m2")]
-    if not any(value is None for value in found):
-        ee, en, nn = (float(value) for value in found if value is not None)
+    columns = [row.get(name) for name in ("cov_ee_m2", "cov_en_m2", "cov_nn_m2")]
+    if not any(value is None for value in columns):
+        ee, en, nn = (float(value) for value in columns if value is not None)
         return ee, en, nn
     sigma = row.get("distance_sigma_m")
     return None if sigma is None else (float(sigma) ** 2, 0.0, float(sigma) ** 2)

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import datetime as dt
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
-from twin.decisions.findings import SHORTEST_ID, findings, whole_ids
-from twin.decisions.log import history, standing
+from twin.decisions.evidence import Ask
+from twin.decisions.findings import SHORTEST_ID, FindingStatus, latest_findings, whole_ids
+from twin.decisions.log import Entry, history, last_entries
 from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Store
 
-Row = Mapping[str, Any]
+
+@dataclass(frozen=True, slots=True)
+class DriveOfFinding:
+    """A drive that a finding rests on."""
+
+    drive_id: str
+    name: str
+    started_ns: int
+
+    @property
+    def day(self) -> dt.date:
+        """UTC."""
+        return dt.datetime.fromtimestamp(self.started_ns / 1e9, tz=dt.UTC).date()
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,25 +40,34 @@ class ChangeExplained:
     ----------
     sentence : str
         Verdict, confidence, reason and decision, for people.
-    change : mapping
-        Its row, with ``decision`` (:func:`twin.decisions.findings.findings`).
-    terms : object
-        What the confidence is made of, as matching kept it; None where it kept nothing.
-    drives : tuple of mapping
-        ``drive_id, name, started_ns`` of the drives that it rests on, in time order.
-    history : tuple of mapping
-        Entries of the log, oldest first.
+    change : FindingStatus
+        The finding, and what is decided about it.
+    drives : tuple of DriveOfFinding
+        That it rests on, in time order.
+    history : tuple of Entry
+        Of the log, oldest first.
     """
 
     sentence: str
-    change: Row
-    terms: Any
-    drives: tuple[Row, ...]
-    history: tuple[Row, ...]
+    change: FindingStatus
+    drives: tuple[DriveOfFinding, ...]
+    history: tuple[Entry, ...]
+
+    @property
+    def terms(self) -> Mapping[str, Any]:
+        """What the confidence is made of, as matching kept it; empty where it kept nothing."""
+        return self.change.finding.terms
 
     def as_json(self) -> dict[str, Any]:
         """Return everything in types that JSON has."""
-        return asdict(self)
+        change = self.change.as_json()
+        return {
+            "sentence": self.sentence,
+            "change": change,
+            "terms": change.pop("terms") or None,
+            "drives": [asdict(drive) for drive in self.drives],
+            "history": [entry.as_json() for entry in self.history],
+        }
 
 
 def explain_change(store: Store, change_id: str) -> ChangeExplained:
@@ -65,20 +88,14 @@ def explain_change(store: Store, change_id: str) -> ChangeExplained:
     """
     store.matched()
     with store.snapshot() as view:
-        found = {row["change_id"]: dict(row) for row in findings(view.rows)}
-        (change_id,) = whole_ids([change_id], {*found, *standing(view.rows)})
-        row = found.get(change_id)
+        changes = {change.change_id: change for change in latest_findings(view.rows)}
+        (change_id,) = whole_ids([change_id], {*changes, *last_entries(view.rows)})
+        change = changes.get(change_id)
         entries = tuple(history(view.rows, change_id))
-        if row is None:
+        if change is None:
             raise ConfigError(_absent(change_id, entries))
-        drive = schema.drive.c
-        drives = view.rows(
-            sa.select(drive.drive_id, drive.name, drive.started_ns)
-            .where(drive.drive_id.in_(row["drive_ids"].split(",")))
-            .order_by(drive.started_ns, drive.drive_id)
-        )
-    terms = row.pop("terms", None) or None
-    return ChangeExplained(_sentence(row, entries), row, terms, tuple(drives), entries)
+        drives = _drives(view.rows, change.finding.drive_ids)
+    return ChangeExplained(_sentence(change, entries), change, drives, entries)
 
 
 def percent(confidence: float) -> str:
@@ -86,25 +103,35 @@ def percent(confidence: float) -> str:
     return "over 99.9%" if confidence >= 0.9995 else f"{confidence:.1%}"
 
 
-def _sentence(row: Row, entries: tuple[Row, ...]) -> str:
-    said = "Nobody has decided yet."
+def _drives(ask: Ask, drive_ids: Sequence[str]) -> tuple[DriveOfFinding, ...]:
+    drive = schema.drive.c
+    rows = ask(
+        sa.select(drive.drive_id, drive.name, drive.started_ns)
+        .where(drive.drive_id.in_(drive_ids))
+        .order_by(drive.started_ns, drive.drive_id)
+    )
+    return tuple(DriveOfFinding(**row) for row in rows)
+
+
+def _sentence(change: FindingStatus, entries: Sequence[Entry]) -> str:
+    decided = "Nobody has decided yet."
     if entries:
         last = entries[-1]
-        why = f" ({last['reason']})" if last["reason"] else ""
-        said = f"Decision: {last['decision']}, {last['at'][:10]} by {last['by']}{why}."
-    if row["decision"] == Decision.OPEN and entries:
-        said = "It is open."
-    return (
-        f"{row['change_id']} is {row['verdict']}, {percent(row['confidence'])} sure: {row['reason']} {said}"
-    )
+        why = f" ({last.reason})" if last.reason else ""
+        decided = f"Decision: {last.decision}, {last.at[:10]} by {last.by}{why}."
+    if change.decision == Decision.OPEN and entries:
+        decided = "It is open."
+    finding = change.finding
+    sure = f"{percent(finding.confidence)} sure"
+    return f"{finding.change_id} is {finding.verdict}, {sure}: {finding.reason} {decided}"
 
 
-def _absent(change_id: str, entries: tuple[Row, ...]) -> str:
+def _absent(change_id: str, entries: Sequence[Entry]) -> str:
     if entries:
         last = entries[-1]
         return (
             f"The last match no longer found change {change_id}; the last decision about it is "
-            f"{last['decision']}, {last['at'][:10]} by {last['by']}."
+            f"{last.decision}, {last.at[:10]} by {last.by}."
         )
     return (
         f"The last match found no change {change_id}: take an id, or its first {SHORTEST_ID} digits, from"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,18 +12,55 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sqlalchemy as sa
 
-from twin.decisions.log import REOPENED, Ask
+from twin.decisions.evidence import Ask, Row
+from twin.decisions.log import REOPENED
 from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.kinds import QUIET, Decision
+from twin.store.records import Finding
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-Row = Mapping[str, Any]
-
 SHORTEST_ID = 6
 """Digits of a change id that are taken for the whole of it, where no other begins with them."""
+
+
+@dataclass(frozen=True, slots=True)
+class FindingStatus:
+    """A finding of the last match, and what is decided about it.
+
+    Attributes
+    ----------
+    finding : Finding
+        The reason of one that is open again says what changed since it was decided.
+    decision : Decision
+        That holds now.
+    """
+
+    finding: Finding
+    decision: Decision
+
+    @property
+    def change_id(self) -> str:
+        """The finding's id."""
+        return self.finding.change_id
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether the finding asks nobody to decide."""
+        return self.finding.verdict in QUIET
+
+    @property
+    def is_open(self) -> bool:
+        """Whether somebody still has to decide: a finding that differs from NVDB and is ``open``."""
+        return self.decision == Decision.OPEN and not self.is_quiet
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it with the names and in the order of the table ``change``, the decision last."""
+        row = self.finding.to_row()
+        columns = {column.name: row[column.name] for column in schema.change.columns}
+        return {**columns, "decision": self.decision}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +73,12 @@ class Selection:
         Seen, or not seen, in one of these: ids or names.
     area : Path or None
         GeoJSON with polygons (RFC 7946: longitude and latitude).
-    verdicts : tuple of str
+    verdicts : tuple of Verdict
     classes : tuple of str
         Sign codes seen or in NVDB: ``362.50``, or ``362`` for all of its kind.
     since, until : date or None
         Days (UTC, both included) of at least one of the finding's drives.
-    decision : str
+    decision : Decision
         The decision that holds now.
     """
 
@@ -51,12 +88,17 @@ class Selection:
     classes: tuple[str, ...] = ()
     since: dt.date | None = None
     until: dt.date | None = None
-    decision: str = Decision.OPEN
+    decision: Decision = Decision.OPEN
 
     @property
     def is_empty(self) -> bool:
         """Whether no criterion is given; the present decision alone is none."""
         return not (self.drives or self.area or self.verdicts or self.classes or self.since or self.until)
+
+
+def latest_findings(ask: Ask) -> list[FindingStatus]:
+    """Return the findings of the last match in the order of their ids, each with its decision."""
+    return [FindingStatus(Finding.from_row(row), Decision(row["decision"])) for row in findings(ask)]
 
 
 def findings(ask: Ask, decision: str | None = None) -> list[Row]:
@@ -124,12 +166,7 @@ def told_reason(reason: str, kind: str | None, note: str | None) -> str:
     return f"{reason} {note}" if kind == REOPENED else reason
 
 
-def is_open(finding: Row) -> bool:
-    """Whether somebody still has to decide: a finding that differs from NVDB and is ``open``."""
-    return finding["decision"] == Decision.OPEN and finding["verdict"] not in QUIET
-
-
-def select(ask: Ask, wanted: Selection) -> list[Row]:
+def select(ask: Ask, wanted: Selection) -> list[FindingStatus]:
     """Return the findings that a selection means, ``unchanged`` never among them.
 
     Raises
@@ -137,20 +174,18 @@ def select(ask: Ask, wanted: Selection) -> list[Row]:
     ConfigError
         A drive is not in the store, or the area is not a GeoJSON file with polygons.
     """
-    rows = [
-        row for row in findings(ask) if row["verdict"] not in QUIET and row["decision"] == wanted.decision
-    ]
+    selected = [one for one in latest_findings(ask) if not one.is_quiet and one.decision == wanted.decision]
     if wanted.verdicts:
-        rows = [row for row in rows if row["verdict"] in wanted.verdicts]
+        selected = [one for one in selected if one.finding.verdict in wanted.verdicts]
     if wanted.classes:
-        rows = [row for row in rows if _has_class(row, wanted.classes)]
+        selected = [one for one in selected if _has_class(one.finding, wanted.classes)]
     if wanted.drives or wanted.since or wanted.until:
         drives = _drives(ask, wanted)
-        rows = [row for row in rows if drives & set(row["drive_ids"].split(","))]
+        selected = [one for one in selected if not drives.isdisjoint(one.finding.drive_ids)]
     if wanted.area is not None:
-        inside = _inside(read_area(wanted.area), rows)
-        rows = [row for row, is_in in zip(rows, inside, strict=True) if is_in]
-    return rows
+        inside = _inside(read_area(wanted.area), [one.finding for one in selected])
+        selected = [one for one, is_inside in zip(selected, inside, strict=True) if is_inside]
+    return selected
 
 
 def read_area(path: Path) -> BaseGeometry:
@@ -189,8 +224,8 @@ def _told(row: dict[str, Any]) -> Row:
     return {**row, "reason": told_reason(row["reason"], kind, note)}
 
 
-def _has_class(row: Row, classes: Collection[str]) -> bool:
-    codes = f"{row['skiltnummer_seen']};{row['skiltnummer_nvdb']}".split(";")
+def _has_class(finding: Finding, classes: Collection[str]) -> bool:
+    codes = (*finding.skiltnummer_seen, *finding.skiltnummer_nvdb)
     return any(code.strip() == c or code.strip().startswith(f"{c}.") for code in codes for c in classes)
 
 
@@ -198,8 +233,8 @@ def _drives(ask: Ask, wanted: Selection) -> set[str]:
     """Ids of the drives that are named and of the days."""
     drive = schema.drive.c
     rows = ask(sa.select(drive.drive_id, drive.name, drive.started_ns, drive.ended_ns))
-    known = {name for row in rows for name in (row["drive_id"], row["name"])}
-    if unknown := sorted(set(wanted.drives) - known):
+    names = {name for row in rows for name in (row["drive_id"], row["name"])}
+    if unknown := sorted(set(wanted.drives) - names):
         raise ConfigError(
             f"The store has no drive {', '.join(unknown)}: `twin status --json` lists its drives."
         )
@@ -216,15 +251,14 @@ def _day(epoch_ns: int) -> dt.date:
     return dt.datetime.fromtimestamp(epoch_ns / 1e9, tz=dt.UTC).date()
 
 
-def _inside(area: BaseGeometry, rows: Sequence[Row]) -> Sequence[bool]:
+def _inside(area: BaseGeometry, findings: Sequence[Finding]) -> Sequence[bool]:
     import shapely
 
     from geoloc.earth.geodesy import geographic_from_utm33
 
-    if not rows:
+    if not findings:
         return []
-    lat, lon = geographic_from_utm33(
-        np.array([row["east_m"] for row in rows]), np.array([row["north_m"] for row in rows])
-    )
+    east, north = np.array([(finding.east_m, finding.north_m) for finding in findings]).T
+    lat, lon = geographic_from_utm33(east, north)
     inside: list[bool] = shapely.intersects_xy(area, lon, lat).tolist()
     return inside

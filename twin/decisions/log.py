@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
-from twin.decisions.evidence import Evidence
+from twin.decisions.evidence import Ask, Evidence, Row
 from twin.store import schema
-
-Row = Mapping[str, Any]
-Ask = Callable[[sa.Select[Any]], list[Row]]
-"""Runs a query: :meth:`twin.store.store.Store.rows`, or that of a snapshot or of :func:`asking`."""
+from twin.store.kinds import Decision
 
 DECIDED, UNDONE, REOPENED, CARRIED = "decided", "undone", "reopened", "carried"
 """Kinds of entries: by a person; taking one back; the evidence changed; it is that of then again, or the same
@@ -24,12 +21,10 @@ TWIN = "twin"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One decision about one change.
+    """One decision about one change: a row of ``decision_log``.
 
     Attributes
     ----------
-    decision : str
-        A :class:`twin.store.kinds.Decision`.
     at : str
         ISO 8601, UTC.
     evidence : Evidence
@@ -38,16 +33,31 @@ class Entry:
         How it came: `DECIDED`, `UNDONE`, `REOPENED` or `CARRIED`.
     undo_of : int or None
         The ``id`` of the entry that this one takes back.
+    id, batch : int
+        Given by the log: its place in it, and of what one command or one match decided; 0 until then.
     """
 
     change_id: str
-    decision: str
+    decision: Decision
     reason: str
     by: str
     at: str
     evidence: Evidence
     kind: str = DECIDED
     undo_of: int | None = None
+    id: int = 0
+    batch: int = 0
+
+    @classmethod
+    def from_row(cls, row: Row) -> Entry:
+        """Take it from a row of the log."""
+        told = {"decision": Decision(row["decision"]), "evidence": Evidence.from_json(row["evidence"])}
+        return cls(**{**row, **told})
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it with the names and in the order of the log's columns."""
+        columns = {column.name: getattr(self, column.name) for column in schema.decision_log.columns}
+        return {**columns, "evidence": self.evidence.as_json()}
 
 
 def asking(connection: sa.Connection) -> Ask:
@@ -61,24 +71,33 @@ def append(connection: sa.Connection, entries: Sequence[Entry]) -> None:
         return
     log = schema.decision_log
     batch = (connection.execute(sa.select(sa.func.max(log.c.batch))).scalar() or 0) + 1
-    names = ("change_id", "decision", "reason", "by", "at", "kind", "undo_of")
-    rows = [
-        {**{name: getattr(e, name) for name in names}, "evidence": e.evidence.as_json(), "batch": batch}
-        for e in entries
-    ]
+    rows = [{**entry.as_json(), "batch": batch} for entry in entries]
+    for row in rows:
+        del row["id"]  # given by the database
     connection.execute(sa.insert(log), rows)
 
 
 def standing(ask: Ask) -> dict[str, Row]:
-    """Return the last entry of every change that has one, by ``change_id``."""
+    """Return the row of the last entry of every change that has one, by ``change_id``."""
     return {row["change_id"]: row for row in ask(sa.select(schema.decision))}
 
 
-def by_people(ask: Ask) -> dict[str, Row]:
+def last_entries(ask: Ask) -> dict[str, Entry]:
+    """Return the last entry of every change that has one, by ``change_id``."""
+    return {change_id: Entry.from_row(row) for change_id, row in standing(ask).items()}
+
+
+def last_entries_by_people(ask: Ask) -> dict[str, Entry]:
     """Return the last entry of every change that a person has decided about, whatever twin reopened since."""
     log = schema.decision_log
     rows = ask(sa.select(log).where(log.c.kind != REOPENED).order_by(log.c.id))
-    return {row["change_id"]: row for row in rows}
+    return {row["change_id"]: Entry.from_row(row) for row in rows}
+
+
+def all_entries(ask: Ask) -> list[Entry]:
+    """Return the whole log, oldest entry first."""
+    log = schema.decision_log
+    return [Entry.from_row(row) for row in ask(sa.select(log).order_by(log.c.id))]
 
 
 def position(ask: Ask) -> int:
@@ -86,7 +105,8 @@ def position(ask: Ask) -> int:
     return int(ask(sa.select(sa.func.max(schema.decision_log.c.id).label("id")))[0]["id"] or 0)
 
 
-def history(ask: Ask, change_id: str) -> list[Row]:
+def history(ask: Ask, change_id: str) -> list[Entry]:
     """Return every entry of one change, oldest first."""
     log = schema.decision_log
-    return ask(sa.select(log).where(log.c.change_id == change_id).order_by(log.c.id))
+    rows = ask(sa.select(log).where(log.c.change_id == change_id).order_by(log.c.id))
+    return [Entry.from_row(row) for row in rows]

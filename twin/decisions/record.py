@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import sqlalchemy as sa
 
-from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
+from twin.decisions.evidence import Ask, Evidence, differences, present_evidence
 from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
     DECIDED,
     REOPENED,
     UNDONE,
-    Ask,
     Entry,
+    all_entries,
     append,
     asking,
-    standing,
+    last_entries,
 )
 from twin.decisions.reopen import reopen_changed
 from twin.errors import ConfigError, RefusedError
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Store, utc_now
-
-Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,19 +97,17 @@ def decide(
     store.matched()
     with store.transaction() as connection:
         ask = asking(connection)
-        change_ids = whole_ids(
-            change_ids, [row["change_id"] for row in ask(sa.select(schema.change.c.change_id))]
-        )
-        present, said = _present(ask, change_ids), standing(ask)
-        if unknown := sorted(set(change_ids) - present.keys()):
+        evidence, standing = present_evidence(ask), last_entries(ask)
+        change_ids = whole_ids(change_ids, evidence)
+        if unknown := sorted(set(change_ids) - evidence.keys()):
             raise ConfigError(
                 f"The last match found no change {', '.join(unknown[:5])}: take an id, or its first"
                 f" {SHORTEST_ID} digits, from `twin match` or from the column change_id of an export."
             )
         now = utc_now()
-        already = {key for key in change_ids if _stands(said.get(key), decision, reason)}
+        already = {key for key in change_ids if _stands(standing.get(key), decision, reason)}
         fresh = tuple(sorted(set(change_ids) - already))
-        entries = [Entry(key, decision, reason, by, now, present[key]) for key in fresh]
+        entries = [Entry(key, Decision(decision), reason, by, now, evidence[key]) for key in fresh]
         append(connection, [] if dry_run else entries)
     return Decided(fresh, tuple(sorted(already)))
 
@@ -139,28 +134,26 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
     if n < 1:
         raise ConfigError(f"{n} commands cannot be taken back: give a number of at least 1.")
     with store.transaction() as connection:
-        log = asking(connection)(sa.select(schema.decision_log).order_by(schema.decision_log.c.id))
-        undone = {row["undo_of"] for row in log if row["undo_of"] is not None}
-        left = [row for row in log if row["kind"] == DECIDED and row["id"] not in undone]
-        batches = sorted({row["batch"] for row in left})[-n:]
+        log = all_entries(asking(connection))
+        undone = {entry.undo_of for entry in log if entry.undo_of is not None}
+        left = [entry for entry in log if entry.kind == DECIDED and entry.id not in undone]
+        batches = sorted({entry.batch for entry in left})[-n:]
         if len(batches) < n:
             raise RefusedError(
                 f"The store {store.path} has {len(batches)} command(s) to take back, not {n}: "
                 "see `twin explain` for a change's history."
             )
-        taken = [row for row in left if row["batch"] in batches]
-        undone |= {row["id"] for row in taken}
+        taken = [entry for entry in left if entry.batch in batches]
+        undone |= {entry.id for entry in taken}
         # A change that several of these commands decided goes back behind the first of them, at once.
-        first = {row["change_id"]: row for row in reversed(taken)}
+        first = {entry.change_id: entry.id for entry in reversed(taken)}
         before = {
-            row["change_id"]: row
-            for row in log
-            if row["kind"] != REOPENED
-            and row["id"] not in undone
-            and row["id"] < first.get(row["change_id"], {"id": 0})["id"]
+            entry.change_id: entry
+            for entry in log
+            if entry.kind != REOPENED and entry.id not in undone and entry.id < first.get(entry.change_id, 0)
         }
         now = utc_now()
-        append(connection, [_back(row, before.get(row["change_id"]), by, now) for row in reversed(taken)])
+        append(connection, [_back(entry, before.get(entry.change_id), by, now) for entry in reversed(taken)])
         reopen_changed(connection, now)
     return tuple(sorted(first))
 
@@ -186,15 +179,15 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
         return ()
     with store.transaction() as connection:
         ask = asking(connection)
-        present, said, now, entries = _present(ask, edits), standing(ask), utc_now(), []
+        evidence, standing, now, entries = present_evidence(ask), last_entries(ask), utc_now(), []
         home = _home(ask, edits)
         for key, edit in sorted(edits.items()):
-            if key in home or _stands(said.get(key), edit.decision, ""):
+            if key in home or _stands(standing.get(key), edit.decision, ""):
                 continue
-            found = present.get(key)
-            same = found is not None and not differences(edit.evidence, found)
-            evidence = found if same and found is not None else edit.evidence
-            entries.append(Entry(key, edit.decision, reason, by, now, evidence))
+            present = evidence.get(key)
+            differs = present is None or differences(edit.evidence, present)
+            rests_on = edit.evidence if present is None or differs else present
+            entries.append(Entry(key, Decision(edit.decision), reason, by, now, rests_on))
         append(connection, entries)
         if entries:
             reopen_changed(connection, now)
@@ -208,27 +201,18 @@ def _check(decision: str, by: str) -> None:
         raise ConfigError("Nobody is named as the one who decides: give --by, or set TWIN_USER.")
 
 
-def _present(ask: Ask, change_ids: Collection[str]) -> dict[str, Evidence]:
-    """Return the evidence of those changes that the last match found."""
-    wanted = set(change_ids)
-    rows = (row for row in ask(changes_with_nvdb()) if row["change_id"] in wanted)
-    return {row["change_id"]: Evidence.from_row(row) for row in rows}
-
-
-def _stands(said: Row | None, decision: str, reason: str) -> bool:
+def _stands(last: Entry | None, decision: str, reason: str) -> bool:
     """Whether the decision holds already, with this reason or without a new one."""
-    if said is None:
+    if last is None:
         return decision == Decision.OPEN
-    return bool(said["decision"] == decision and reason in ("", said["reason"]))
+    return last.decision == decision and reason in ("", last.reason)
 
 
 def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
     """Changes whose edit a person's entry, younger than the file, says already."""
     log = schema.decision_log.c
     since = min(edit.log_position for edit in edits.values())
-    younger: Sequence[Row] = ask(
-        sa.select(log.id, log.change_id, log.decision).where(log.id > since, log.kind == DECIDED)
-    )
+    younger = ask(sa.select(log.id, log.change_id, log.decision).where(log.id > since, log.kind == DECIDED))
     return {
         row["change_id"]
         for row in younger
@@ -237,10 +221,7 @@ def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
     }
 
 
-def _back(row: Row, before: Row | None, by: str, at: str) -> Entry:
-    """Make the entry that puts the decision of before back in the place of `row`."""
-    kept = before or {"decision": Decision.OPEN, "reason": "", "evidence": row["evidence"]}
-    evidence = Evidence.from_json(kept["evidence"])
-    return Entry(
-        row["change_id"], kept["decision"], kept["reason"], by, at, evidence, UNDONE, undo_of=row["id"]
-    )
+def _back(taken: Entry, before: Entry | None, by: str, at: str) -> Entry:
+    """Make the entry that puts the decision of before back in the place of the one that is taken back."""
+    kept = before or replace(taken, decision=Decision.OPEN, reason="")
+    return replace(kept, by=by, at=at, kind=UNDONE, undo_of=taken.id)

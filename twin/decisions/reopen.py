@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import sqlalchemy as sa
 
-from twin.decisions.evidence import Evidence, changes_with_nvdb, differences, same_place
+from twin.decisions.evidence import Evidence, differences, present_evidence, same_place
 from twin.decisions.log import (
     CARRIED,
     REOPENED,
@@ -15,12 +15,13 @@ from twin.decisions.log import (
     Entry,
     append,
     asking,
-    by_people,
-    standing,
+    last_entries,
+    last_entries_by_people,
 )
 from twin.store.kinds import QUIET, Decision
 
-Row = Mapping[str, Any]
+Object = tuple[int, int | None]
+"""NVDB's type and id; what NVDB does not know has no id."""
 
 _DONE = {Decision.ACCEPT: "Accepted", Decision.DISMISS: "Dismissed", Decision.DEFER: "Deferred"}
 
@@ -39,63 +40,56 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
         How many findings were reopened.
     """
     ask = asking(connection)
-    said, held = by_people(ask), standing(ask)
-    if not said:
+    by_people, standing = last_entries_by_people(ask), last_entries(ask)
+    if not by_people:
         return 0
-    present = {row["change_id"]: row for row in ask(changes_with_nvdb()) if row["verdict"] not in QUIET}
-    absent = _by_object([row for key, row in said.items() if key not in present])
+    evidence = {key: now for key, now in present_evidence(ask).items() if now.verdict not in QUIET}
+    absent = _by_object(entry for key, entry in by_people.items() if key not in evidence)
     reopened, carried = [], []
-    for key, row in present.items():
-        if key not in said and (row["nvdb_type"], row["nvdb_id"]) not in absent:
+    for key, now in evidence.items():
+        last = by_people.get(key) or _forerunner(absent.get(_object(now), []), now)
+        if last is None or last.decision == Decision.OPEN:
             continue
-        now = Evidence.from_row(row)
-        last = said.get(key) or _forerunner(absent.get(_object(now), []), now)
-        if last is None or last["decision"] == Decision.OPEN:
-            continue
-        then, holds = Evidence.from_json(last["evidence"]), held.get(key)
-        if changes := differences(then, now):
+        holds = standing.get(key)
+        if changes := differences(last.evidence, now):
             told = _told(last, changes)
-            if holds is None or (holds["kind"], holds["reason"]) != (REOPENED, told):
+            if holds is None or (holds.kind, holds.reason) != (REOPENED, told):
                 reopened.append(Entry(key, Decision.OPEN, told, TWIN, at, now, REOPENED))
-        elif holds is None or holds["kind"] == REOPENED:
-            who = (last["decision"], last["reason"], last["by"], last["at"])
-            carried.append(Entry(key, *who, then, CARRIED))
+        elif holds is None or holds.kind == REOPENED:
+            carried.append(replace(last, change_id=key, kind=CARRIED, undo_of=None))
     append(connection, [*carried, *reopened])
     return len(reopened)
 
 
-def _object(evidence: Evidence) -> tuple[int, int | None]:
+def _object(evidence: Evidence) -> Object:
     return evidence.nvdb_type, evidence.nvdb_id
 
 
-def _by_object(rows: Sequence[Row]) -> dict[tuple[int, int | None], list[tuple[Row, Evidence]]]:
+def _by_object(entries: Iterable[Entry]) -> dict[Object, list[Entry]]:
     """Group decided changes that are no longer found by their object, the latest decision first.
 
     What NVDB does not know has no id: such changes stand together under None.
     """
-    groups: dict[tuple[int, int | None], list[tuple[Row, Evidence]]] = {}
-    for row in sorted(rows, key=lambda row: -int(row["id"])):
-        if row["decision"] != Decision.OPEN:
-            evidence = Evidence.from_json(row["evidence"])
-            groups.setdefault(_object(evidence), []).append((row, evidence))
+    groups: dict[Object, list[Entry]] = {}
+    for entry in sorted(entries, key=lambda entry: -entry.id):
+        if entry.decision != Decision.OPEN:
+            groups.setdefault(_object(entry.evidence), []).append(entry)
     return groups
 
 
-def _forerunner(candidates: list[tuple[Row, Evidence]], now: Evidence) -> Row | None:
+def _forerunner(candidates: list[Entry], now: Evidence) -> Entry | None:
     """Take out the decided change that a finding without a decision of its own follows, if there is one.
 
     What NVDB does not know is recognised by its place, and rather by one whose sign codes are the same.
     """
-    fitting = [c for c in candidates if now.nvdb_id is not None or same_place(c[1], now)]
+    fitting = [c for c in candidates if now.nvdb_id is not None or same_place(c.evidence, now)]
     if not fitting:
         return None
-    found = min(fitting, key=lambda c: c[1].skiltnummer_seen != now.skiltnummer_seen)
-    candidates.remove(found)
-    return found[0]
+    forerunner = min(fitting, key=lambda c: c.evidence.skiltnummer_seen != now.skiltnummer_seen)
+    candidates.remove(forerunner)
+    return forerunner
 
 
-def _told(said: Row, changes: Sequence[str]) -> str:
-    why = f" ({said['reason']})" if said["reason"] else ""
-    return (
-        f"{_DONE[said['decision']]} {said['at'][:10]} by {said['by']}{why}; since then {', '.join(changes)}."
-    )
+def _told(last: Entry, changes: Sequence[str]) -> str:
+    why = f" ({last.reason})" if last.reason else ""
+    return f"{_DONE[last.decision]} {last.at[:10]} by {last.by}{why}; since then {', '.join(changes)}."

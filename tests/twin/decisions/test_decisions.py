@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from store_rows import row
 
 from geoloc.earth.geodesy import geographic_from_utm33
-from twin.decisions.evidence import Evidence, changes_with_nvdb, differences
+from twin.decisions.evidence import Evidence, differences, present_evidence
 from twin.decisions.explain import explain_change
-from twin.decisions.findings import Selection, findings, is_open, read_area, select, whole_ids
+from twin.decisions.findings import Selection, latest_findings, read_area, select, whole_ids
 from twin.decisions.log import history, position
 from twin.decisions.record import Edit, decide, keep_edits, undo
 from twin.errors import ConfigError, RefusedError, StoreError
@@ -68,12 +68,12 @@ def match(store: Store, *changes: dict[str, Any]) -> None:
 
 def decisions(store: Store) -> dict[str, str]:
     """Read the present decision of every finding."""
-    return {row["change_id"]: row["decision"] for row in findings(store.rows)}
+    return {one.change_id: one.decision for one in latest_findings(store.rows)}
 
 
 def reason(store: Store, change_id: str) -> str:
     """Read a finding's reason as people see it."""
-    return str(next(row["reason"] for row in findings(store.rows) if row["change_id"] == change_id))
+    return next(one.finding.reason for one in latest_findings(store.rows) if one.change_id == change_id)
 
 
 @pytest.fixture
@@ -97,12 +97,12 @@ def test_decision_is_kept_with_who_why_when_and_on_what(store: Store) -> None:
     before = dt.datetime.now(dt.UTC).replace(microsecond=0)
     assert decide(store, ["a"], "dismiss", by="kari", reason="road works").change_ids == ("a",)
     (entry,) = history(store.rows, "a")
-    assert (entry["decision"], entry["by"], entry["reason"]) == ("dismiss", "kari", "road works")
-    assert before <= dt.datetime.fromisoformat(entry["at"]) <= dt.datetime.now(dt.UTC)
-    evidence = Evidence.from_json(entry["evidence"])
+    assert (entry.decision, entry.by, entry.reason) == ("dismiss", "kari", "road works")
+    assert before <= dt.datetime.fromisoformat(entry.at) <= dt.datetime.now(dt.UTC)
+    evidence = entry.evidence
     assert (evidence.verdict, evidence.skiltnummer_seen, evidence.nvdb_version) == ("wrong_type", "362.50", 1)
     assert (evidence.nvdb_east_m, evidence.nvdb_north_m) == (EAST, NORTH + 0.3)
-    assert evidence == Evidence.from_row(store.rows(changes_with_nvdb())[0])
+    assert evidence == present_evidence(store.rows)["a"]
 
 
 def test_log_can_only_grow(store: Store) -> None:
@@ -156,14 +156,14 @@ def test_dismissed_finding_whose_evidence_changed_is_open_and_says_so(
     """It is open again once, its reason tells who dismissed it, when, why, and what changed since."""
     match(store, change("a"))
     decide(store, ["a"], "dismiss", by="kari", reason="road works")
-    day = history(store.rows, "a")[0]["at"][:10]
+    day = history(store.rows, "a")[0].at[:10]
     for _ in range(2):
         match(store, change("a", **now))
         assert decisions(store) == {"a": "open"}
         assert (
             reason(store, "a") == f"Another plate. Dismissed {day} by kari (road works); since then {told}."
         )
-    assert [entry["kind"] for entry in history(store.rows, "a")] == ["decided", "reopened"]
+    assert [entry.kind for entry in history(store.rows, "a")] == ["decided", "reopened"]
     decide(store, ["a"], "dismiss", by="ola")
     assert reason(store, "a") == "Another plate."
 
@@ -179,7 +179,7 @@ def test_decision_holds_again_when_the_evidence_is_what_it_was(store: Store) -> 
     assert decisions(store) == {"a": "dismiss"}
     assert reason(store, "a") == "Another plate."
     last = history(store.rows, "a")[-1]
-    assert (last["kind"], last["by"], last["reason"]) == ("carried", "kari", "road works")
+    assert (last.kind, last.by, last.reason) == ("carried", "kari", "road works")
 
 
 def test_undo_restores_no_decision_on_other_evidence(store: Store) -> None:
@@ -221,7 +221,7 @@ def test_same_finding_under_another_id_stays_dismissed(store: Store) -> None:
     match(store, new("b", east_m=EAST + 0.1), new("c", east_m=EAST + 5))
     assert decisions(store) == {"b": "dismiss", "c": "open"}
     (entry,) = history(store.rows, "b")
-    assert (entry["kind"], entry["by"], entry["reason"]) == ("carried", "kari", "private")
+    assert (entry.kind, entry.by, entry.reason) == ("carried", "kari", "private")
     assert "since then" not in reason(store, "c")
 
 
@@ -230,8 +230,8 @@ def test_unchanged_sign_is_nobodys_business(store: Store) -> None:
     match(store, change("a"))
     decide(store, ["a"], "dismiss", by="kari")
     match(store, change("b", "unchanged", skiltnummer_seen="362.40"))
-    (row,) = findings(store.rows)
-    assert not is_open(row)
+    (one,) = latest_findings(store.rows)
+    assert not one.is_open
     assert history(store.rows, "b") == []
 
 
@@ -261,7 +261,7 @@ def test_undo_takes_back_commands_not_entries(store: Store) -> None:
     decide(store, ["a", "b"], "accept", by="kari")
     assert undo(store, by="ola") == ("a", "b")
     assert decisions(store) == {"a": "defer", "b": "open"}
-    assert [e["kind"] for e in history(store.rows, "a")] == ["decided", "decided", "undone"]
+    assert [e.kind for e in history(store.rows, "a")] == ["decided", "decided", "undone"]
     assert undo(store, by="ola") == ("a",)
     assert decisions(store) == {"a": "open", "b": "open"}
     with pytest.raises(RefusedError, match=r"has 0 command\(s\) to take back, not 1"):
@@ -275,7 +275,7 @@ def test_undo_of_several_commands_goes_behind_the_first(store: Store) -> None:
         decide(store, ["a"], decision, by="kari")
     undo(store, 2, by="kari")
     assert decisions(store) == {"a": "defer"}
-    assert history(store.rows, "a")[-1]["undo_of"] == 2
+    assert history(store.rows, "a")[-1].undo_of == 2
     with pytest.raises(ConfigError, match="0 commands cannot be taken back"):
         undo(store, 0, by="kari")
 
@@ -336,7 +336,7 @@ def test_selection_fits_every_criterion(store: Store, tmp_path: Path) -> None:
     decide(store, ["c"], "defer", by="kari")
 
     def ids(**criteria: Any) -> list[str]:
-        return [row["change_id"] for row in select(store.rows, Selection(**criteria))]
+        return [one.change_id for one in select(store.rows, Selection(**criteria))]
 
     assert ids() == ["a", "b"]
     assert ids(verdicts=("new", "missing")) == ["b"]
@@ -426,9 +426,9 @@ def test_explain_says_it_in_one_sentence(store: Store) -> None:
     assert explain_change(store, "a").terms == {"log_odds": {"code": -1.6}}
     decide(store, ["a"], "dismiss", by="kari", reason="road works")
     explained = explain_change(store, "a")
-    day = explained.history[0]["at"][:10]
+    day = explained.history[0].at[:10]
     assert explained.sentence.endswith(f"Decision: dismiss, {day} by kari (road works).")
-    assert [drive["name"] for drive in explained.drives] == ["trip 1"]
+    assert [drive.name for drive in explained.drives] == ["trip 1"]
     json.dumps(explained.as_json())
     match(store, new("b", east_m=EAST + 50))
     with pytest.raises(ConfigError, match=r"no longer found change a; .* dismiss, .* by kari"):
