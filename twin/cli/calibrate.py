@@ -11,10 +11,52 @@ from twin.cli.options import JsonOption
 from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, warn
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from geoloc.doubts import Doubt
     from twin.calibrate.intrinsics.report import IntrinsicsReport
 
 app = typer.Typer()
 _PARAMETER_DIGITS, _SIGMA_DIGITS = 8, 2
+
+
+SourcesArgument = Annotated[
+    list[Path],
+    typer.Argument(help="Pictures or films of the board, or folders of them.", metavar="IMAGES|VIDEO"),
+]
+BoardOption = Annotated[
+    str,
+    typer.Option(
+        help="checkerboard:9x6:0.08 (inner corners, square in metres) or charuco:12x9:0.06:0.045 "
+        "(squares, square and marker in metres), then :DICT_… for other markers than DICT_5X5_250."
+    ),
+]
+OutOption = Annotated[
+    Path, typer.Option(help="Folder for rig.json, and for a folder of the camera's files and report.")
+]
+ModelOption = Annotated[
+    str, typer.Option(help="ftheta, fisheye, pinhole, ocam, several with commas, or auto: the best of all.")
+]
+LinearOption = Annotated[
+    bool, typer.Option("--linear", help="ftheta and ocam: also free c and d, for pixels not square.")
+]
+RigOption = Annotated[
+    Path | None, typer.Option(help="DriveWorks rig to put the camera into; written to OUT/rig.json.")
+]
+AddOption = Annotated[bool, typer.Option("--add", help="The rig does not have this camera yet: put it in.")]
+CameraOption = Annotated[str, typer.Option(help="Name of the camera, as in the rig.")]
+MaxViewsOption = Annotated[int, typer.Option(min=5, help="Use at most so many views, well spread.")]
+EveryOption = Annotated[
+    int | None,
+    typer.Option(min=1, help="Look at every so manieth frame of a film.  [default: some 240 frames]"),
+]
+DistanceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="PICTURE=METRES, measured from the camera to the middle of the board: tells a wrong square "
+        "size, which the pictures alone cannot."
+    ),
+]
 
 
 @app.command(
@@ -22,52 +64,22 @@ _PARAMETER_DIGITS, _SIGMA_DIGITS = 8, 2
     epilog="Example: twin calibrate intrinsics pictures --board charuco:12x9:0.06:0.045 --out calibrated",
 )
 def intrinsics(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(help="Pictures or films of the board, or folders of them.", metavar="IMAGES|VIDEO"),
-    ],
-    board: Annotated[
-        str,
-        typer.Option(
-            help="checkerboard:9x6:0.08 (inner corners, square in metres) or charuco:12x9:0.06:0.045 "
-            "(squares, square and marker in metres), then :DICT_… for other markers than DICT_5X5_250."
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(help="Folder for rig.json, and for a folder of the camera's files and report."),
-    ] = Path("calibrated"),
-    model: Annotated[
-        str,
-        typer.Option(help="ftheta, fisheye, pinhole, ocam, several with commas, or auto: the best of all."),
-    ] = "auto",
-    linear: Annotated[
-        bool, typer.Option("--linear", help="ftheta and ocam: also free c and d, for pixels not square.")
-    ] = False,
-    rig: Annotated[
-        Path | None, typer.Option(help="DriveWorks rig to put the camera into; written to OUT/rig.json.")
-    ] = None,
-    add: Annotated[
-        bool, typer.Option("--add", help="The rig does not have this camera yet: put it in.")
-    ] = False,
-    camera: Annotated[str, typer.Option(help="Name of the camera, as in the rig.")] = "camera",
-    max_views: Annotated[int, typer.Option(min=5, help="Use at most so many views, well spread.")] = 60,
-    every: Annotated[
-        int | None,
-        typer.Option(min=1, help="Look at every so manieth frame of a film.  [default: some 240 frames]"),
-    ] = None,
-    distance: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="PICTURE=METRES, measured from the camera to the middle of the board: tells a wrong square "
-            "size, which the pictures alone cannot."
-        ),
-    ] = None,
+    sources: SourcesArgument,
+    board: BoardOption,
+    out: OutOption = Path("calibrated"),
+    model: ModelOption = "auto",
+    linear: LinearOption = False,
+    rig: RigOption = None,
+    add: AddOption = False,
+    camera: CameraOption = "camera",
+    max_views: MaxViewsOption = 60,
+    every: EveryOption = None,
+    distance: DistanceOption = None,
     json_output: JsonOption = False,
 ) -> None:
     """Calibrate one camera from pictures of a board: model, uncertainty, coverage, and what is wrong."""
     from twin.calibrate.intrinsics.calibrate import calibrate_intrinsics
-    from twin.calibrate.intrinsics.report import intrinsics_report, left_out_lines
+    from twin.calibrate.intrinsics.report import intrinsics_report
     from twin.calibrate.intrinsics.write import check_rig, write_calibration
 
     distances_m = _distances(distance or [])
@@ -89,18 +101,8 @@ def intrinsics(
         print_json(report.document([str(file) for file in files]))
         return
     _print_report(report)
-    print_paths("Written:", files)
-    for fault in calibration.faults:
-        warn(fault.sentence)
-    for line in left_out_lines(report.left_out):
-        note(f"Left out: {line}")
-    new = files[0]
-    another = "" if rig is not None and not add else " --add"
-    note(
-        f"Next camera: twin calibrate intrinsics PICTURES --board {board} --camera NAME --rig {new}{another}"
-        f" --out {out}"
-    )
-    note(f"Next: twin calibrate extrinsics PICTURES --tags layout.toml --rig {new} --out mounted")
+    _print_written(report, calibration.faults, files)
+    _print_next(board, out, files[0], another="" if rig is not None and not add else " --add")
 
 
 def _distances(texts: list[str]) -> dict[str, float]:
@@ -108,14 +110,32 @@ def _distances(texts: list[str]) -> dict[str, float]:
 
     distances = {}
     for text in texts:
-        name, found, metres = text.rpartition("=")
+        name, equals, metres = text.rpartition("=")
         try:
             distances[name] = float(metres)
         except ValueError:
-            found = ""
-        if not found:
+            equals = ""
+        if not equals:
             raise ConfigError(f"--distance is {text}: write PICTURE=METRES, board_01.png=2.50 for one.")
     return distances
+
+
+def _print_written(report: IntrinsicsReport, faults: Sequence[Doubt], files: Sequence[Path]) -> None:
+    from twin.calibrate.intrinsics.report import left_out_lines
+
+    print_paths("Written:", files)
+    for fault in faults:
+        warn(fault.sentence)
+    for line in left_out_lines(report.left_out):
+        note(f"Left out: {line}")
+
+
+def _print_next(board: str, out: Path, rig: Path, *, another: str) -> None:
+    note(
+        f"Next camera: twin calibrate intrinsics PICTURES --board {board} --camera NAME --rig {rig}{another}"
+        f" --out {out}"
+    )
+    note(f"Next: twin calibrate extrinsics PICTURES --tags layout.toml --rig {rig} --out mounted")
 
 
 def _print_report(report: IntrinsicsReport) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,12 +21,19 @@ from twin.store.kinds import Decision, Method, Verdict
 if TYPE_CHECKING:
     from twin.decisions.explain import ChangeExplained
     from twin.decisions.findings import FindingStatus, Selection
+    from twin.matching.match_store import MatchReport
     from twin.store.store import Store
 
 app = typer.Typer()
 _UNDO = "undo"
-_Told = tuple[Mapping[str, Any], str]
-"""What was decided: for ``--json``, and in one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcome:
+    """What was decided: for ``--json``, and in one sentence."""
+
+    document: Mapping[str, object]
+    sentence: str
 
 
 class FindingVerdict(StrEnum):
@@ -67,28 +74,61 @@ def match(
     for warning in report.warnings:
         warn(warning)
     if json_output:
-        print_json({**asdict(report), "n_open": n_open, "changes": [change.as_json() for change in changes]})
+        document = {"n_open": n_open, "changes": [change.as_json() for change in changes]}
+        print_json({**asdict(report), **document})
     else:
-        _print_findings([change for change in changes if change.finding.verdict != Verdict.UNCHANGED])
-        print_table("Verdicts", ["verdict", "findings"], list(report.verdicts.items()))
-        note(
-            f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
-            f"{report.n_in_view} of them in view of a completely annotated drive."
-        )
-        if report.n_outdated:
-            note(
-                f"{report.n_outdated} poles of earlier drives were left out: a later drive no longer saw "
-                "them."
-            )
-        if n_open:
-            note(f"{n_open} findings are open: decide with `twin decide`, or in QGIS after `twin export`.")
+        _print_match(report, changes, n_open)
     if exit_code and n_open:
         raise typer.Exit(EXIT_OPEN_FINDINGS)
+
+
+def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: int) -> None:
+    _print_findings([change for change in changes if change.finding.verdict != Verdict.UNCHANGED])
+    print_table("Verdicts", ["verdict", "findings"], list(report.verdicts.items()))
+    note(
+        f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
+        f"{report.n_in_view} of them in view of a completely annotated drive."
+    )
+    if report.n_outdated:
+        note(f"{report.n_outdated} poles of earlier drives were left out: a later drive no longer saw them.")
+    if n_open:
+        note(f"{n_open} findings are open: decide with `twin decide`, or in QGIS after `twin export`.")
 
 
 def _print_findings(changes: Sequence[FindingStatus]) -> None:
     rows = [(c.change_id, c.finding.verdict, c.decision, c.finding.reason) for c in changes]
     print_table("Findings", ["change", "verdict", "decision", "reason"], rows, right_from=4)
+
+
+WordsArgument = Annotated[
+    list[str] | None,
+    typer.Argument(
+        help="accept, dismiss, defer or open, and change ids (or their first six digits); or undo, and "
+        "how many commands.",
+        metavar="CHANGE_ID… DECISION",
+        show_default=False,
+    ),
+]
+VerdictOption = Annotated[list[FindingVerdict] | None, typer.Option(help="Findings of this verdict.")]
+DriveOption = Annotated[list[str] | None, typer.Option(help="Findings of this drive: its id or name.")]
+AreaOption = Annotated[Path | None, typer.Option(help="Findings inside the polygons of a GeoJSON file.")]
+ClassOption = Annotated[
+    list[str] | None, typer.Option("--class", help="Sign code seen or in NVDB: 362.50, or 362 for all.")
+]
+SinceOption = Annotated[
+    dt.datetime | None,
+    typer.Option(formats=["%Y-%m-%d"], help="Findings of drives since this day (UTC)."),
+]
+UntilOption = Annotated[
+    dt.datetime | None,
+    typer.Option(formats=["%Y-%m-%d"], help="Findings of drives until this day (UTC)."),
+]
+StateOption = Annotated[Decision, typer.Option(help="Select among findings that are now so decided.")]
+FromOption = Annotated[
+    Path | None, typer.Option("--from", help="Take the decisions made in QGIS in an exported GeoPackage.")
+]
+ReasonOption = Annotated[str, typer.Option(help="Why; kept with the decision.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Only say which findings would be decided.")]
 
 
 @app.command(
@@ -98,40 +138,18 @@ def _print_findings(changes: Sequence[FindingStatus]) -> None:
     "Back: twin decide undo",
 )
 def decide(
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            help="accept, dismiss, defer or open, and change ids (or their first six digits); or undo, and "
-            "how many commands.",
-            metavar="CHANGE_ID… DECISION",
-            show_default=False,
-        ),
-    ] = None,
-    verdict: Annotated[list[FindingVerdict] | None, typer.Option(help="Findings of this verdict.")] = None,
-    drive: Annotated[list[str] | None, typer.Option(help="Findings of this drive: its id or name.")] = None,
-    area: Annotated[Path | None, typer.Option(help="Findings inside the polygons of a GeoJSON file.")] = None,
-    sign_class: Annotated[
-        list[str] | None, typer.Option("--class", help="Sign code seen or in NVDB: 362.50, or 362 for all.")
-    ] = None,
-    since: Annotated[
-        dt.datetime | None,
-        typer.Option(formats=["%Y-%m-%d"], help="Findings of drives since this day (UTC)."),
-    ] = None,
-    until: Annotated[
-        dt.datetime | None,
-        typer.Option(formats=["%Y-%m-%d"], help="Findings of drives until this day (UTC)."),
-    ] = None,
-    state: Annotated[
-        Decision, typer.Option(help="Select among findings that are now so decided.")
-    ] = Decision.OPEN,
-    from_file: Annotated[
-        Path | None, typer.Option("--from", help="Take the decisions made in QGIS in an exported GeoPackage.")
-    ] = None,
-    reason: Annotated[str, typer.Option(help="Why; kept with the decision.")] = "",
+    words: WordsArgument = None,
+    verdict: VerdictOption = None,
+    drive: DriveOption = None,
+    area: AreaOption = None,
+    sign_class: ClassOption = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    state: StateOption = Decision.OPEN,
+    from_file: FromOption = None,
+    reason: ReasonOption = "",
     by: ByOption = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only say which findings would be decided.")
-    ] = False,
+    dry_run: DryRunOption = False,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -152,33 +170,42 @@ def decide(
         decision=state,
     )
     who, selects = person(by), not selection.is_empty
-    choices = (Decision.ACCEPT, Decision.DISMISS, Decision.DEFER, Decision.OPEN, _UNDO)
-    verbs = [word for word in words or () if word in choices]
-    others = [word for word in words or () if word not in choices]
     with Store.open(store, create=False) as opened:
         if from_file is not None:
             _refuse(bool(words) or selects or dry_run, "--from takes nothing but --reason and --by")
-            done, sentence = _from_file(opened, from_file, who, reason)
+            outcome = _from_file(opened, from_file, who, reason)
         else:
-            _refuse(len(verbs) != 1, f"say one of {', '.join(choices)}, once")
-            if verbs[0] == _UNDO:
+            verb, others = _verb_and_others(words or ())
+            if verb == _UNDO:
                 _refuse(selects or bool(reason) or dry_run, "undo takes only a number and --by")
-                done, sentence = _undo(opened, others, who)
+                outcome = _undo(opened, others, who)
             else:
-                _refuse(bool(others) and selects, "name changes, or select them by options, not both")
-                _refuse(
-                    not others and not selects, "name changes, or select them by --verdict, --drive, --area …"
-                )
-                if selects:
-                    selected = _selected(opened, selection)
-                    others = [change.change_id for change in selected]
-                    if dry_run and not json_output:
-                        _print_findings(selected)
-                done, sentence = _decide(opened, others, verbs[0], by=who, reason=reason, dry_run=dry_run)
+                change_ids = _meant(opened, others, selection, show=dry_run and not json_output)
+                outcome = _decide(opened, change_ids, verb, by=who, reason=reason, dry_run=dry_run)
     if json_output:
-        print_json(done)
+        print_json(outcome.document)
     else:
-        note(sentence)
+        note(outcome.sentence)
+
+
+def _verb_and_others(words: Sequence[str]) -> tuple[str, list[str]]:
+    """The one word that says what to do, and the others."""
+    choices = (Decision.ACCEPT, Decision.DISMISS, Decision.DEFER, Decision.OPEN, _UNDO)
+    verbs = [word for word in words if word in choices]
+    _refuse(len(verbs) != 1, f"say one of {', '.join(choices)}, once")
+    return verbs[0], [word for word in words if word not in choices]
+
+
+def _meant(store: Store, named: Sequence[str], selection: Selection, *, show: bool) -> Sequence[str]:
+    """Ids of the changes that are named, or else selected; these are also shown, if asked for."""
+    _refuse(bool(named) and not selection.is_empty, "name changes, or select them by options, not both")
+    _refuse(not named and selection.is_empty, "name changes, or select them by --verdict, --drive, --area …")
+    if named:
+        return named
+    selected = _selected(store, selection)
+    if show:
+        _print_findings(selected)
+    return [change.change_id for change in selected]
 
 
 def _refuse(wrong: bool, cure: str) -> None:
@@ -201,7 +228,7 @@ def _selected(store: Store, selection: Selection) -> list[FindingStatus]:
 
 def _decide(
     store: Store, change_ids: Sequence[str], decision: str, *, by: str, reason: str, dry_run: bool
-) -> _Told:
+) -> _Outcome:
     from twin.decisions.record import decide
 
     store.matched()
@@ -212,25 +239,24 @@ def _decide(
     else:
         already = f"; {len(done.already):,} had it already" if done.already else ""
         sentence = f"{findings}: {decision}{already}."
-    return {"would_decide" if dry_run else "decided": decision, **asdict(done)}, sentence
+    return _Outcome({"would_decide" if dry_run else "decided": decision, **asdict(done)}, sentence)
 
 
-def _from_file(store: Store, path: Path, by: str, reason: str) -> _Told:
+def _from_file(store: Store, path: Path, by: str, reason: str) -> _Outcome:
     from twin.export import decide_as_in
 
-    done = decide_as_in(store, path, by=by, reason=reason)
-    return {"from": str(path), "change_ids": list(done)}, f"{_findings(done)} decided as in {path}."
+    change_ids = decide_as_in(store, path, by=by, reason=reason)
+    document = {"from": str(path), "change_ids": list(change_ids)}
+    return _Outcome(document, f"{_findings(change_ids)} decided as in {path}.")
 
 
-def _undo(store: Store, numbers: Sequence[str], by: str) -> _Told:
+def _undo(store: Store, numbers: Sequence[str], by: str) -> _Outcome:
     from twin.decisions.record import undo
 
     _refuse(len(numbers) > 1 or not all(word.isdigit() for word in numbers), "undo takes one number")
-    done = undo(store, int(numbers[0]) if numbers else 1, by=by)
-    return {
-        "undone": True,
-        "change_ids": list(done),
-    }, f"{_findings(done)}: the decision of before holds again."
+    change_ids = undo(store, int(numbers[0]) if numbers else 1, by=by)
+    document = {"undone": True, "change_ids": list(change_ids)}
+    return _Outcome(document, f"{_findings(change_ids)}: the decision of before holds again.")
 
 
 def _findings(change_ids: Sequence[str]) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 from collections.abc import Mapping
 from contextlib import nullcontext
+from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,7 +16,9 @@ from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
 from twin.cli.output import bar, log_notes, note, print_json, print_pairs, warn
 
 if TYPE_CHECKING:
+    from nvdb.area import Area
     from twin.mirror.sync import SyncPlan, SyncResult
+    from twin.store.store import Store
 
 app = typer.Typer()
 COLLECT_AFTER = (100_000, 20, 50)
@@ -32,45 +36,54 @@ class SourceName(StrEnum):
     UBERIKET = "uberiket"
 
 
+KommuneOption = Annotated[
+    str | None, typer.Option(help="Municipality numbers, separated by commas: 5001,5031.")
+]
+FylkeOption = Annotated[str | None, typer.Option(help="County numbers, separated by commas: 50,15.")]
+KontraktsomradeOption = Annotated[
+    str | None,
+    typer.Option(help="Contract areas, names as in NVDB or ids: '9503 Midtre Hålogaland 2021-2026'."),
+]
+BboxOption = Annotated[str | None, typer.Option(help="minE,minN,maxE,maxN in UTM33 (EPSG:25833), metres.")]
+EverythingOption = Annotated[bool, typer.Option("--all", help="The whole country.")]
+SourceOption = Annotated[
+    SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box).")
+]
+ApiOption = Annotated[str, typer.Option(envvar="TWIN_API_URL", help="Address of NVDB's APIs.")]
+ContactOption = Annotated[
+    str | None,
+    typer.Option(envvar="TWIN_CONTACT", help="Your e-mail address, sent along so that NVDB can reach you."),
+]
+ReplaceOption = Annotated[
+    bool, typer.Option("--replace", help="Replace a mirror of another area in this store.")
+]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Fetch everything, not only the changes.")]
+ConfirmDeletionsOption = Annotated[
+    bool, typer.Option("--confirm-deletions", help="Allow more than 5 % of the mirror to be deleted.")
+]
+VegnettOption = Annotated[
+    bool, typer.Option("--vegnett", help="Also fetch the road network, for stedfesting and facing.")
+]
+DryRunOption = Annotated[
+    bool, typer.Option("--dry-run", help="Only say what would be asked, and how many objects there are.")
+]
+
+
 @app.command("sync-nvdb", epilog="Example: twin sync-nvdb --kommune 5001 --contact me@example.no")
 def sync_nvdb(
-    kommune: Annotated[
-        str | None, typer.Option(help="Municipality numbers, separated by commas: 5001,5031.")
-    ] = None,
-    fylke: Annotated[str | None, typer.Option(help="County numbers, separated by commas: 50,15.")] = None,
-    kontraktsomrade: Annotated[
-        str | None,
-        typer.Option(help="Contract areas, names as in NVDB or ids: '9503 Midtre Hålogaland 2021-2026'."),
-    ] = None,
-    bbox: Annotated[
-        str | None, typer.Option(help="minE,minN,maxE,maxN in UTM33 (EPSG:25833), metres.")
-    ] = None,
-    everything: Annotated[bool, typer.Option("--all", help="The whole country.")] = False,
-    source: Annotated[
-        SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box).")
-    ] = SourceName.LES_V4,
-    api_url: Annotated[
-        str, typer.Option(envvar="TWIN_API_URL", help="Address of NVDB's APIs.")
-    ] = DEFAULT_API,
-    contact: Annotated[
-        str | None,
-        typer.Option(
-            envvar="TWIN_CONTACT", help="Your e-mail address, sent along so that NVDB can reach you."
-        ),
-    ] = None,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Replace a mirror of another area in this store.")
-    ] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Fetch everything, not only the changes.")] = False,
-    confirm_deletions: Annotated[
-        bool, typer.Option("--confirm-deletions", help="Allow more than 5 % of the mirror to be deleted.")
-    ] = False,
-    vegnett: Annotated[
-        bool, typer.Option("--vegnett", help="Also fetch the road network, for stedfesting and facing.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only say what would be asked, and how many objects there are.")
-    ] = False,
+    kommune: KommuneOption = None,
+    fylke: FylkeOption = None,
+    kontraktsomrade: KontraktsomradeOption = None,
+    bbox: BboxOption = None,
+    everything: EverythingOption = False,
+    source: SourceOption = SourceName.LES_V4,
+    api_url: ApiOption = DEFAULT_API,
+    contact: ContactOption = None,
+    replace: ReplaceOption = False,
+    fresh: FreshOption = False,
+    confirm_deletions: ConfirmDeletionsOption = False,
+    vegnett: VegnettOption = False,
+    dry_run: DryRunOption = False,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -79,11 +92,11 @@ def sync_nvdb(
     The first run names an area and fetches everything; later ones know it and fetch only what changed. One
     that was interrupted goes on where it stopped.
     """
-    from twin.mirror import sync
+    from twin.mirror.sync import area_from_options
     from twin.store.store import Store
 
     gc.set_threshold(*COLLECT_AFTER)
-    area = sync.area_from_options(
+    area = area_from_options(
         store,
         kommune=kommune,
         fylke=fylke,
@@ -91,50 +104,84 @@ def sync_nvdb(
         bbox=bbox,
         everything=everything,
     )
+    order = _Order(area, source, api_url, contact, replace, fresh, confirm_deletions, quiet=json_output)
     if dry_run:
-        there = Store.open(store, create=False) if store.exists() else nullcontext()  # makes none
-        with there as opened, log_notes("nvdb", quiet=json_output):
-            plan = sync.dry_run(
-                area,
-                store=opened,
-                api_url=api_url,
-                source=source,
-                contact=contact,
-                replace=replace,
-                fresh=fresh,
-            )
-        _print_plan(plan, json_output)
+        _print_plan(_planned(order, store), json_output)
         return
     # A store is kept also if the sync fails: a backfill goes on where it stopped.
     with Store.open(store) as opened, log_notes("nvdb", quiet=json_output):
-        with bar(quiet=json_output) as progress:
-            result = sync.sync_nvdb(
-                opened,
-                area,
-                api_url=api_url,
-                source=source,
-                contact=contact,
-                replace=replace,
-                fresh=fresh,
-                confirm_deletions=confirm_deletions,
-                progress=progress,
-            )
+        result = _synced(order, opened)
         # Before the network is asked for: what the signs' sync did is not hidden by what comes after it.
         _print_sync(result, json_output)
         if vegnett:
-            try:
-                with bar(quiet=json_output) as progress:
-                    sync.sync_roads(
-                        opened,
-                        area,
-                        api_url=api_url,
-                        contact=contact,
-                        confirm_deletions=confirm_deletions,
-                        progress=progress,
-                    )
-            except BaseException:
-                note("The signs are synced and kept; the road network is not yet.")
-                raise
+            _sync_roads(order, opened)
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """What to mirror, from where and how, as the options say; `quiet`: without progress."""
+
+    area: Area
+    source: SourceName
+    api_url: str
+    contact: str | None
+    replace: bool
+    fresh: bool
+    confirm_deletions: bool
+    quiet: bool
+
+
+def _planned(order: _Order, store: Path) -> SyncPlan:
+    """What a sync would do; makes no store."""
+    from twin.mirror import sync
+    from twin.store.store import Store
+
+    existing = Store.open(store, create=False) if store.exists() else nullcontext()
+    with existing as opened, log_notes("nvdb", quiet=order.quiet):
+        return sync.dry_run(
+            order.area,
+            store=opened,
+            api_url=order.api_url,
+            source=order.source,
+            contact=order.contact,
+            replace=order.replace,
+            fresh=order.fresh,
+        )
+
+
+def _synced(order: _Order, store: Store) -> SyncResult:
+    from twin.mirror import sync
+
+    with bar(quiet=order.quiet) as progress:
+        return sync.sync_nvdb(
+            store,
+            order.area,
+            api_url=order.api_url,
+            source=order.source,
+            contact=order.contact,
+            replace=order.replace,
+            fresh=order.fresh,
+            confirm_deletions=order.confirm_deletions,
+            progress=progress,
+        )
+
+
+def _sync_roads(order: _Order, store: Store) -> None:
+    from twin.mirror import sync
+
+    try:
+        with bar(quiet=order.quiet) as progress:
+            sync.sync_roads(
+                store,
+                order.area,
+                api_url=order.api_url,
+                contact=order.contact,
+                confirm_deletions=order.confirm_deletions,
+                progress=progress,
+            )
+    except BaseException:
+        note("The signs are synced and kept; the road network is not yet.")
+        raise
 
 
 def _print_sync(result: SyncResult, json_output: bool) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from twin.cli.options import JsonOption
 from twin.cli.output import note, print_json, print_pairs, print_paths, print_table, steps
+
+if TYPE_CHECKING:
+    from twin.samples.simulation import SimulateReport
 
 app = typer.Typer()
 
@@ -70,6 +73,11 @@ def simulate(
     if json_output:
         print_json(report)
         return
+    _print_simulated(report)
+    note(f"Next: twin ingest-drive {out}, then twin evaluate {report.files[-2]}")
+
+
+def _print_simulated(report: SimulateReport) -> None:
     print_pairs(
         f"Simulated drive {report.folder}",
         {
@@ -83,7 +91,6 @@ def simulate(
         },
     )
     print_paths("Written:", report.files)
-    note(f"Next: twin ingest-drive {out}, then twin evaluate {report.files[-2]}")
 
 
 @app.command("demo", epilog="Example: twin demo --out demo-out")
