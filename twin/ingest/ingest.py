@@ -28,7 +28,7 @@ from twin.drives.read import read_drive
 from twin.errors import ConfigError, DriveError
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
-from twin.ingest.rows import Positions, corrections, estimate_rows, positions_of, sighting_rows
+from twin.ingest.rows import Positions, corrections, estimates_of, positions_of, sighting_rows
 from twin.ingest.save import save_drive
 from twin.store.poses import blob_from_poses
 from twin.store.schema import METHODS
@@ -135,8 +135,8 @@ def ingest_drive(
         drive, trajectory, method=method, budget=budget, datum_sigma_m=datum_sigma_m, terrain=ground
     )
     positions = positions_of(sighted)
-    estimates = estimate_rows(drive, sighted, positions, method)
-    n_unplaced = _unplaced(drive, sighted, {row["object"] for row in estimates})
+    estimates = estimates_of(drive, sighted, positions, method)
+    n_unplaced = _unplaced(drive, sighted, {estimate.object for estimate in estimates})
     id_doubts = () if detector is not None else _id_doubts(drive, trajectory, sighted, say)
     misfits = misfits_of(drive, sighted, budget or ErrorBudget(), id_doubts)
     gap = absence_gap(drive, sighted)
@@ -330,8 +330,8 @@ def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
     """Poses at the annotated cameras' frames, thinned to steps of 0.3 m."""
     cameras = {str(c) for c in drive.annotations.camera} or set(drive.frame_epoch_ns)
     stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
-    known = [s[s != NO_STAMP] for s in stamps]
-    epoch = np.unique(np.concatenate([np.empty(0, np.int64), *known])) + drive.camera_offset_ns
+    stamped = [s[s != NO_STAMP] for s in stamps]
+    epoch = np.unique(np.concatenate([np.empty(0, np.int64), *stamped])) + drive.camera_offset_ns
     poses = trajectory.poses_at(epoch)
     if not poses.valid.any():
         return poses

@@ -1,4 +1,4 @@
-"""Positions of a drive's objects, by whichever method, → rows of the store's tables."""
+"""Positions of a drive's objects, by whichever method, → estimates, and rows of the table ``sighting``."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from geoloc.reasons import Reason, sentences_of
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.drive import Drive
 from twin.ingest.locate import SightedObjects
+from twin.store.kinds import Method
+from twin.store.records import Covariance, Estimate, split_codes
 
 _FAR_M = 15.0
 _MANY_REJECTED = 0.25
@@ -90,42 +92,38 @@ def _adjusted(sighted: SightedObjects, adjusted: Adjusted) -> Positions:
     )
 
 
-def estimate_rows(
-    drive: Drive, sighted: SightedObjects, positions: Positions, method: str
-) -> list[dict[str, Any]]:
-    """One row an object that has a position."""
-    good = np.isfinite(positions.latitude_deg)
-    if not good.any():
+def estimates_of(drive: Drive, sighted: SightedObjects, positions: Positions, method: str) -> list[Estimate]:
+    """One estimate an object that has a position."""
+    placed = np.isfinite(positions.latitude_deg)
+    if not placed.any():
         return []
     place = positions.latitude_deg, positions.longitude_deg
     east, north = utm33_from_geographic(*place)
     covariance = utm33_covariance_from_enu(positions.covariance_m2, *place)
     order = np.argsort(sighted.group, kind="stable")
-    members = np.split(order, np.cumsum(np.bincount(sighted.group, minlength=good.size))[:-1])
-    rows = []
-    for g in np.flatnonzero(good).tolist():
+    members = np.split(order, np.cumsum(np.bincount(sighted.group, minlength=placed.size))[:-1])
+    estimates = []
+    for g in np.flatnonzero(placed).tolist():
         used = members[g][positions.used[members[g]]]
-        rows.append(
-            {
-                "estimate_id": f"{drive.drive_id}:{sighted.name[g]}:{method}",
-                "drive_id": drive.drive_id,
-                "object": str(sighted.name[g]),
-                "method": method,
-                "east_m": float(east[g]),
-                "north_m": float(north[g]),
-                "height_m": float(positions.height_m[g]),
-                "sigma_height_m": finite(positions.sigma_height_m[g]),
-                "cov_ee_m2": float(covariance[g, 0, 0]),
-                "cov_en_m2": float(covariance[g, 0, 1]),
-                "cov_nn_m2": float(covariance[g, 1, 1]),
-                "range_min_m": float(positions.range_min_m[g]),
-                "n_rejected": int(positions.n_rejected[g]),
-                "flags": _flags(positions, sighted, g, used),
-                "budget": _budget(positions, g),
+        estimates.append(
+            Estimate(
+                estimate_id=f"{drive.drive_id}:{sighted.name[g]}:{method}",
+                drive_id=drive.drive_id,
+                object=str(sighted.name[g]),
+                method=Method(method),
+                east_m=float(east[g]),
+                north_m=float(north[g]),
+                height_m=float(positions.height_m[g]),
+                sigma_height_m=finite(positions.sigma_height_m[g]),
+                covariance_m2=_triple(covariance[g]),
+                range_min_m=float(positions.range_min_m[g]),
+                n_rejected=int(positions.n_rejected[g]),
+                flags=_flags(positions, sighted, g, used),
+                budget={source: _triple(c[g]) for source, c in positions.by_source.items()},
                 **_summary(drive, sighted, used),
-            }
+            )
         )
-    return rows
+    return estimates
 
 
 def sighting_rows(
@@ -216,16 +214,13 @@ def _of_adjustment(adjusted: Adjusted, group: IntArray) -> dict[str, FloatArray]
 
 
 def _none_for_nan(values: FloatArray) -> list[float | None]:
-    known = np.isfinite(values)
-    return [value if ok else None for value, ok in zip(values.tolist(), known.tolist(), strict=True)]
+    is_finite = np.isfinite(values).tolist()
+    return [value if ok else None for value, ok in zip(values.tolist(), is_finite, strict=True)]
 
 
-def _budget(positions: Positions, g: int) -> dict[str, list[float]]:
-    """Source → east, east-north and north covariance in true axes; {} where the method does not tell."""
-    return {
-        source: [float(c[g, 0, 0]), float(c[g, 0, 1]), float(c[g, 1, 1])]
-        for source, c in positions.by_source.items()
-    }
+def _triple(covariance_m2: FloatArray) -> Covariance:
+    """East-east, east-north and north-north of a matrix."""
+    return float(covariance_m2[0, 0]), float(covariance_m2[0, 1]), float(covariance_m2[1, 1])
 
 
 def _summary(drive: Drive, sighted: SightedObjects, member: IntArray) -> dict[str, Any]:
@@ -236,7 +231,7 @@ def _summary(drive: Drive, sighted: SightedObjects, member: IntArray) -> dict[st
     cameras = sorted({str(camera) for camera in annotations.camera[rows]})
     return {
         "label": label,
-        "skiltnummer": codes,
+        "codes": split_codes(codes),
         # One picture in which it could be read is enough.
         "text": _commonest(texts[texts != ""]) if (texts != "").any() else None,
         "nvdb_type": None if codes else drive.other_objects.get(label),
@@ -244,7 +239,7 @@ def _summary(drive: Drive, sighted: SightedObjects, member: IntArray) -> dict[st
         # Cameras that run side by side show the same instant in frames of their own.
         "n_frames": len({(annotations.camera[i], annotations.frame[i]) for i in rows}),
         "n_cameras": len(cameras),
-        "cameras": cameras,
+        "cameras": tuple(cameras),
         "first_ns": int(sighted.epoch_ns[member].min()),
         "last_ns": int(sighted.epoch_ns[member].max()),
     }
@@ -256,7 +251,7 @@ def _commonest(values: NDArray[np.str_]) -> str:
     return str(unique[np.argmax(counts)])
 
 
-def _flags(positions: Positions, sighted: SightedObjects, g: int, used: IntArray) -> str:
+def _flags(positions: Positions, sighted: SightedObjects, g: int, used: IntArray) -> tuple[str, ...]:
     flags = []
     if used.size == 1:
         flags.append("one sighting")
@@ -269,4 +264,4 @@ def _flags(positions: Positions, sighted: SightedObjects, g: int, used: IntArray
         flags.append("its track may hold two signs")
     if sighted.adjusted is not None and not (sighted.is_foot[used]).any():
         flags.append("its face, not its foot")
-    return ";".join(flags)
+    return tuple(flags)

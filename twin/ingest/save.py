@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import sqlalchemy as sa
 
 from twin.store import schema
+from twin.store.records import Estimate
 from twin.store.store import Row, Store
 
 
@@ -15,7 +16,7 @@ def save_drive(
     drive: Row,
     method: str,
     sightings: Sequence[Row],
-    estimates: Sequence[Row],
+    estimates: Sequence[Estimate],
     n_unplaced: int = 0,
     corrections: Row | None = None,
     misfits: Sequence[str] = (),
@@ -35,7 +36,7 @@ def save_drive(
         "absence_gap": absence_gap,
     }
     with store.transaction() as connection:
-        known = connection.execute(
+        stored_sha256 = connection.execute(
             sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive_id)
         ).scalar()
         connection.execute(sa.delete(schema.drive).where(schema.drive.c.drive_id == drive_id))
@@ -43,11 +44,11 @@ def save_drive(
         results = {
             schema.drive_method: [result],
             schema.sighting: sightings,
-            schema.estimate: estimates,
+            schema.estimate: [estimate.to_row() for estimate in estimates],
         }
         for table, rows in results.items():
             old = sa.delete(table).where(table.c.drive_id == drive_id)
-            if known == drive["content_sha256"]:
+            if stored_sha256 == drive["content_sha256"]:
                 old = old.where(table.c.method == method)
             connection.execute(old)
             if rows:

@@ -8,7 +8,6 @@ import sqlite3
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 import sqlalchemy as sa
@@ -20,15 +19,27 @@ from twin.errors import StoreError
 from twin.ingest.save import save_drive
 from twin.matching.save import save_changes
 from twin.store import schema
+from twin.store.kinds import Method
+from twin.store.records import Estimate
 from twin.store.store import Store, store_errors
 
 DRIVE = row(schema.drive, drive_id="d", content_sha256="1")
 
 
-def estimate(name: str, method: str = "single-frame") -> dict[str, Any]:
-    """Make a row of the estimate table."""
-    identity = {"estimate_id": f"d:{name}:{method}", "object": name, "method": method}
-    return row(schema.estimate, drive_id="d", **identity)
+def estimate(name: str, method: Method = Method.SINGLE_FRAME) -> Estimate:
+    """Make an estimate of the drive."""
+    place = {"east_m": 1.0, "north_m": 2.0, "height_m": 3.0, "range_min_m": 4.0}
+    return Estimate(
+        drive_id="d",
+        object=name,
+        codes=(),
+        covariance_m2=(0.01, 0.0, 0.01),
+        cameras=("C1",),
+        n_sightings=1,
+        estimate_id=f"d:{name}:{method}",
+        method=method,
+        **place,
+    )
 
 
 def test_store_is_in_wal_mode(empty: Store) -> None:
@@ -116,7 +127,7 @@ def test_save_drive_twice_doubles_nothing(empty: Store) -> None:
     """The same drive by the same method replaces itself; another method stands beside it."""
     save_drive(empty, DRIVE, "single-frame", [], [estimate("1"), estimate("2")])
     save_drive(empty, DRIVE, "single-frame", [], [estimate("1")])
-    save_drive(empty, DRIVE, "paper", [], [estimate("1", "paper")])
+    save_drive(empty, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
     assert empty.count(schema.drive) == 1
     assert empty.count(schema.estimate) == 2
     assert empty.methods() == ["paper", "single-frame"]
@@ -124,7 +135,7 @@ def test_save_drive_twice_doubles_nothing(empty: Store) -> None:
 
 def test_save_drive_of_changed_files_forgets_other_methods(empty: Store) -> None:
     """A drive that was annotated anew does not keep estimates from its old annotations."""
-    save_drive(empty, DRIVE, "paper", [], [estimate("1", "paper")])
+    save_drive(empty, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
     save_drive(empty, DRIVE | {"content_sha256": "2"}, "single-frame", [], [estimate("1")])
     assert empty.methods() == ["single-frame"]
 
