@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Mapping
 from enum import StrEnum
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
     from twin.reports.estimate import EstimateExplained
     from twin.reports.evaluation import MethodResult, RangeErrors
     from twin.reports.store_status import Status
+    from twin.store.records import Correction, Corrections
 
 app = typer.Typer()
 _MAX_REJECTED = 12
@@ -130,7 +130,8 @@ def show(
     _print_budget(explained)
     _print_cameras(explained)
     _print_rejected(explained)
-    _print_corrections(explained.corrections)
+    if explained.corrections is not None:
+        _print_corrections(explained.corrections)
     _print_neighbours(explained)
     if out is not None:
         note(f"wrote {out}")
@@ -223,25 +224,22 @@ def _print_rejected(e: EstimateExplained) -> None:
         note(f"… and {rejected.size - _MAX_REJECTED:,} more; --json lists them all.")
 
 
-def _print_corrections(corrections: Mapping[str, Any]) -> None:
-    if "boresight_deg" not in corrections:
-        return
-
-    def told(correction: Mapping[str, float | None], form: str) -> str:
-        sigma = correction["sigma"]
-        return f"{correction['value']:+{form}}" + ("" if sigma is None else f" ± {sigma:{form}}")
+def _print_corrections(corrections: Corrections) -> None:
+    def told(correction: Correction, form: str) -> str:
+        sigma = correction.sigma
+        return f"{correction.value:+{form}}" + ("" if sigma is None else f" ± {sigma:{form}}")
 
     print_pairs(
         "What the adjustment found in this drive",
         {
-            "added to the camera clock [ms]": told(corrections["camera_offset_ms"], ".1f"),
-            "rolling shutter, first to last row [ms]": told(corrections["rolling_shutter_ms"], ".1f"),
-            "noise of a pixel against the stated one": f"× {corrections['pixel_noise_factor']:.2f}",
+            "added to the camera clock [ms]": told(corrections.camera_offset_ms, ".1f"),
+            "rolling shutter, first to last row [ms]": told(corrections.rolling_shutter_ms, ".1f"),
+            "noise of a pixel against the stated one": f"× {corrections.pixel_noise_factor:.2f}",
         },
     )
     rows = [
-        (camera, *(told(angles[name], ".2f") for name in ("pitch", "yaw", "roll")))
-        for camera, angles in corrections["boresight_deg"].items()
+        (camera, *(told(angle, ".2f") for angle in (turn.pitch, turn.yaw, turn.roll)))
+        for camera, turn in corrections.boresight_deg.items()
     ]
     print_table("Boresight corrections [°]", ["camera", "pitch", "yaw", "roll"], rows)
 

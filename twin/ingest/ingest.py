@@ -28,7 +28,7 @@ from twin.drives.read import read_drive
 from twin.errors import ConfigError, DriveError
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
-from twin.ingest.rows import Positions, corrections, estimates_of, positions_of, sighting_rows
+from twin.ingest.rows import Positions, corrections_of, estimates_of, positions_of, sighting_rows
 from twin.ingest.save import save_drive
 from twin.store.poses import blob_from_poses
 from twin.store.schema import METHODS
@@ -157,7 +157,7 @@ def ingest_drive(
         sighting_rows(drive, sighted, trajectory, method),
         estimates,
         n_unplaced,
-        corrections(sighted.adjusted),
+        corrections_of(sighted.adjusted),
         misfits=[misfit.what for misfit in misfits],
         absence_gap=gap,
     )

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjustment.adjust import Adjusted, Correction
+from geoloc.adjustment import adjust
+from geoloc.adjustment.adjust import Adjusted
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
@@ -19,7 +20,7 @@ from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.drive import Drive
 from twin.ingest.locate import SightedObjects
 from twin.store.kinds import Method
-from twin.store.records import Covariance, Estimate, split_codes
+from twin.store.records import Boresight, Correction, Corrections, Covariance, Estimate, split_codes
 
 _FAR_M = 15.0
 _MANY_REJECTED = 0.25
@@ -173,23 +174,23 @@ def _why_rejected(sighted: SightedObjects, trajectory: Trajectory) -> list[str]:
     )
 
 
-def corrections(adjusted: Adjusted | None) -> dict[str, Any]:
-    """What the adjustment found out about the car, as JSON: values with one sigma; {} for other methods."""
+def corrections_of(adjusted: Adjusted | None) -> Corrections | None:
+    """What the adjustment found out about the car; None for other methods."""
     if adjusted is None:
-        return {}
+        return None
 
-    def told(correction: Correction) -> dict[str, float | None]:
-        return {"value": correction.value, "sigma": finite(correction.sigma)}
+    def kept(correction: adjust.Correction) -> Correction:
+        return Correction(correction.value, finite(correction.sigma))
 
-    return {
-        "pixel_noise_factor": adjusted.noise,
-        "camera_offset_ms": told(adjusted.time_offset_ms),
-        "rolling_shutter_ms": told(adjusted.readout_ms),
-        "boresight_deg": {
-            camera: dict(zip(("pitch", "yaw", "roll"), map(told, values), strict=True))
-            for camera, values in adjusted.boresight_deg.items()
+    return Corrections(
+        pixel_noise_factor=adjusted.noise,
+        camera_offset_ms=kept(adjusted.time_offset_ms),
+        rolling_shutter_ms=kept(adjusted.readout_ms),
+        boresight_deg={
+            camera: Boresight(*map(kept, pitch_yaw_roll))
+            for camera, pitch_yaw_roll in adjusted.boresight_deg.items()
         },
-    }
+    )
 
 
 def finite(value: float) -> float | None:

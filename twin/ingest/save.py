@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import sqlalchemy as sa
 
 from twin.store import schema
-from twin.store.records import Estimate
+from twin.store.records import Corrections, Estimate
 from twin.store.store import Row, Store
 
 
@@ -18,7 +18,7 @@ def save_drive(
     sightings: Sequence[Row],
     estimates: Sequence[Estimate],
     n_unplaced: int = 0,
-    corrections: Row | None = None,
+    corrections: Corrections | None = None,
     misfits: Sequence[str] = (),
     absence_gap: str = "",
 ) -> None:
@@ -31,7 +31,7 @@ def save_drive(
         "drive_id": drive_id,
         "method": method,
         "n_unplaced": n_unplaced,
-        "corrections": dict(corrections or {}),
+        "corrections": {} if corrections is None else corrections.to_json(),
         "misfits": list(misfits),
         "absence_gap": absence_gap,
     }

@@ -24,6 +24,7 @@ from twin.matching.config import MatchConfig
 from twin.matching.sites import Site, sites_from_mirror
 from twin.reports.sightings import CameraShare, Frames, cameras_of, frames_of
 from twin.store import schema
+from twin.store.records import Corrections
 from twin.store.schema import METHODS
 from twin.store.store import Snapshot, Store
 
@@ -65,8 +66,12 @@ class EstimateExplained:
         Largest first; empty for methods that do not tell.
     n_sightings, n_frames, n_rejected : int
         Used ones, the frames that they are in, and outliers among the object's sightings.
-    corrections : mapping
-        What the drive's adjustment found (`twin.ingest.rows.corrections`); empty for other methods.
+    corrections : Corrections or None
+        What the drive's adjustment found; None for other methods.
+    misfits : tuple of str
+        In which ways the drive does not fit itself, a clause each.
+    absence_gap : str
+        Why a sign that the drive passed and did not see may stand all the same; "" if nothing speaks for it.
     neighbours : tuple of Site
         Of the mirror, with a position of their own, within 15 m.
     also : tuple of str
@@ -100,7 +105,9 @@ class EstimateExplained:
     n_rejected: int
     frames: Frames
     cameras: tuple[CameraShare, ...]
-    corrections: Mapping[str, Any]
+    corrections: Corrections | None
+    misfits: tuple[str, ...]
+    absence_gap: str
     neighbours: tuple[Site, ...]
     also: tuple[str, ...]
     line_m: FloatArray
@@ -109,6 +116,9 @@ class EstimateExplained:
         """Return everything but the drive's line in types that JSON has; unknown numbers are None."""
         document: dict[str, Any] = _plain(self)
         del document["line_m"]
+        against = {name: document.pop(name) for name in ("misfits", "absence_gap")}
+        corrections = document["corrections"] or {}
+        document["corrections"] = corrections | {name: told for name, told in against.items() if told}
         columns = document["frames"]
         document["frames"] = [
             dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
@@ -136,7 +146,7 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
     with store.snapshot() as view:
         row = _chosen(view, which, store.path)
         (drive,) = view.rows(sa.select(schema.drive).where(schema.drive.c.drive_id == row["drive_id"]))
-        found = view.rows(_of(schema.drive_method, row))
+        (of_method,) = view.rows(_of(schema.drive_method, row))
         sightings = view.rows(
             _of(schema.sighting, row)
             .where(schema.sighting.c.object == row["object"])
@@ -159,17 +169,13 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
         **_place(row),
         frames=frames,
         cameras=cameras_of(frames),
-        corrections=_corrections(found[0]) if found else {},
+        corrections=Corrections.from_json(of_method["corrections"]),
+        misfits=tuple(of_method["misfits"]),
+        absence_gap=of_method["absence_gap"],
         neighbours=near,
         also=tuple(sorted((r["estimate_id"] for r in also), key=_rank)),
         line_m=_line(drive["line"]),
     )
-
-
-def _corrections(of_method: Row) -> dict[str, Any]:
-    """What the adjustment found, and what speaks against the drive, if anything does."""
-    against = {name: of_method[name] for name in ("misfits", "absence_gap") if of_method[name]}
-    return {**of_method["corrections"], **against}
 
 
 def _of(table: sa.Table, row: Row) -> sa.Select[Any]:

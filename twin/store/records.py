@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from twin.store.kinds import Method, Verdict
@@ -190,6 +190,63 @@ _SAME_IN_FINDING = (
     *("change_id", "reason", "confidence", "nvdb_type", "nvdb_id", "nvdb_version"),
     *("distance_m", "distance_sigma_m", "n_sightings", "east_m", "north_m"),
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What an adjustment found out about one quantity, with one sigma; None where it is not known."""
+
+    value: float
+    sigma: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Boresight:
+    """By how much a camera is turned against the rig file, degrees about its own axes."""
+
+    pitch: Correction
+    yaw: Correction
+    roll: Correction
+
+
+@dataclass(frozen=True, slots=True)
+class Corrections:
+    """What the adjustment of a drive found out about the car: ``corrections`` of ``drive_method``.
+
+    Attributes
+    ----------
+    pixel_noise_factor : float
+        Noise of a pixel against the stated one.
+    camera_offset_ms : Correction
+        Added to the camera clock.
+    rolling_shutter_ms : Correction
+        First to last row.
+    boresight_deg : mapping of camera → Boresight
+    """
+
+    pixel_noise_factor: float
+    camera_offset_ms: Correction
+    rolling_shutter_ms: Correction
+    boresight_deg: Mapping[str, Boresight]
+
+    @classmethod
+    def from_json(cls, document: Mapping[str, Any]) -> Corrections | None:
+        """Take it from the store's JSON; None of an empty object, which other methods leave."""
+        if not document:
+            return None
+        return cls(
+            pixel_noise_factor=document["pixel_noise_factor"],
+            camera_offset_ms=Correction(**document["camera_offset_ms"]),
+            rolling_shutter_ms=Correction(**document["rolling_shutter_ms"]),
+            boresight_deg={
+                camera: Boresight(**{axis: Correction(**one) for axis, one in axes.items()})
+                for camera, axes in document["boresight_deg"].items()
+            },
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as the store keeps it."""
+        return asdict(self)
 
 
 def split_codes(text: str) -> tuple[str, ...]:

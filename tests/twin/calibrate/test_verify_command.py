@@ -21,6 +21,7 @@ from twin.drives.folder.drive_toml import CameraSettings
 from twin.ingest.save import save_drive
 from twin.samples.simulation import simulate
 from twin.store import schema
+from twin.store.records import Boresight, Correction, Corrections
 from twin.store.store import Store
 
 
@@ -168,10 +169,8 @@ def history(store: Path, pitches_deg: Sequence[float], roll_deg: float = 0.0) ->
     with Store.open(store) as opened:
         row = dict(opened.rows(sa.select(schema.drive))[0])
         for week, pitch in enumerate(pitches_deg):
-            boresight = {
-                axis: {"value": value, "sigma": 0.03}
-                for axis, value in (("pitch", pitch), ("yaw", 0.0), ("roll", roll_deg))
-            }
+            boresight = Boresight(*(Correction(angle, 0.03) for angle in (pitch, 0.0, roll_deg)))
+            still = Correction(0.0, 0.1)
             later = {"name": f"week {week}", "started_ns": row["started_ns"] + week * 7 * 86_400 * 10**9}
             # The first takes the place of the drive that was ingested.
             later["drive_id"] = f"week{week}" if week else row["drive_id"]
@@ -182,7 +181,7 @@ def history(store: Path, pitches_deg: Sequence[float], roll_deg: float = 0.0) ->
                 [],
                 [],
                 0,
-                {"boresight_deg": {"C3_tricam120": boresight}},
+                Corrections(1.0, still, still, {"C3_tricam120": boresight}),
             )
 
 

@@ -116,7 +116,7 @@ def test_show_method_of_one_frame_has_no_budget(opened: Store) -> None:
     told = explain_estimate(opened, explain_estimate(opened, "P01").also[-1])
     assert told.method == "paper"
     assert told.budget == ()
-    assert told.corrections == {}
+    assert told.corrections is None
     assert np.isnan(told.frames.residual_px).all()
     assert np.isnan(told.frames.eye_m).all()
     assert math.isnan(told.sigma_height_m)

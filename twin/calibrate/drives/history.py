@@ -20,6 +20,7 @@ from geoloc.rig.rig import Rig, rig_from_document
 from twin.calibrate.mounting_files import write_corrected_rig
 from twin.errors import ConfigError
 from twin.store import schema
+from twin.store.records import Boresight, Corrections
 from twin.store.store import Store
 
 AXES = ("pitch", "yaw", "roll")
@@ -142,7 +143,7 @@ class _StoredDrive:
     started_ns: int
     document: Mapping[str, Any]
     rig: Rig
-    boresight: Mapping[str, Mapping[str, Mapping[str, float | None]]]
+    boresight: Mapping[str, Boresight]
 
 
 def _drives(store: Store) -> list[_StoredDrive]:
@@ -154,20 +155,20 @@ def _drives(store: Store) -> list[_StoredDrive]:
         .where(method.c.method == "adjusted")
         .order_by(drive.c.started_ns, drive.c.drive_id)
     )
-    found = []
+    drives = []
     for row in rows:
-        boresight = (row["corrections"] or {}).get("boresight_deg")
-        if boresight:
+        corrections = Corrections.from_json(row["corrections"])
+        if corrections is not None and corrections.boresight_deg:
             document = json.loads(zlib.decompress(row["rig"]).decode().removeprefix("\ufeff"))
             rig = rig_from_document(document, f"the rig of {row['name']}")
             place = (row["drive_id"], row["name"], row["started_ns"])
-            found.append(_StoredDrive(*place, document, rig, boresight))
-    if not found:
+            drives.append(_StoredDrive(*place, document, rig, corrections.boresight_deg))
+    if not drives:
         raise ConfigError(
             "No drive in the store was ingested by the method adjusted, which is what finds how cameras sit:"
             " ingest some first."
         )
-    return found
+    return drives
 
 
 def _history(camera: str, drives: Sequence[_StoredDrive], newest: Rig) -> CameraHistory:
@@ -184,9 +185,10 @@ def _history(camera: str, drives: Sequence[_StoredDrive], newest: Rig) -> Camera
 
 
 def _turn(drive: _StoredDrive, camera: str, newest: Rig) -> DriveTurn:
-    found = [drive.boresight[camera][axis] for axis in AXES]
-    value = np.array([f["value"] or 0.0 for f in found], dtype=np.float64)
-    sigma = np.array([_PRIOR_DEG if f["sigma"] is None else f["sigma"] for f in found], dtype=np.float64)
+    turn = drive.boresight[camera]
+    angles = (turn.pitch, turn.yaw, turn.roll)
+    value = np.array([angle.value for angle in angles], dtype=np.float64)
+    sigma = np.array([_PRIOR_DEG if angle.sigma is None else angle.sigma for angle in angles])
     value, sigma = _without_prior(value, sigma)
     own = drive.rig.camera(camera).rig_R_camera @ Rotation.from_rotvec(np.radians(value)).as_matrix()
     against = Rotation.from_matrix(newest.camera(camera).rig_R_camera.T @ own).as_rotvec()
