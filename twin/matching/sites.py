@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -9,19 +10,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from nvdb.vegnett import stedfester
-from twin.matching.config import MatchConfig
-
-if TYPE_CHECKING:
-    from nvdb.vegnett import Vegnett
-import json
-
 import sqlalchemy as sa
 
 from geoloc.arrays import FloatArray
+from nvdb.vegnett import stedfester
+from twin.matching.config import MatchConfig
 from twin.store import schema
 from twin.store.store import Row, Snapshot
+
+if TYPE_CHECKING:
+    from nvdb.vegnett import Vegnett
 
 SKILTPUNKT = 95
 SKILTPLATE = 96
@@ -109,33 +107,98 @@ def sites_from_mirror(
         Plate's id → azimuths of its faces, as :func:`twin.mirror.vegnett.facing` gives them.
     """
     faces = faces_deg or {}
-    points, live = [r for r in points if _in_force(r)], [r for r in plates if _in_force(r)]
-    ids = {row["nvdb_id"] for row in points}
-    claims = [(child, row["nvdb_id"]) for row in points for child in row["plate_ids"]]
+    poles = [_Point.from_row(row, config) for row in points if _in_force(row)]
+    live = [_MirroredPlate.from_row(row, config) for row in plates if _in_force(row)]
+    ids = {pole.nvdb_id for pole in poles}
+    claims = [(child, pole.nvdb_id) for pole in poles for child in pole.plate_ids]
     claimed = Counter(child for child, _ in claims)
     # A plate that two points claim is left to its own word.
     parent = {child: point for child, point in claims if claimed[child] == 1}
-    children: dict[int, list[Row]] = {}
-    orphans: dict[tuple[object, ...], list[Row]] = {}
-    for row in live:
-        point_id = row["point_id"] if row["point_id"] in ids else parent.get(row["nvdb_id"])
+    children: dict[int, list[_MirroredPlate]] = {}
+    orphans: dict[tuple[object, ...], list[_MirroredPlate]] = {}
+    for plate in live:
+        point_id = plate.point_id if plate.point_id in ids else parent.get(plate.nvdb_id)
         if point_id is not None and point_id in ids:
-            children.setdefault(point_id, []).append(row)
-        elif row["east_m"] is not None:
-            place = (round(row["east_m"], 3), round(row["north_m"], 3), row["own_geometry"])
-            orphans.setdefault(place, []).append(row)
-    found = [_site(SKILTPUNKT, row, children.get(row["nvdb_id"], []), config, faces) for row in points]
-    found += [_site(SKILTPLATE, min(group, key=_by_id), group, config, faces) for group in orphans.values()]
-    return sorted((site for site in found if site is not None), key=lambda s: (s.nvdb_type, s.nvdb_id))
+            children.setdefault(point_id, []).append(plate)
+        elif plate.place_m is not None:
+            east_m, north_m = plate.place_m
+            shared = (round(east_m, 3), round(north_m, 3), plate.own_geometry)
+            orphans.setdefault(shared, []).append(plate)
+    sites = [_site(SKILTPUNKT, pole, children.get(pole.nvdb_id, []), config, faces) for pole in poles]
+    sites += [
+        _site(SKILTPLATE, min(group, key=lambda plate: plate.nvdb_id), group, config, faces)
+        for group in orphans.values()
+    ]
+    return sorted((site for site in sites if site is not None), key=lambda s: (s.nvdb_type, s.nvdb_id))
+
+
+@dataclass(frozen=True, slots=True)
+class _Mirrored:
+    """What matching needs of a Skiltpunkt or a Skiltplate.
+
+    ``place_m``: EPSG:25833, None where NVDB says none; ``sigma_m``: of that, if it is the object's own;
+    ``side``: of the road's metering, ``H``, ``V`` or "".
+    """
+
+    nvdb_id: int
+    version: int | None
+    place_m: tuple[float, float] | None
+    sigma_m: float
+    own_geometry: bool
+    start_date: str
+    side: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Point(_Mirrored):
+    plate_ids: tuple[int, ...]
+
+    @classmethod
+    def from_row(cls, row: Row, config: MatchConfig) -> _Point:
+        return cls(**_shared(row, config), plate_ids=tuple(row["plate_ids"]))
+
+
+@dataclass(frozen=True, slots=True)
+class _MirroredPlate(_Mirrored):
+    point_id: int | None
+    code: str
+    ansiktsside: str | None
+    text: str
+    plasseringskode: int
+
+    @classmethod
+    def from_row(cls, row: Row, config: MatchConfig) -> _MirroredPlate:
+        return cls(
+            **_shared(row, config),
+            point_id=row["point_id"],
+            code=row["skiltnummer"] or "",
+            ansiktsside=row["ansiktsside"],
+            text=row["text"] or "",
+            plasseringskode=row["plasseringskode"] or 0,
+        )
+
+    def as_plate(self, faces: Mapping[int, tuple[float, float]]) -> Plate:
+        faces_deg = faces.get(self.nvdb_id, _NOT_KNOWN)
+        return Plate(
+            self.nvdb_id, self.version, self.code, self.ansiktsside, faces_deg, self.start_date, self.text
+        )
+
+
+def _shared(row: Row, config: MatchConfig) -> dict[str, Any]:
+    return {
+        "nvdb_id": row["nvdb_id"],
+        "version": row["version"],
+        "place_m": None if row["east_m"] is None else (row["east_m"], row["north_m"]),
+        "sigma_m": _sigma_m(row, config),
+        "own_geometry": bool(row["own_geometry"]),
+        "start_date": row["start_date"] or "",
+        "side": _side(row),
+    }
 
 
 def _in_force(row: Row) -> bool:
     """Whether the object was valid on the day of the sync: sluttdato may lie in the future."""
     return not row["end_date"] or row["end_date"] > row["synced_at"][:10]
-
-
-def _by_id(row: Row) -> int:
-    return int(row["nvdb_id"])
 
 
 def along_the_road(sites: Sequence[Site], nett: Vegnett) -> list[Site]:
@@ -155,41 +218,30 @@ def along_the_road(sites: Sequence[Site], nett: Vegnett) -> list[Site]:
 
 def _site(
     nvdb_type: int,
-    row: Row,
-    plates: Sequence[Row],
+    named: _Mirrored,
+    plates: Sequence[_MirroredPlate],
     config: MatchConfig,
     faces: Mapping[int, tuple[float, float]],
 ) -> Site | None:
     """One site; a point that is only on the centre line borrows the own position of its plates."""
-    placed = row
-    if not row["own_geometry"] or row["east_m"] is None:
-        placed = next((p for p in plates if p["own_geometry"] and p["east_m"] is not None), row)
-    if placed["east_m"] is None:
+    placed = named
+    if not named.own_geometry or named.place_m is None:
+        placed = next((p for p in plates if p.own_geometry and p.place_m is not None), named)
+    if placed.place_m is None:
         return None
-    own = bool(placed["own_geometry"])
-    ordered = sorted(plates, key=lambda p: (p["plasseringskode"] or 0, p["nvdb_id"]))
+    own = placed.own_geometry
+    ordered = sorted(plates, key=lambda plate: (plate.plasseringskode, plate.nvdb_id))
     return Site(
         nvdb_type=nvdb_type,
-        nvdb_id=row["nvdb_id"],
-        version=row["version"],
-        east_m=placed["east_m"],
-        north_m=placed["north_m"],
-        sigma_m=_sigma_m(placed, config) if own else config.centre_line_sigma_m,
+        nvdb_id=named.nvdb_id,
+        version=named.version,
+        east_m=placed.place_m[0],
+        north_m=placed.place_m[1],
+        sigma_m=placed.sigma_m if own else config.centre_line_sigma_m,
         own_geometry=own,
-        plates=tuple(
-            Plate(
-                p["nvdb_id"],
-                p["version"],
-                p["skiltnummer"] or "",
-                p["ansiktsside"],
-                faces.get(p["nvdb_id"], _NOT_KNOWN),
-                p["start_date"] or "",
-                p["text"] or "",
-            )
-            for p in ordered
-        ),
-        start_date=row["start_date"] or "",
-        side="" if own else _side(placed),
+        plates=tuple(plate.as_plate(faces) for plate in ordered),
+        start_date=named.start_date,
+        side="" if own else placed.side,
     )
 
 
