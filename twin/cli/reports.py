@@ -274,7 +274,7 @@ def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) 
     with Store.open(store, create=False) as opened:
         held = status_of(opened)
     if json_output:
-        print_json(held)
+        print_json(held.as_json())
         return
     print_pairs(
         f"Store {held.store}",
@@ -282,27 +282,27 @@ def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) 
             **_mirror_pairs(held),
             "drives": len(held.drives),
             "estimates": ", ".join(f"{n} {m}" for m, n in held.estimates.items()) or None,
-            "last match": (held.last_match or {}).get("at"),
+            "last match": held.last_match.at if held.last_match else None,
             "findings": ", ".join(f"{n} {v}" for v, n in held.verdicts.items()) or None,
         },
     )
 
 
 def _mirror_pairs(held: Status) -> dict[str, object]:
-    mirror = held.mirror or {}
+    mirror = held.mirror
     pairs: dict[str, object] = {
-        "NVDB area": mirror.get("area"),
+        "NVDB area": mirror.area if mirror else None,
         "Skiltpunkt": held.skiltpunkt,
         "Skiltplate": held.skiltplate,
-        "last synced": f"{mirror['synced_at']}, {_ago(mirror['age_hours'])}" if mirror else None,
-        "follows": mirror.get("source"),
-        "position in its change feed": mirror.get("position"),
+        "last synced": f"{mirror.synced_at}, {_ago(mirror.age_hours)}" if mirror else None,
+        "follows": mirror.source if mirror else None,
+        "position in its change feed": mirror.position if mirror else None,
     }
     if held.unfinished:
-        kept = " and ".join(f"{n:,} {name}" for name, n in held.unfinished["kept"].items())
-        pairs["unfinished backfill"] = f"{held.unfinished['area']}: {kept} so far"
+        kept = " and ".join(f"{n:,} {name}" for name, n in held.unfinished.kept.items())
+        pairs["unfinished backfill"] = f"{held.unfinished.area}: {kept} so far"
     if network := held.vegnett:
-        pairs["road network"] = f"{network['count']:,} links of {network['area']}, {network['fetched_at']}"
+        pairs["road network"] = f"{network.count:,} links of {network.area}, {network.fetched_at}"
     return pairs
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import sqlalchemy as sa
@@ -16,62 +16,119 @@ from twin.store.store import Row, Snapshot, Store
 _FACTS = ("mirror", "mirror_backfill", "vegnett", "last_match")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MirrorStatus:
+    """The mirror of NVDB's signs: of what, as of when, and how far it has come in the change feed.
+
+    ``unread``: type → ids of objects that came in a form that cannot be read; ``since``: from when on this
+    area's states were observed. Both None in a store from before they were kept.
+    """
+
+    source: str
+    area: str
+    position: str
+    unread: Mapping[str, Sequence[int]] | None = None
+    since: str | None = None
+    synced_at: str
+    age_hours: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnfinishedBackfill:
+    """A backfill that was interrupted; ``kept``: objects that it has, by type."""
+
+    source: str
+    area: str
+    position: str
+    cursors: Mapping[str, str]
+    unread: Mapping[str, Sequence[int]] | None = None
+    kept: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkStatus:
+    """The road network; ``rejected``: why links could not be used, one sentence each."""
+
+    area: str
+    url: str | None = None
+    fetched_at: str
+    count: int
+    n_rejected: int | None = None
+    rejected: Sequence[str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DriveStatus:
+    """One ingested drive."""
+
+    drive_id: str
+    name: str
+    length_m: float
+    n_annotations: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LastMatch:
+    """When the last match was, with what settings, and of which revision of the store."""
+
+    method: str
+    at: str
+    settings: Mapping[str, Any] | None = None
+    config_sha256: str | None = None
+    revision: int
+
+
 @dataclass(frozen=True, slots=True)
 class Status:
-    """What a store holds.
+    """What a store holds; None for what it does not.
 
     Attributes
     ----------
     store : str
         Its path.
-    mirror : mapping or None
-        Fact of the mirror: area, source, position in the change feed, synced_at, age_hours.
-    unfinished : mapping or None
-        Fact of a backfill that was interrupted, and how many objects of which type it has ``kept``.
-    vegnett : mapping or None
-        Fact of the road network: area, fetched_at, count.
     skiltpunkt, skiltplate : int
         Objects in the mirror.
-    drives : list of rows
-        drive_id, name, length_m, n_annotations; in order of time.
+    drives : tuple of DriveStatus
+        In order of time.
     estimates, verdicts : dict
         Method → estimates; verdict → findings.
-    last_match : mapping or None
-        Fact of the last match.
     """
 
     store: str
-    mirror: Mapping[str, Any] | None
-    unfinished: Mapping[str, Any] | None
-    vegnett: Mapping[str, Any] | None
+    mirror: MirrorStatus | None
+    unfinished: UnfinishedBackfill | None
+    vegnett: NetworkStatus | None
     skiltpunkt: int
     skiltplate: int
-    drives: list[Row]
+    drives: tuple[DriveStatus, ...]
     estimates: dict[str, int]
     verdicts: dict[str, int]
-    last_match: Mapping[str, Any] | None
+    last_match: LastMatch | None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it in types that JSON has; what the store does not keep of a fact is left out."""
+        document = asdict(self)
+        for name in ("mirror", "unfinished", "vegnett", "last_match"):
+            if document[name] is not None:
+                document[name] = {key: value for key, value in document[name].items() if value is not None}
+        return document
 
 
 def status(store: Store) -> Status:
     """Summarise mirror, drives, estimates and findings: one state, also while a sync is at work."""
-    drive = schema.drive.c
     with store.snapshot() as view:
         facts = _facts(view)
         return Status(
             store=str(store.path),
-            mirror=_with_age(facts.get("mirror")),
-            unfinished=_with_kept(view, facts.get("mirror_backfill")),
-            vegnett=facts.get("vegnett"),
+            mirror=_mirror(facts.get("mirror")),
+            unfinished=_unfinished(view, facts.get("mirror_backfill")),
+            vegnett=_vegnett(facts.get("vegnett")),
             skiltpunkt=_count(view, schema.skiltpunkt),
             skiltplate=_count(view, schema.skiltplate),
-            drives=view.rows(
-                sa.select(drive.drive_id, drive.name, drive.length_m, drive.n_annotations).order_by(
-                    drive.started_ns
-                )
-            ),
+            drives=_drives(view),
             estimates=_counts_by(view, schema.estimate.c.method),
             verdicts=_counts_by(view, schema.change.c.verdict),
-            last_match=facts.get("last_match"),
+            last_match=_last_match(facts.get("last_match")),
         )
 
 
@@ -90,15 +147,34 @@ def _counts_by(view: Snapshot, column: sa.Column[Any]) -> dict[str, int]:
     return {row[column.name]: row["n"] for row in rows}
 
 
-def _with_age(mirror: dict[str, Any] | None) -> dict[str, Any] | None:
-    if mirror is None:
+def _drives(view: Snapshot) -> tuple[DriveStatus, ...]:
+    drive = schema.drive.c
+    columns = (drive.drive_id, drive.name, drive.length_m, drive.n_annotations)
+    return tuple(DriveStatus(**row) for row in view.rows(sa.select(*columns).order_by(drive.started_ns)))
+
+
+def _of(kind: type, fact: Row) -> dict[str, Any]:
+    """What a fact has of a record's fields."""
+    return {field.name: fact[field.name] for field in fields(kind) if field.name in fact}
+
+
+def _mirror(fact: Row | None) -> MirrorStatus | None:
+    if fact is None:
         return None
-    age = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(mirror["synced_at"])
-    return {**mirror, "age_hours": round(age.total_seconds() / 3600, 2)}
+    age = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(fact["synced_at"])
+    return MirrorStatus(**_of(MirrorStatus, fact), age_hours=round(age.total_seconds() / 3600, 2))
 
 
-def _with_kept(view: Snapshot, backfill: dict[str, Any] | None) -> dict[str, Any] | None:
-    if backfill is None:
+def _unfinished(view: Snapshot, fact: Row | None) -> UnfinishedBackfill | None:
+    if fact is None:
         return None
     kept = {t.visible.name.capitalize(): _count(view, t.aside) for t in schema.MIRROR.values()}
-    return {**backfill, "kept": kept}
+    return UnfinishedBackfill(**_of(UnfinishedBackfill, fact), kept=kept)
+
+
+def _vegnett(fact: Row | None) -> NetworkStatus | None:
+    return None if fact is None else NetworkStatus(**_of(NetworkStatus, fact))
+
+
+def _last_match(fact: Row | None) -> LastMatch | None:
+    return None if fact is None else LastMatch(**_of(LastMatch, fact))
