@@ -24,7 +24,7 @@ from twin.matching.config import MatchConfig
 from twin.matching.sites import Site, sites_from_mirror
 from twin.reports.sightings import CameraShare, Frames, cameras_of, frames_of
 from twin.store import schema
-from twin.store.records import Corrections
+from twin.store.records import Corrections, Covariance, Estimate
 from twin.store.schema import METHODS
 from twin.store.store import Snapshot, Store
 
@@ -144,29 +144,33 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
         The store has no estimates yet.
     """
     with store.snapshot() as view:
-        row = _chosen(view, which, store.path)
-        (drive,) = view.rows(sa.select(schema.drive).where(schema.drive.c.drive_id == row["drive_id"]))
-        (of_method,) = view.rows(_of(schema.drive_method, row))
+        estimate = _chosen(view, which, store.path)
+        (drive,) = view.rows(sa.select(schema.drive).where(schema.drive.c.drive_id == estimate.drive_id))
+        (of_method,) = view.rows(_of(schema.drive_method, estimate))
         sightings = view.rows(
-            _of(schema.sighting, row)
-            .where(schema.sighting.c.object == row["object"])
+            _of(schema.sighting, estimate)
+            .where(schema.sighting.c.object == estimate.object)
             .order_by(schema.sighting.c.epoch_ns, schema.sighting.c.number)
         )
-        also = view.rows(_same_object(row))
-        near = _neighbours(view, row["east_m"], row["north_m"])
+        also = view.rows(_same_object(estimate))
+        near = _neighbours(view, estimate.east_m, estimate.north_m)
     frames = frames_of(sightings, _rig(drive))
     return EstimateExplained(
-        **{
-            name: row[name]
-            for name in ("estimate_id", "object", "label", "skiltnummer", "drive_id", "method")
-        },
-        **{
-            name: row[name]
-            for name in ("east_m", "north_m", "height_m", "n_sightings", "n_frames", "n_rejected")
-        },
+        estimate_id=estimate.estimate_id,
+        object=estimate.object,
+        label=estimate.label,
+        skiltnummer=";".join(estimate.codes),
+        drive_id=estimate.drive_id,
+        method=estimate.method,
+        east_m=estimate.east_m,
+        north_m=estimate.north_m,
+        height_m=estimate.height_m,
+        n_sightings=estimate.n_sightings,
+        n_frames=estimate.n_frames,
+        n_rejected=estimate.n_rejected,
         drive_name=drive["name"],
-        flags=tuple(flag for flag in row["flags"].split(";") if flag),
-        **_place(row),
+        flags=estimate.flags,
+        **_place(estimate),
         frames=frames,
         cameras=cameras_of(frames),
         corrections=Corrections.from_json(of_method["corrections"]),
@@ -178,14 +182,18 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
     )
 
 
-def _of(table: sa.Table, row: Row) -> sa.Select[Any]:
-    return sa.select(table).where(table.c.drive_id == row["drive_id"], table.c.method == row["method"])
+def _of(table: sa.Table, estimate: Estimate) -> sa.Select[Any]:
+    return sa.select(table).where(
+        table.c.drive_id == estimate.drive_id, table.c.method == estimate.method.value
+    )
 
 
-def _same_object(row: Row) -> sa.Select[Any]:
+def _same_object(estimate: Estimate) -> sa.Select[Any]:
     table = schema.estimate.c
     return sa.select(table.estimate_id).where(
-        table.drive_id == row["drive_id"], table.object == row["object"], table.method != row["method"]
+        table.drive_id == estimate.drive_id,
+        table.object == estimate.object,
+        table.method != estimate.method.value,
     )
 
 
@@ -195,19 +203,19 @@ def _rank(estimate_id: str) -> int:
     return METHODS.index(method) if method in METHODS else len(METHODS)
 
 
-def _chosen(view: Snapshot, which: str, path: Path) -> Row:
+def _chosen(view: Snapshot, which: str, path: Path) -> Estimate:
     table = schema.estimate.c
     exact = view.rows(sa.select(schema.estimate).where(table.estimate_id == which))
     if exact:
-        return exact[0]
+        return Estimate.from_row(exact[0])
     asked = sa.or_(table.object == which, table.drive_id + ":" + table.object == which)
-    rows = view.rows(sa.select(schema.estimate).where(asked))
-    if not rows:
+    estimates = [Estimate.from_row(row) for row in view.rows(sa.select(schema.estimate).where(asked))]
+    if not estimates:
         raise _no_such(view, which, path)
-    best = sorted(rows, key=lambda r: (_rank(r["estimate_id"]), r["estimate_id"]))
-    drives = {row["drive_id"] for row in rows}
+    best = sorted(estimates, key=lambda e: (_rank(e.estimate_id), e.estimate_id))
+    drives = sorted({estimate.drive_id for estimate in estimates})
     if len(drives) > 1:
-        names = [next(r["estimate_id"] for r in best if r["drive_id"] == drive) for drive in sorted(drives)]
+        names = [next(e.estimate_id for e in best if e.drive_id == drive) for drive in drives]
         raise ConfigError(f"{len(drives)} drives have an object {which!r}: name one of {_listed(names)}.")
     return best[0]
 
@@ -237,29 +245,28 @@ def _listed(names: Sequence[str]) -> str:
     return shown if len(names) <= _MAX_NAMED else f"{shown} and {len(names) - _MAX_NAMED} more"
 
 
-def _place(row: Row) -> dict[str, Any]:
+def _place(estimate: Estimate) -> dict[str, Any]:
     """Position, ellipse and budget in the forms that people read."""
-    lat, lon = geographic_from_utm33(row["east_m"], row["north_m"])
-    covariance = np.array(
-        [[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]], dtype=np.float64
-    )
+    lat, lon = geographic_from_utm33(estimate.east_m, estimate.north_m)
+    ee, en, nn = estimate.covariance_m2
+    covariance = np.array([[ee, en], [en, nn]], dtype=np.float64)
     major, minor, grid_azimuth = ellipse(covariance)
     azimuth = float(grid_azimuth + grid_convergence_deg(lat, lon)) % 180.0
-    sigma = row["sigma_height_m"]
+    sigma = estimate.sigma_height_m
     return {
         "latitude_deg": float(lat),
         "longitude_deg": float(lon),
         "sigma_height_m": float("nan") if sigma is None else sigma,
-        "height_nn2000_m": float(nn2000_from_ellipsoidal(lat, lon, row["height_m"]).height_m),
+        "height_nn2000_m": float(nn2000_from_ellipsoidal(lat, lon, estimate.height_m).height_m),
         "covariance_m2": covariance,
         "major95_m": SIGMAS_95 * float(major),
         "minor95_m": SIGMAS_95 * float(minor),
         "azimuth_deg": azimuth,
-        "budget": _budget(row["budget"], azimuth),
+        "budget": _budget(estimate.budget, azimuth),
     }
 
 
-def _budget(budget: Mapping[str, Sequence[float]], azimuth_deg: float) -> tuple[BudgetShare, ...]:
+def _budget(budget: Mapping[str, Covariance], azimuth_deg: float) -> tuple[BudgetShare, ...]:
     """Each source's sigmas along the whole's axes; its covariance is in true east and north."""
     sin, cos = np.sin(np.radians(azimuth_deg)), np.cos(np.radians(azimuth_deg))
     whole = sum(ee + nn for ee, _, nn in budget.values())
