@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,16 +14,15 @@ import sqlalchemy as sa
 from geoloc.arrays import FloatArray
 from geoloc.locate.accuracy import ErrorStats, ellipse_coverage, error_stats, stats_by_range
 from twin.errors import TruthError
-from twin.reports.pairing import Pairing, by_id, by_position, nearest_m
+from twin.reports.pairing import Pairing, Placed, by_id, by_position, nearest_m
 from twin.reports.truth import Truth, read_truth
 from twin.store import schema
 from twin.store.folders import make_folder
+from twin.store.records import Estimate
 from twin.store.store import Store
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Row = Mapping[str, Any]
 
 __all__ = ["BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "plot", "read_truth"]
 
@@ -119,29 +118,58 @@ def evaluate(
     TruthError
         None of the truth's objects has an estimate.
     """
-    estimates = store.rows(sa.select(schema.estimate).order_by(schema.estimate.c.estimate_id))
+    sightings = _sightings(store)
+    estimates = _estimates(store, sightings)
     if not estimates:
         raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
     find, paired_by = _pairing(store, estimates, truths, by, within_m)
-    sightings = store.rows(sa.select(schema.sighting).where(schema.sighting.c.rejected == ""))
-    speed = _mean_speeds(sightings)
     results: list[MethodResult] = []
     sighting_arrays: dict[str, dict[str, FloatArray]] = {}
     estimate_arrays: dict[str, dict[str, FloatArray]] = {}
     for method in store.methods():
-        mine = [{**row, "speed_mps": speed.get(_key(row))} for row in estimates if row["method"] == method]
+        mine = [estimate for estimate in estimates if estimate.method == method]
         own = _paired(mine, find)
         if not own:
             continue
-        placed = (s for s in sightings if s["method"] == method in ONE_FRAME and s["east_m"] is not None)
-        seen = _paired(placed, find)
-        objects, singles = _errors(own, "range_min_m"), _errors(seen, "range_m")
+        placed = (s for s in sightings if s.method == method in ONE_FRAME and math.isfinite(s.east_m))
+        single = _paired(placed, find)
+        objects, singles = _errors(own), _errors(single)
         estimate_arrays[method] = objects.arrays()
-        if seen:
+        if single:
             sighting_arrays[method] = singles.arrays()
         missed = {truth.object for truth in truths} - {truth.object for _, truth in own}
         results.append(_result(method, objects, singles, sorted(missed), len(mine) - len(own), paired_by))
     return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
+
+
+_NUMBERS = ("east_m", "north_m", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "range_m", "speed_mps")
+
+
+def _sightings(store: Store) -> list[Placed]:
+    """Sightings that took part, with the positions that they give alone; NaN where they give none."""
+    table = schema.sighting.c
+    columns = [table[name] for name in ("method", "drive_id", "object", *_NUMBERS)]
+    sightings = []
+    for row in store.rows(sa.select(*columns).where(table.rejected == "")):
+        numbers = (math.nan if row[name] is None else row[name] for name in _NUMBERS)
+        east_m, north_m, ee, en, nn, range_m, speed_mps = numbers
+        whose = row["method"], row["drive_id"], row["object"]
+        sightings.append(Placed(*whose, (), east_m, north_m, (ee, en, nn), range_m, speed_mps))
+    return sightings
+
+
+def _estimates(store: Store, sightings: Sequence[Placed]) -> list[Placed]:
+    """Estimates in the order of their ids, at the distance of their nearest sighting."""
+    speeds = _mean_speeds(sightings)
+    estimates = []
+    for row in store.rows(sa.select(schema.estimate).order_by(schema.estimate.c.estimate_id)):
+        one = Estimate.from_row(row)
+        whose = one.method, one.drive_id, one.object
+        speed_mps = speeds.get(whose, math.nan)
+        estimates.append(
+            Placed(*whose, one.codes, one.east_m, one.north_m, one.covariance_m2, one.range_min_m, speed_mps)
+        )
+    return estimates
 
 
 def _result(
@@ -160,7 +188,7 @@ def _result(
 
 
 def _pairing(
-    store: Store, estimates: Sequence[Row], truths: Sequence[Truth], by: str, within_m: float
+    store: Store, estimates: Sequence[Placed], truths: Sequence[Truth], by: str, within_m: float
 ) -> tuple[Pairing, str]:
     """How estimates find their truth, and which way that is.
 
@@ -173,10 +201,10 @@ def _pairing(
         raise TruthError(f"Estimates cannot be paired by {by!r}: use one of {', '.join(BY)}.")
     ways = {"id": by_id(truths), "position": by_position(estimates, truths, within_m)}
     for way in ways if by == "auto" else (by,):
-        if any(ways[way](row) is not None for row in estimates):
+        if any(ways[way](estimate) is not None for estimate in estimates):
             return ways[way], way
     names = ", ".join(sorted({t.object for t in truths})[:3])
-    held = ", ".join(sorted({row["object"] for row in estimates})[:3])
+    held = ", ".join(sorted({estimate.object for estimate in estimates})[:3])
     if by == "id":
         raise TruthError(
             f"No estimate in {store.path} belongs to an object of the truth file ({names}, …): the column "
@@ -190,21 +218,17 @@ def _pairing(
     )
 
 
-def _paired(rows: Iterable[Row], find: Pairing) -> list[tuple[Row, Truth]]:
-    """Rows that have a truth, with it."""
-    return [(row, truth) for row in rows if (truth := find(row)) is not None]
+def _paired(placed: Iterable[Placed], find: Pairing) -> list[tuple[Placed, Truth]]:
+    """What has a truth, with it."""
+    return [(one, truth) for one in placed if (truth := find(one)) is not None]
 
 
-def _key(row: Row) -> tuple[str, str, str]:
-    return row["method"], row["drive_id"], row["object"]
-
-
-def _mean_speeds(sightings: Sequence[Row]) -> dict[tuple[str, str, str], float]:
+def _mean_speeds(sightings: Sequence[Placed]) -> dict[tuple[str, str, str], float]:
     """(method, drive, object) → the car's mean speed over the sightings that took part."""
     speeds: dict[tuple[str, str, str], list[float]] = {}
-    for row in sightings:
-        if row["speed_mps"] is not None:
-            speeds.setdefault(_key(row), []).append(row["speed_mps"])
+    for sighting in sightings:
+        if math.isfinite(sighting.speed_mps):
+            speeds.setdefault(sighting.key, []).append(sighting.speed_mps)
     return {key: float(np.mean(values)) for key, values in speeds.items()}
 
 
@@ -238,18 +262,14 @@ class _Errors:
         return tuple(bins)
 
 
-def _errors(pairs: Sequence[tuple[Row, Truth]], range_name: str) -> _Errors:
-    def column(*names: str) -> FloatArray:
-        values = [[row.get(name) for name in names] for row, _ in pairs]
-        return np.array(values, dtype=np.float64).reshape(len(pairs), len(names))
-
-    truth = np.array([(t.east_m, t.north_m) for _, t in pairs]).reshape(-1, 2)
-    covariance = column("cov_ee_m2", "cov_en_m2", "cov_en_m2", "cov_nn_m2").reshape(-1, 2, 2)
+def _errors(pairs: Sequence[tuple[Placed, Truth]]) -> _Errors:
+    offset = [(placed.east_m - truth.east_m, placed.north_m - truth.north_m) for placed, truth in pairs]
+    covariance = np.array([placed.covariance_m2 for placed, _ in pairs]).reshape(-1, 3)
     return _Errors(
-        offset_m=column("east_m", "north_m") - truth,
-        covariance_m2=covariance,
-        range_m=column(range_name)[:, 0],
-        speed_mps=column("speed_mps")[:, 0],
+        offset_m=np.array(offset).reshape(-1, 2),
+        covariance_m2=covariance[:, [0, 1, 1, 2]].reshape(-1, 2, 2),
+        range_m=np.array([placed.range_m for placed, _ in pairs]),
+        speed_mps=np.array([placed.speed_mps for placed, _ in pairs]),
     )
 
 

@@ -2,30 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from twin.matching.one_to_one import cheapest_pairs
 from twin.reports.truth import Truth
+from twin.store.records import split_codes
 
-Row = Mapping[str, Any]
-Pairing = Callable[[Row], Truth | None]
-"""The truth of a row of the tables ``estimate`` or ``sighting``; None where it has none."""
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """An estimate, or a single sighting, with the position that it gives its object.
+
+    Attributes
+    ----------
+    codes : tuple of str
+        Empty of a sighting.
+    east_m, north_m : float
+        EPSG:25833.
+    covariance_m2 : (float, float, float)
+        East-east, east-north, north-north; NaN where unknown.
+    range_m, speed_mps : float
+        To the camera; of the car. NaN where unknown.
+    """
+
+    method: str
+    drive_id: str
+    object: str
+    codes: tuple[str, ...]
+    east_m: float
+    north_m: float
+    covariance_m2: tuple[float, float, float]
+    range_m: float
+    speed_mps: float
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Method, drive and object."""
+        return self.method, self.drive_id, self.object
+
+
+Pairing = Callable[[Placed], Truth | None]
+"""The truth of an estimate or a sighting; None where it has none."""
 
 
 def by_id(truths: Sequence[Truth]) -> Pairing:
     """Pair by object id, and by drive where the truth names one."""
-    known = {(truth.drive_id, truth.object): truth for truth in truths}
+    surveyed = {(truth.drive_id, truth.object): truth for truth in truths}
 
-    def find(row: Row) -> Truth | None:
-        return known.get((row["drive_id"], row["object"])) or known.get(("", row["object"]))
+    def find(placed: Placed) -> Truth | None:
+        return surveyed.get((placed.drive_id, placed.object)) or surveyed.get(("", placed.object))
 
     return find
 
 
-def by_position(estimates: Sequence[Row], truths: Sequence[Truth], within_m: float) -> Pairing:
+def by_position(estimates: Sequence[Placed], truths: Sequence[Truth], within_m: float) -> Pairing:
     """Pair each drive's estimates, a method at a time, one-to-one with the truths they stand near.
 
     The pairs are those that leave the least sum of squared distances, where "no pair" counts as `within_m`:
@@ -34,49 +67,48 @@ def by_position(estimates: Sequence[Row], truths: Sequence[Truth], within_m: flo
 
     Parameters
     ----------
-    estimates : rows of the ``estimate`` table
+    estimates : sequence of Placed
     within_m : float
         Pairs that are farther apart are none.
     """
-    found: dict[tuple[str, str, str], Truth] = {}
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for row in estimates:
-        groups.setdefault((row["method"], row["drive_id"]), []).append(row)
-    for (method, drive_id), rows in groups.items():
+    pairs: dict[tuple[str, str, str], Truth] = {}
+    groups: dict[tuple[str, str], list[Placed]] = {}
+    for estimate in estimates:
+        groups.setdefault((estimate.method, estimate.drive_id), []).append(estimate)
+    for (_, drive_id), group in groups.items():
         possible = [truth for truth in truths if truth.drive_id in ("", drive_id)]
-        for i, j in _nearest(rows, possible, within_m).items():
-            found[method, drive_id, rows[i]["object"]] = possible[j]
-    return lambda row: found.get((row["method"], row["drive_id"], row["object"]))
+        for i, j in _nearest(group, possible, within_m).items():
+            pairs[group[i].key] = possible[j]
+    return lambda placed: pairs.get(placed.key)
 
 
-def nearest_m(estimates: Sequence[Row], truths: Sequence[Truth]) -> float:
+def nearest_m(estimates: Sequence[Placed], truths: Sequence[Truth]) -> float:
     """Distance of the estimate that stands nearest to any truth."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree([(truth.east_m, truth.north_m) for truth in truths])
-    distance_m, _ = tree.query(np.array([(row["east_m"], row["north_m"]) for row in estimates]))
+    distance_m, _ = tree.query(np.array([(e.east_m, e.north_m) for e in estimates]))
     return float(np.min(distance_m))
 
 
-def _nearest(rows: Sequence[Row], truths: Sequence[Truth], within_m: float) -> dict[int, int]:
-    """Row → truth."""
+def _nearest(estimates: Sequence[Placed], truths: Sequence[Truth], within_m: float) -> dict[int, int]:
+    """Estimate → truth, by their numbers."""
     from scipy.spatial import cKDTree
 
-    if not rows or not truths:
+    if not estimates or not truths:
         return {}
-    estimated = cKDTree([(row["east_m"], row["north_m"]) for row in rows])
+    estimated = cKDTree([(e.east_m, e.north_m) for e in estimates])
     surveyed = cKDTree([(truth.east_m, truth.north_m) for truth in truths])
     near = estimated.sparse_distance_matrix(surveyed, within_m, output_type="ndarray")
     pairs = zip(near["i"].tolist(), near["j"].tolist(), strict=True)
-    fits = np.array([_same_sign(rows[i], truths[j]) for i, j in pairs], dtype=bool)
+    fits = np.array([_same_sign(estimates[i], truths[j]) for i, j in pairs], dtype=bool)
     near = near[fits]
     return cheapest_pairs(near["i"], near["j"], near["v"] ** 2 - within_m**2)
 
 
-def _same_sign(row: Row, truth: Truth) -> bool:
+def _same_sign(estimate: Placed, truth: Truth) -> bool:
     """Whether codes are shared, as far as both are known: words in a label ("skilt") are no codes."""
-    seen, known = (
-        {code.strip() for code in text.split(";") if code.strip()[:1].isdigit()}
-        for text in (row["skiltnummer"], truth.label)
+    annotated, surveyed = (
+        {code for code in codes if code[:1].isdigit()} for codes in (estimate.codes, split_codes(truth.label))
     )
-    return not (seen and known) or bool(seen & known)
+    return not (annotated and surveyed) or bool(annotated & surveyed)
