@@ -40,31 +40,38 @@ def _made_store(path: Path) -> Iterator[Store]:
         raise
 
 
+MethodOption = Annotated[
+    Method,
+    typer.Option(help="adjusted: all sightings together. single-frame: each by itself. paper: the baseline."),
+]
+TerrainOption = Annotated[
+    Path | None, typer.Option(help="Ground raster (GeoTIFF) instead of the plane of the road.")
+]
+TerrainHeightsOption = Annotated[
+    str | None, typer.Option(help="NN2000 or ellipsoidal, where the raster does not say.")
+]
+LabelsOption = Annotated[
+    Path | None, typer.Option(help="What labels mean, instead of the drive's labels.toml.")
+]
+DetectorOption = Annotated[
+    Path | None, typer.Option(help="Find the signs by this network (ONNX) instead of annotations.")
+]
+DetectorEveryOption = Annotated[int, typer.Option(min=1, help="Run the detector on every so many frames.")]
+DetectorThresholdOption = Annotated[
+    float, typer.Option(help="Lowest score of a box that counts, between 0 and 1.")
+]
+
+
 @app.command("ingest-drive", epilog="Example: twin ingest-drive data/trip_trondheim")
 def ingest_drive(
     drive: Annotated[Path, typer.Argument(help="The drive's folder.", metavar="DRIVE")],
-    method: Annotated[
-        Method,
-        typer.Option(
-            help="adjusted: all sightings together. single-frame: each by itself. paper: the baseline."
-        ),
-    ] = Method.ADJUSTED,
-    terrain: Annotated[
-        Path | None, typer.Option(help="Ground raster (GeoTIFF) instead of the plane of the road.")
-    ] = None,
-    terrain_heights: Annotated[
-        str | None, typer.Option(help="NN2000 or ellipsoidal, where the raster does not say.")
-    ] = None,
-    labels: Annotated[
-        Path | None, typer.Option(help="What labels mean, instead of the drive's labels.toml.")
-    ] = None,
-    detector: Annotated[
-        Path | None, typer.Option(help="Find the signs by this network (ONNX) instead of annotations.")
-    ] = None,
-    detector_every: Annotated[int, typer.Option(min=1, help="Run the detector on every so many frames.")] = 1,
-    detector_threshold: Annotated[
-        float, typer.Option(help="Lowest score of a box that counts, between 0 and 1.")
-    ] = 0.25,
+    method: MethodOption = Method.ADJUSTED,
+    terrain: TerrainOption = None,
+    terrain_heights: TerrainHeightsOption = None,
+    labels: LabelsOption = None,
+    detector: DetectorOption = None,
+    detector_every: DetectorEveryOption = 1,
+    detector_threshold: DetectorThresholdOption = 0.25,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:

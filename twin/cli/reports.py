@@ -176,20 +176,20 @@ def _print_budget(e: EstimateExplained) -> None:
 
 
 def _print_cameras(e: EstimateExplained) -> None:
-    known = any(math.isfinite(c.rms_px) for c in e.cameras)
+    keeps_residuals = any(math.isfinite(c.rms_px) for c in e.cameras)
     rows = [
         (
             c.camera,
             c.n_used,
             c.n_rejected,
             f"{c.range_min_m:.1f}–{c.range_max_m:.1f}" if math.isfinite(c.range_min_m) else None,
-            *([f"{c.rms_px:.2f}" if math.isfinite(c.rms_px) else None] if known else []),
+            *([f"{c.rms_px:.2f}" if math.isfinite(c.rms_px) else None] if keeps_residuals else []),
         )
         for c in e.cameras
     ]
-    header = ["camera", "used" if known else "located", "rejected", "distance [m]"]
-    print_table("Seen by", [*header, *(["RMS residual [px]"] if known else [])], rows)
-    if not known and e.n_rejected:
+    header = ["camera", "used" if keeps_residuals else "located", "rejected", "distance [m]"]
+    print_table("Seen by", [*header, *(["RMS residual [px]"] if keeps_residuals else [])], rows)
+    if not keeps_residuals and e.n_rejected:
         note(
             f"The {e.n_rejected:,} outliers are among those located: {e.method} does not keep which they are."
         )

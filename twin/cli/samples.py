@@ -27,33 +27,38 @@ class ScenarioName(StrEnum):
     HIGHWAY = "highway"
 
 
+ScenarioOption = Annotated[
+    ScenarioName,
+    typer.Option(
+        help="still: the paper's standing car. approach: towards one pole. urban, highway: many poles. "
+        "sample: the road of the shipped sample."
+    ),
+]
+SpeedOption = Annotated[
+    float | None,
+    typer.Option(min=1.0, max=130.0, help="km/h, not for still; default: the scenario's own.", metavar="KMH"),
+]
+SeedOption = Annotated[int, typer.Option(min=0, help="Draws all errors; the same seed, the same drive.")]
+AntennasOption = Annotated[int, typer.Option(min=1, max=2, help="GNSS antennas that were recorded.")]
+CamerasOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Cameras that were annotated, separated by commas: C2_tricam60,C3_tricam120; "
+        "default: the scenario's own."
+    ),
+]
+
+
 @app.command("simulate", epilog="Example: twin simulate trial --scenario highway --speed 80 --seed 7")
 def simulate(
     out: Annotated[
         Path, typer.Argument(help="Where to write the drive: a new or an empty folder.", metavar="OUT")
     ],
-    scenario: Annotated[
-        ScenarioName,
-        typer.Option(
-            help="still: the paper's standing car. approach: towards one pole. urban, highway: many poles. "
-            "sample: the road of the shipped sample."
-        ),
-    ] = ScenarioName.URBAN,
-    speed: Annotated[
-        float | None,
-        typer.Option(
-            min=1.0, max=130.0, help="km/h, not for still; default: the scenario's own.", metavar="KMH"
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Draws all errors; the same seed, the same drive.")] = 0,
-    antennas: Annotated[int, typer.Option(min=1, max=2, help="GNSS antennas that were recorded.")] = 2,
-    cameras: Annotated[
-        str | None,
-        typer.Option(
-            help="Cameras that were annotated, separated by commas: C2_tricam60,C3_tricam120; "
-            "default: the scenario's own."
-        ),
-    ] = None,
+    scenario: ScenarioOption = ScenarioName.URBAN,
+    speed: SpeedOption = None,
+    seed: SeedOption = 0,
+    antennas: AntennasOption = 2,
+    cameras: CamerasOption = None,
     json_output: JsonOption = False,
 ) -> None:
     """Write a simulated drive for ingest-drive, with its truth for evaluate and every source of error."""

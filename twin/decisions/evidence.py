@@ -149,10 +149,10 @@ def _left_ellipse(then: Evidence, now: Evidence) -> bool:
 
 def _nvdb_moved_m(then: Evidence, now: Evidence) -> float | None:
     positions = (then.nvdb_east_m, then.nvdb_north_m, now.nvdb_east_m, now.nvdb_north_m)
-    known = [value for value in positions if value is not None]
-    if len(known) < len(positions):
+    stated = [value for value in positions if value is not None]
+    if len(stated) < len(positions):
         return None
-    east, north, east_now, north_now = known
+    east, north, east_now, north_now = stated
     return math.hypot(east_now - east, north_now - north)
 
 

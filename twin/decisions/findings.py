@@ -114,14 +114,14 @@ def findings(ask: Ask, decision: str | None = None) -> list[Row]:
     return [_told(dict(row)) for row in rows]
 
 
-def whole_ids(given: Collection[str], known: Collection[str]) -> list[str]:
+def whole_ids(given: Collection[str], existing: Collection[str]) -> list[str]:
     """Return the ids that are meant by whole ids, or by their first digits where only one begins so.
 
     Parameters
     ----------
     given : collection of str
         As people write them; at least `SHORTEST_ID` digits.
-    known : collection of str
+    existing : collection of str
 
     Returns
     -------
@@ -135,8 +135,8 @@ def whole_ids(given: Collection[str], known: Collection[str]) -> list[str]:
     """
     meant: dict[str, None] = {}
     for text in given:
-        fits = sorted(one for one in known if one.startswith(text)) if len(text) >= SHORTEST_ID else []
-        if text in known or not fits:
+        fits = sorted(one for one in existing if one.startswith(text)) if len(text) >= SHORTEST_ID else []
+        if text in existing or not fits:
             meant[text] = None
         elif len(fits) == 1:
             meant[fits[0]] = None

@@ -283,8 +283,8 @@ def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
     far = stands_far_away(sighted.located.rejected)
     is_sign = drive.is_sign()
     near = set(drive.annotations.object[is_sign & (drive.annotations.kind == Kind.BOX)].tolist())
-    seen = sighted.index[~far]
-    near |= set(drive.annotations.object[seen[is_sign[seen]]].tolist())
+    in_reach = sighted.index[~far]
+    near |= set(drive.annotations.object[in_reach[is_sign[in_reach]]].tolist())
     return len(near - placed)
 
 

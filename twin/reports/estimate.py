@@ -223,11 +223,11 @@ def _chosen(view: Snapshot, which: str, path: Path) -> Estimate:
 def _no_such(view: Snapshot, which: str, path: Path) -> ConfigError | StoreError:
     """Say why there is no such estimate: none at all, an object without a position, or a wrong name."""
     names = [r["object"] for r in view.rows(sa.select(schema.estimate.c.object).distinct())]
-    seen = schema.sighting.c
+    sighting = schema.sighting.c
     reasons = view.rows(
-        sa.select(seen.rejected, sa.func.count().label("n"))
-        .where(sa.or_(seen.object == which, seen.drive_id + ":" + seen.object == which))
-        .group_by(seen.rejected)
+        sa.select(sighting.rejected, sa.func.count().label("n"))
+        .where(sa.or_(sighting.object == which, sighting.drive_id + ":" + sighting.object == which))
+        .group_by(sighting.rejected)
         .order_by(sa.desc("n"))
     )
     if reasons:

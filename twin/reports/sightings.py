@@ -106,14 +106,14 @@ def frames_of(rows: Sequence[Row], rig: Rig) -> Frames:
 def _turn_deg(rig: Rig, camera: TextArray, pixel_px: FloatArray, residual_px: FloatArray) -> FloatArray:
     """Angle in the rig's plane, clockwise from above, from the expected to the seen ray."""
     turn = np.full(camera.size, np.nan)
-    known = np.isfinite(residual_px).all(axis=1)
-    for name in np.unique(camera[known]):
-        rows = np.flatnonzero(known & (camera == name))
-        seen, expected = (
+    has_residual = np.isfinite(residual_px).all(axis=1)
+    for name in np.unique(camera[has_residual]):
+        rows = np.flatnonzero(has_residual & (camera == name))
+        sighted, expected = (
             _azimuth_deg(rig, str(name), pixel)
             for pixel in (pixel_px[rows], pixel_px[rows] - residual_px[rows])
         )
-        turn[rows] = wrap_deg(seen - expected)
+        turn[rows] = wrap_deg(sighted - expected)
     return turn
 
 
@@ -125,14 +125,14 @@ def _azimuth_deg(rig: Rig, name: str, pixel_px: FloatArray) -> FloatArray:
 
 def cameras_of(frames: Frames) -> tuple[CameraShare, ...]:
     """Count what each camera had, in alphabetical order."""
-    found = []
+    shares = []
     for name in np.unique(frames.camera):
         mine = frames.camera == name
         used = mine & frames.used
         ranges = frames.range_m[used & np.isfinite(frames.range_m)]
         square = np.sum(frames.residual_px[used] ** 2, axis=1)
         square = square[np.isfinite(square)]
-        found.append(
+        shares.append(
             CameraShare(
                 camera=str(name),
                 n_used=int(used.sum()),
@@ -143,4 +143,4 @@ def cameras_of(frames: Frames) -> tuple[CameraShare, ...]:
                 rms_px=float(np.sqrt(square.mean() / 2.0)) if square.size else float("nan"),
             )
         )
-    return tuple(found)
+    return tuple(shares)

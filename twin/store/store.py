@@ -44,8 +44,8 @@ class Snapshot:
 
     def columns(self, statement: sa.Select[Any]) -> dict[str, list[Any]]:
         """Run a query and return its columns: much faster than rows where there are many."""
-        found = self._connection.execute(statement)
-        names, rows = list(found.keys()), found.fetchall()
+        result = self._connection.execute(statement)
+        names, rows = list(result.keys()), result.fetchall()
         return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
@@ -266,19 +266,19 @@ def _check_or_create(engine: sa.Engine, path: Path, *, create: bool) -> None:
         value = connection.execute(
             sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version")
         ).scalar()
-    found = int(value) if value is not None and str(value).isdigit() else None
-    if found is None:
+    version_found = int(value) if value is not None and str(value).isdigit() else None
+    if version_found is None:
         raise StoreError(f"The store {path} does not say its version: it is damaged; name another --store.")
-    if found > schema.VERSION:
+    if version_found > schema.VERSION:
         raise StoreError(
-            f"The store {path} was written by a newer twin (schema {found}; this twin knows "
+            f"The store {path} was written by a newer twin (schema {version_found}; this twin knows "
             f"{schema.VERSION}): upgrade twin, or name another --store."
         )
-    if found < schema.VERSION:
-        _upgrade(engine, path, found)
+    if version_found < schema.VERSION:
+        _upgrade(engine, path, version_found)
 
 
-def _upgrade(engine: sa.Engine, path: Path, found: int) -> None:
+def _upgrade(engine: sa.Engine, path: Path, version_found: int) -> None:
     """Bring the tables of an older store to this version, in one transaction; what it holds stays.
 
     Raises
@@ -286,9 +286,9 @@ def _upgrade(engine: sa.Engine, path: Path, found: int) -> None:
     StoreError
         The store is older than any that can be upgraded, or cannot be written.
     """
-    if any(version not in schema.UPGRADES for version in range(found, schema.VERSION)):
+    if any(version not in schema.UPGRADES for version in range(version_found, schema.VERSION)):
         raise StoreError(
-            f"The store {path} was written by an older twin (schema {found}; this twin needs "
+            f"The store {path} was written by an older twin (schema {version_found}; this twin needs "
             f"{schema.VERSION}): sync and ingest into a new --store."
         )
     is_version = schema.meta.c.key == "schema_version"
