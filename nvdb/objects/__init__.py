@@ -10,12 +10,7 @@ from nvdb.objects.geometri import (
     position_from_wkt,
 )
 from nvdb.objects.les_v4 import skilt_from_les_v4, vegobjekt_from_les_v4
-from nvdb.objects.skilt import (
-    Skiltplate,
-    Skiltpunkt,
-    skiltplate_from_vegobjekt,
-    skiltpunkt_from_vegobjekt,
-)
+from nvdb.objects.skilt import Skiltplate, Skiltpunkt, skilt_from_vegobjekt
 from nvdb.objects.uberiket import skilt_from_uberiket, vegobjekt_from_uberiket
 from nvdb.objects.vegobjekt import GeometriKvalitet, Relasjon, Vegobjekt, VegobjektStedfesting
 
@@ -35,8 +30,7 @@ __all__ = [
     "position_from_wkt",
     "skilt_from_les_v4",
     "skilt_from_uberiket",
-    "skiltplate_from_vegobjekt",
-    "skiltpunkt_from_vegobjekt",
+    "skilt_from_vegobjekt",
     "vegobjekt_from_les_v4",
     "vegobjekt_from_uberiket",
 ]

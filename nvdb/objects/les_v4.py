@@ -12,17 +12,10 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from nvdb import datakatalog
 from nvdb.errors import SchemaError
 from nvdb.objects.geometri import Position
 from nvdb.objects.schema import Number, Whole, as_float, field_error, read
-from nvdb.objects.skilt import (
-    SHOWN,
-    Skiltplate,
-    Skiltpunkt,
-    skiltplate_from_vegobjekt,
-    skiltpunkt_from_vegobjekt,
-)
+from nvdb.objects.skilt import SHOWN, Skiltplate, Skiltpunkt, skilt_from_vegobjekt
 from nvdb.objects.vegobjekt import (
     RawObject,
     Relasjon,
@@ -210,9 +203,7 @@ def skilt_from_les_v4(raw: RawObject, type_id: int) -> Skiltpunkt | Skiltplate:
         The object breaks the documented form, or is of another type.
     """
     vegobjekt = vegobjekt_from_les_v4(raw, type_id=type_id, only=SHOWN.get(type_id))
-    if type_id == datakatalog.SKILTPUNKT:
-        return skiltpunkt_from_vegobjekt(vegobjekt)
-    return skiltplate_from_vegobjekt(vegobjekt)
+    return skilt_from_vegobjekt(vegobjekt, type_id)
 
 
 def type_id_from_href(href: str) -> int | None:

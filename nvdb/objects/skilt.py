@@ -116,9 +116,23 @@ class Skiltplate(Skilt):
         return self.skiltnummer is not None and datakatalog.is_retired(self.skiltnummer)
 
 
-def skiltpunkt_from_vegobjekt(vegobjekt: Vegobjekt) -> Skiltpunkt:
-    """View an object of type 95 as a Skiltpunkt; SchemaError for any other type."""
-    _check_type(vegobjekt, datakatalog.SKILTPUNKT)
+def skilt_from_vegobjekt(
+    vegobjekt: Vegobjekt, type_id: int, *, unknown_enums_named: bool = False
+) -> Skiltpunkt | Skiltplate:
+    """View an object of `type_id` 95 or 96 as a sign; SchemaError if it is of another type.
+
+    With `unknown_enums_named` an enum id without a text is already among the object's ``problems``: its sign
+    code is then not called missing as well.
+    """
+    if vegobjekt.type_id != type_id:
+        msg = f"Vegobjekt {vegobjekt.id} is of type {vegobjekt.type_id}, not {type_id}: ask for {type_id}."
+        raise SchemaError(msg)
+    if type_id == datakatalog.SKILTPUNKT:
+        return _skiltpunkt(vegobjekt)
+    return _skiltplate(vegobjekt, unknown_enums_named)
+
+
+def _skiltpunkt(vegobjekt: Vegobjekt) -> Skiltpunkt:
     plates = (
         plate
         for relasjon in vegobjekt.barn
@@ -128,13 +142,7 @@ def skiltpunkt_from_vegobjekt(vegobjekt: Vegobjekt) -> Skiltpunkt:
     return Skiltpunkt(**_shared(vegobjekt, []), plate_ids=tuple(plates))
 
 
-def skiltplate_from_vegobjekt(vegobjekt: Vegobjekt, *, unknown_enums_named: bool = False) -> Skiltplate:
-    """View an object of type 96 as a Skiltplate; SchemaError for any other type.
-
-    With `unknown_enums_named` an enum id without a text is already among the object's ``problems``: its sign
-    code is then not called missing as well.
-    """
-    _check_type(vegobjekt, datakatalog.SKILTPLATE)
+def _skiltplate(vegobjekt: Vegobjekt, unknown_enums_named: bool) -> Skiltplate:
     problems: list[str] = []
     nummer = vegobjekt.egenskaper.get(datakatalog.SKILTNUMMER)
     nummer_text = _text(nummer, problems)
@@ -151,12 +159,6 @@ def skiltplate_from_vegobjekt(vegobjekt: Vegobjekt, *, unknown_enums_named: bool
         plasseringskode=_integer(vegobjekt.egenskaper.get(datakatalog.PLASSERINGSKODE), problems),
         **_shared(vegobjekt, problems),  # last: the lines above add to `problems`
     )
-
-
-def _check_type(vegobjekt: Vegobjekt, type_id: int) -> None:
-    if vegobjekt.type_id != type_id:
-        msg = f"Vegobjekt {vegobjekt.id} is of type {vegobjekt.type_id}, not {type_id}: ask for {type_id}."
-        raise SchemaError(msg)
 
 
 def _shared(vegobjekt: Vegobjekt, problems: list[str]) -> dict[str, Any]:

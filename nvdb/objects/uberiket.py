@@ -14,17 +14,10 @@ from typing import Any, Final
 
 import msgspec
 
-from nvdb import datakatalog
 from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.objects.geometri import Position
 from nvdb.objects.schema import Number, Whole, as_float, field_error, read
-from nvdb.objects.skilt import (
-    SHOWN,
-    Skiltplate,
-    Skiltpunkt,
-    skiltplate_from_vegobjekt,
-    skiltpunkt_from_vegobjekt,
-)
+from nvdb.objects.skilt import SHOWN, Skiltplate, Skiltpunkt, skilt_from_vegobjekt
 from nvdb.objects.vegobjekt import (
     RawObject,
     Relasjon,
@@ -191,9 +184,7 @@ def vegobjekt_from_uberiket(
 def skilt_from_uberiket(raw: RawObject, type_id: int, katalog: Datakatalog) -> Skiltpunkt | Skiltplate:
     """Parse one object of an answer for `type_id` 95 or 96; SchemaError as above or for another type."""
     vegobjekt = vegobjekt_from_uberiket(raw, katalog, SHOWN.get(type_id))
-    if type_id == datakatalog.SKILTPUNKT:
-        return skiltpunkt_from_vegobjekt(vegobjekt)
-    return skiltplate_from_vegobjekt(vegobjekt, unknown_enums_named=True)
+    return skilt_from_vegobjekt(vegobjekt, type_id, unknown_enums_named=True)
 
 
 @dataclass(slots=True)

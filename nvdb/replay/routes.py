@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 from nvdb.datakatalog.katalog import Datakatalog, snapshot
 from nvdb.replay.events import endringer_page, hendelser_page, newest
+from nvdb.replay.loopback import Answer
 from nvdb.replay.pages import QueryError, Record, ReplaySource, neste
 from nvdb.replay.uberiket import (
     cut,
@@ -24,16 +24,6 @@ from nvdb.replay.vegnett import cut_segments, select_segments
 
 UBERIKET: Final = "/uberiket/api/v1"
 KATALOG: Final = "/datakatalog/api/v1"
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What goes back over the wire."""
-
-    status: int
-    body: bytes
-    content_type: str = "application/json"
-    headers: Mapping[str, str] = field(default_factory=dict)
 
 
 def json_answer(status: int, document: object, content_type: str = "application/json") -> Answer:

@@ -12,24 +12,22 @@ from __future__ import annotations
 
 import argparse
 import logging
-import os
 import socket
-import socketserver
 import sys
 import threading
 from collections.abc import Mapping
 from contextlib import suppress
-from http.server import BaseHTTPRequestHandler
+from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
 from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.errors import NvdbError, ReplaySourceError
 from nvdb.replay.faults import LOOP_PATH, OF_CONTENT, FaultPlan, Faults, RequestInfo, send_fault
+from nvdb.replay.loopback import Answer, Loopback, LoopbackHandler, LoopbackServer
 from nvdb.replay.pages import Generated, ReplaySource
-from nvdb.replay.routes import Answer, Routes, json_answer
+from nvdb.replay.routes import Routes, json_answer
 from nvdb.replay.world import ReplayWorld
 
 log = logging.getLogger(__name__)
@@ -38,7 +36,7 @@ NO_CLIENT: Final = "X-Client må være satt når du kaller API Les V4."
 RATE_LIMIT: Final = 200
 
 
-class ReplayServer:
+class ReplayServer(Loopback):
     """Serve recorded or generated objects on loopback until the ``with`` block ends.
 
     Parameters
@@ -75,49 +73,25 @@ class ReplayServer:
         self._host = host
         self._port = port
         self._plan = FaultPlan(faults)
-        self._server: _Server | None = None
-        self._thread: threading.Thread | None = None
         self.requests: list[RequestInfo] = []
         """Every request so far, in order of arrival."""
-
-    @property
-    def url(self) -> str:
-        """Base URL, ``http://127.0.0.1:43211``; only while the server runs."""
-        if self._server is None:
-            msg = "The replay server is not running: use it in a with block."
-            raise ReplaySourceError(msg)
-        return f"http://{self._host}:{self._server.server_address[1]}"
 
     @property
     def counts(self) -> dict[int, int]:
         """How many objects of each type are served."""
         return self._source.counts()
 
-    def __enter__(self) -> ReplayServer:
+    def _make_server(self) -> LoopbackServer:
         try:
-            self._server = _Server((self._host, self._port), self.routes, self._plan, self.requests)
+            return _Server((self._host, self._port), self.routes, self._plan, self.requests)
         except (OSError, OverflowError) as error:
             msg = f"Port {self._port} on {self._host} cannot be used ({error}): take another one, or 0."
             raise ReplaySourceError(msg) from error
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._server is not None and self._thread is not None:
-            self._server.stop()
-            self._thread.join()
-        self._server = self._thread = None
 
 
-class _Server(socketserver.ThreadingTCPServer):
-    """TCPServer and not HTTPServer, which asks the name service for its own name before it starts."""
+class _Server(LoopbackServer):
+    """Notes the requests, and plans their faults."""
 
-    # On Windows the same option would let two servers share one port.
-    allow_reuse_address = os.name == "posix"
-    daemon_threads = False  # threads are joined on closing, so that no socket outlives the server
     request_queue_size = 32
 
     def __init__(
@@ -167,7 +141,7 @@ class _Server(socketserver.ThreadingTCPServer):
             log.exception("the replay server failed to answer a request")
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(LoopbackHandler):
     """One connection."""
 
     protocol_version = "HTTP/1.1"
@@ -189,23 +163,10 @@ class _Handler(BaseHTTPRequestHandler):
             world.on_request(info)
         answer = self._answer(info, fault.kind if fault is not None and of_content else None)
         if fault is None or of_content:
-            self._send(answer)
+            limits = {"x-ratelimit-remaining": str(RATE_LIMIT)}
+            self.send_answer(replace(answer, headers=limits | dict(answer.headers)))
         else:
             send_fault(self, fault, answer.body, self.server.stopping)
-
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (signature of the base)
-        """Log instead of writing to stderr."""
-        log.debug("%s " + format, self.address_string(), *args)
-
-    def _send(self, answer: Answer) -> None:
-        self.send_response(answer.status)
-        self.send_header("Content-Type", answer.content_type)
-        self.send_header("Content-Length", str(len(answer.body)))
-        self.send_header("x-ratelimit-remaining", str(RATE_LIMIT))
-        for name, value in answer.headers.items():
-            self.send_header(name, value)
-        self.end_headers()
-        self.wfile.write(answer.body)
 
     def _answer(self, info: RequestInfo, fault: str | None) -> Answer:
         """The good answer to a request, or one with a fault of its content."""

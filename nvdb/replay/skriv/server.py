@@ -16,19 +16,17 @@ import json
 import logging
 import re
 import secrets
-import socketserver
 import threading
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from http.server import BaseHTTPRequestHandler
-from types import TracebackType
-from typing import Any, Final
+from typing import Final
 from urllib.parse import urlsplit
 
 from nvdb.endringssett import Endringssett, ValidationFinding, errors, from_xml, validate
-from nvdb.errors import ReplaySourceError, SchemaError
+from nvdb.errors import SchemaError
+from nvdb.replay.loopback import Answer, Loopback, LoopbackHandler, LoopbackServer
 from nvdb.replay.skriv.answers import fault_xml, fremdrift_xml, ressurser_xml, status_xml
 from nvdb.replay.skriv.world import NO_RIGHT, SkrivWorld
 from nvdb.skriv.status import AVVIST, FINAL, IKKE_STARTET, KANSELLERT, UTFORT
@@ -53,12 +51,8 @@ class _Set:
     done: datetime | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class _Answer:
-    status: int
-    body: bytes
-    content_type: str = "application/xml; charset=UTF-8"
-    headers: Mapping[str, str] = field(default_factory=dict)
+XML: Final = "application/xml; charset=UTF-8"
+JSON: Final = "application/json; charset=utf-8"
 
 
 class _RefusedError(Exception):
@@ -69,7 +63,7 @@ class _RefusedError(Exception):
         self.status = status
 
 
-class SkrivReplayServer:
+class SkrivReplayServer(Loopback):
     """Serve API Skriv on loopback until the ``with`` block ends.
 
     Parameters
@@ -106,38 +100,15 @@ class SkrivReplayServer:
         self._sets: dict[str, _Set] = {}
         self._tokens: dict[str, float] = {}
         self._lock = threading.Lock()
-        self._server: _Server | None = None
-        self._thread: threading.Thread | None = None
 
-    @property
-    def url(self) -> str:
-        """Base URL; only while the server runs."""
-        if self._server is None:
-            msg = "The replay server is not running: use it in a with block."
-            raise ReplaySourceError(msg)
-        return f"http://127.0.0.1:{self._server.server_address[1]}"
-
-    def __enter__(self) -> SkrivReplayServer:
-        self._server = _Server(("127.0.0.1", 0), _Handler)
-        self._server.replay = self
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.02,), daemon=True)
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._server is not None and self._thread is not None:
-            self._server.shutdown()
-            self._server.server_close()
-            self._thread.join()
-        self._server = self._thread = None
+    def _make_server(self) -> LoopbackServer:
+        return _Server((self._host, 0), self)
 
     def end_tokens(self) -> None:
         """Let every id token end now."""
         self._tokens.clear()
 
-    def answer(self, method: str, path: str, headers: Mapping[str, str], body: bytes) -> _Answer:
+    def answer(self, method: str, path: str, headers: Mapping[str, str], body: bytes) -> Answer:
         """Answer one request."""
         with self._lock:
             self.requests.append((method, path))
@@ -150,7 +121,7 @@ class SkrivReplayServer:
                     return self._new(method, set_id, headers, body)
                 return self._known(method, set_id, action)
             except _RefusedError as refusal:
-                return _Answer(refusal.status, fault_xml(str(refusal)))
+                return Answer(refusal.status, fault_xml(str(refusal)), XML)
 
     def _allowed(self, path: str, headers: Mapping[str, str]) -> tuple[str | None, str | None]:
         """Id and action of a path, for those who may ask."""
@@ -166,7 +137,7 @@ class SkrivReplayServer:
             raise _RefusedError(400, "X-Client mangler")
         return match.group(1), match.group(2)
 
-    def _login(self, operation: str, body: bytes) -> _Answer:
+    def _login(self, operation: str, body: bytes) -> Answer:
         try:
             question = json.loads(body)
         except ValueError as error:
@@ -176,7 +147,7 @@ class SkrivReplayServer:
             name = question.get("username")
             known = name in self.users and self.users[name] == question.get("password")
         if not known:
-            return _Answer(200, b"{ }", "application/json; charset=utf-8")
+            return Answer(200, b"{ }", JSON)
         ends = self.world.now().timestamp() + TOKEN_S
         claims = base64.urlsafe_b64encode(json.dumps({"exp": ends}).encode()).decode().rstrip("=")
         token = f"e30.{claims}.{secrets.token_hex(8)}"
@@ -186,9 +157,9 @@ class SkrivReplayServer:
             "accessToken": "unused",
             "refreshToken": f"refresh-{secrets.token_hex(8)}",
         }
-        return _Answer(200, json.dumps(tokens).encode(), "application/json; charset=utf-8")
+        return Answer(200, json.dumps(tokens).encode(), JSON)
 
-    def _new(self, method: str, kind: str | None, headers: Mapping[str, str], body: bytes) -> _Answer:
+    def _new(self, method: str, kind: str | None, headers: Mapping[str, str], body: bytes) -> Answer:
         """Validate a set, or register one."""
         if method != "POST":
             raise _RefusedError(405, "Metoden er ikke tillatt")
@@ -202,7 +173,7 @@ class SkrivReplayServer:
         if kind == "validator":
             found = validate(sett, self.world.katalog)
             code = AVVIST if errors(found) else UTFORT
-            return _Answer(200, status_xml(sett, code, found, now, _reason(code, found)))
+            return Answer(200, status_xml(sett, code, found, now, _reason(code, found)), XML)
         if not sett.endringer:
             raise _RefusedError(422, "Endringssettet inneholder ingen vegobjekter")
         set_id = str(uuid.uuid4())
@@ -210,9 +181,9 @@ class SkrivReplayServer:
         self._sets[set_id] = _Set(sett, dry_run, now)
         relations = ("self", "start", "kanseller", "status", "fremdrift")
         where = {"Location": f"{self.url}/rest/v3/endringssett/{set_id}"}
-        return _Answer(201, ressurser_xml(self.url, set_id, relations), headers=where)
+        return Answer(201, ressurser_xml(self.url, set_id, relations), XML, where)
 
-    def _known(self, method: str, set_id: str, action: str | None) -> _Answer:
+    def _known(self, method: str, set_id: str, action: str | None) -> Answer:
         """Start, cancel or tell about a registered set."""
         entry = self._sets.get(set_id)
         if entry is None or action not in {"start", "kanseller", "fremdrift", "status"}:
@@ -221,7 +192,7 @@ class SkrivReplayServer:
             raise _RefusedError(405, "Metoden er ikke tillatt")
         if action == "fremdrift":
             code = entry.codes.pop(0) if len(entry.codes) > 1 else entry.codes[0]
-            return _Answer(200, fremdrift_xml(code))
+            return Answer(200, fremdrift_xml(code), XML)
         if action == "status":
             return self._status(entry)
         if action == "start":
@@ -232,14 +203,14 @@ class SkrivReplayServer:
             if entry.codes[0] in FINAL:
                 raise _RefusedError(422, f"Endringssettet er ferdigbehandlet: {entry.codes[0]}")
             entry.codes = [KANSELLERT]
-        return _Answer(202, ressurser_xml(self.url, set_id, ("fremdrift", "status", "self")))
+        return Answer(202, ressurser_xml(self.url, set_id, ("fremdrift", "status", "self")), XML)
 
-    def _status(self, entry: _Set) -> _Answer:
+    def _status(self, entry: _Set) -> Answer:
         code = entry.codes[0]
         shown = entry.findings if code in FINAL else ()
         made = entry.made if code in FINAL else {}
         reason = _reason(code, shown)
-        return _Answer(200, status_xml(entry.sett, code, shown, entry.received, reason, made, entry.done))
+        return Answer(200, status_xml(entry.sett, code, shown, entry.received, reason, made, entry.done), XML)
 
     def _process(self, entry: _Set) -> None:
         entry.findings = self.world.refusals(entry.sett)
@@ -256,14 +227,13 @@ def _reason(code: str, findings: Sequence[ValidationFinding]) -> str | None:
     return "IKKE_AUTORISERT" if any(f.code == NO_RIGHT for f in findings) else "VALIDERINGSFEIL"
 
 
-class _Server(socketserver.ThreadingTCPServer):
-    """TCPServer and not HTTPServer, which asks the name service for its own name before it starts."""
+class _Server(LoopbackServer):
+    def __init__(self, address: tuple[str, int], replay: SkrivReplayServer) -> None:
+        self.replay = replay
+        super().__init__(address, _Handler)
 
-    daemon_threads = False
-    replay: SkrivReplayServer
 
-
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(LoopbackHandler):
     """One connection, for one request."""
 
     server: _Server
@@ -276,10 +246,6 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer one POST."""
         self._reply("POST")
 
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (signature of the base)
-        """Log instead of writing to stderr."""
-        log.debug("%s " + format, self.address_string(), *args)
-
     def _reply(self, method: str) -> None:
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
         path = urlsplit(self.path).path
@@ -289,10 +255,4 @@ class _Handler(BaseHTTPRequestHandler):
             if path.endswith(end):
                 replay.lose.remove(end)
                 return  # the connection closes without a word
-        self.send_response(answer.status)
-        self.send_header("Content-Type", answer.content_type)
-        self.send_header("Content-Length", str(len(answer.body)))
-        for name, value in answer.headers.items():
-            self.send_header(name, value)
-        self.end_headers()
-        self.wfile.write(answer.body)
+        self.send_answer(answer)

@@ -14,7 +14,7 @@ from nvdb.objects import (
     Skiltplate,
     Skiltpunkt,
     skilt_from_les_v4,
-    skiltplate_from_vegobjekt,
+    skilt_from_vegobjekt,
     vegobjekt_from_les_v4,
 )
 
@@ -113,7 +113,7 @@ def test_skilt_of_another_type_is_refused(plate: Any, point: Any) -> None:
     with pytest.raises(SchemaError):
         skilt_from_les_v4(point(200), 96)
     with pytest.raises(SchemaError, match="is of type 95"):
-        skiltplate_from_vegobjekt(vegobjekt_from_les_v4(point(200)))
+        skilt_from_vegobjekt(vegobjekt_from_les_v4(point(200)), 96)
 
 
 def test_skilt_is_frozen(plate: Any) -> None:
