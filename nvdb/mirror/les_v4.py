@@ -27,7 +27,7 @@ from nvdb.mirror.source import (
     FeedTooOldError,
     FetchResult,
     Raw,
-    Reading,
+    ReadObjects,
     SourcePage,
     batches,
     page_parts,
@@ -90,7 +90,7 @@ class LesV4Source(ApiSource):
         """Yield pages of objects without an end date, in the area."""
         path, params = self.first_request(type_id, area)
         for page in iter_pages(self._client, path, params, start):
-            reading = Reading()
+            reading = ReadObjects()
             left_out = self._read(page.objects, type_id, area, reading)
             reading.check_any(type_id)
             _check_selection(left_out, reading, area)
@@ -122,7 +122,7 @@ class LesV4Source(ApiSource):
     def fetch(self, type_id: int, ids: Sequence[int], area: Area) -> FetchResult:
         """Get objects by id. Those that are closed, removed or outside the area are `missing`."""
         sign_types([type_id])
-        reading = Reading()
+        reading = ReadObjects()
         for batch in batches(ids):
             params: dict[str, str | int] = {**_PARAMS, **area.params(), "antall": MAX_PAGE}
             params["ider"] = ",".join(map(str, batch))
@@ -131,7 +131,7 @@ class LesV4Source(ApiSource):
         return reading.result(ids)
 
     def _read(
-        self, objects: Sequence[RawObject], type_id: int, area: Area, reading: Reading
+        self, objects: Sequence[RawObject], type_id: int, area: Area, reading: ReadObjects
     ) -> list[RawObject]:
         """Read objects; return those left out since they say that they lie outside the area."""
         left_out = []
@@ -177,7 +177,7 @@ class LesV4Source(ApiSource):
         return (page, len(events)), events, following or (_after(events) if events else None)
 
 
-def _check_selection(left_out: Sequence[RawObject], reading: Reading, area: Area) -> None:
+def _check_selection(left_out: Sequence[RawObject], reading: ReadObjects, area: Area) -> None:
     """Name the objects of a page that lie outside the area; raise if there are no others."""
     if len(left_out) >= FEW_UNREADABLE and not reading.objects:
         msg = (

@@ -192,7 +192,7 @@ class ApiSource:
 
 
 @dataclass(slots=True)
-class Reading:
+class ReadObjects:
     """What has been read of some objects so far; :meth:`page` and :meth:`result` freeze it."""
 
     objects: list[Skiltpunkt | Skiltplate] = field(default_factory=list)

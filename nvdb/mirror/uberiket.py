@@ -38,7 +38,7 @@ from nvdb.mirror.source import (
     FeedTooOldError,
     FetchResult,
     Raw,
-    Reading,
+    ReadObjects,
     SourcePage,
     batches,
     page_parts,
@@ -108,7 +108,7 @@ class UberiketSource(ApiSource):
         params = _area_params(area)
         cursor = start
         for versions, following in follow(lambda at: self._page(type_id, params, at), start, _path(type_id)):
-            reading = Reading()
+            reading = ReadObjects()
             received = self._read(self._whole(versions, type_id, cursor), type_id, area, reading)
             reading.check_any(type_id)
             # `neste` is left out on the last page; the cursor after its last version ends a resumed backfill.
@@ -142,7 +142,7 @@ class UberiketSource(ApiSource):
         """Get objects by id. Those that are closed, removed or outside the area are `missing`."""
         sign_types([type_id])
         self.check(area)
-        reading = Reading()
+        reading = ReadObjects()
         for batch in batches(ids):
             self._read(self._versions(type_id, batch), type_id, area, reading)
         return reading.result(ids)
@@ -186,7 +186,7 @@ class UberiketSource(ApiSource):
         rest = [raw for raw in versions if str(raw.get("id")) != split]
         return [*self._versions(type_id, [int(split)]), *rest]
 
-    def _read(self, versions: Iterable[Raw], type_id: int, area: Area, reading: Reading) -> int:
+    def _read(self, versions: Iterable[Raw], type_id: int, area: Area, reading: ReadObjects) -> int:
         """Read the versions that count; return how many they are, less those outside the area."""
         received = 0
         today = self._clock().astimezone(UTC).date()
@@ -204,7 +204,7 @@ class UberiketSource(ApiSource):
             self._count_unknown(raw, reading)
         return received
 
-    def _count_unknown(self, raw: RawObject, reading: Reading) -> None:
+    def _count_unknown(self, raw: RawObject, reading: ReadObjects) -> None:
         for key, item in (raw.get("egenskaper") or {}).items():
             kind = self._katalog.egenskapstyper.get(int(key))
             if kind is None:
@@ -275,7 +275,7 @@ def _versjon(raw: RawObject) -> int:
     return number if isinstance(number, int) else 0
 
 
-def _inside(skilt: Skiltpunkt | Skiltplate, area: Area, reading: Reading) -> bool:
+def _inside(skilt: Skiltpunkt | Skiltplate, area: Area, reading: ReadObjects) -> bool:
     if area.bbox is None:
         return True
     if skilt.position is None:

@@ -21,7 +21,7 @@ class Reader(NamedTuple):
     seen_from_deg: frozenset[float]
 
 
-class Reading(NamedTuple):
+class PlateReading(NamedTuple):
     """One drive's word on one plate; `seen_from_deg` as in :class:`twin.matching.poles.poles.ObservedPole`.
 
     `text` is what is written on it, "" where that was not annotated.
@@ -34,11 +34,11 @@ class Reading(NamedTuple):
     text: str = ""
 
 
-PlateRead = tuple[Reading, ...]
+PlateHistory = tuple[PlateReading, ...]
 """The readings of one plate, in time order of the drives; one a drive, two where its cameras disagree."""
 
 
-def together(a: Sequence[PlateRead], b: Sequence[PlateRead]) -> tuple[PlateRead, ...]:
+def together(a: Sequence[PlateHistory], b: Sequence[PlateHistory]) -> tuple[PlateHistory, ...]:
     """Join what earlier and later observers read on one pole, plate by plate.
 
     Plates that were read alike are the same, and of those rather the ones with the same text; then plates of
@@ -58,7 +58,7 @@ def together(a: Sequence[PlateRead], b: Sequence[PlateRead]) -> tuple[PlateRead,
     return (*joined, *(plate for j, plate in enumerate(b) if j not in of_b))
 
 
-def _pairs(a: Sequence[PlateRead], b: Sequence[PlateRead]) -> Iterator[tuple[int, int]]:
+def _pairs(a: Sequence[PlateHistory], b: Sequence[PlateHistory]) -> Iterator[tuple[int, int]]:
     left, right = list(range(len(a))), list(range(len(b)))
     for alike in (_same_text, _read_alike, _of_one_family, _from_one_side):
         for i in list(left):
@@ -69,26 +69,26 @@ def _pairs(a: Sequence[PlateRead], b: Sequence[PlateRead]) -> Iterator[tuple[int
                 yield i, j
 
 
-def _same_text(x: PlateRead, y: PlateRead) -> bool:
+def _same_text(x: PlateHistory, y: PlateHistory) -> bool:
     text = normalised(text_now(x))
     return bool(text) and text == normalised(text_now(y)) and _read_alike(x, y)
 
 
-def _other_text(x: PlateRead, y: PlateRead) -> bool:
+def _other_text(x: PlateHistory, y: PlateHistory) -> bool:
     """Whether both have a text, and not the same."""
     one, other = normalised(text_now(x)), normalised(text_now(y))
     return bool(one) and bool(other) and one != other
 
 
-def _read_alike(x: PlateRead, y: PlateRead) -> bool:
+def _read_alike(x: PlateHistory, y: PlateHistory) -> bool:
     return not {r.code for r in x}.isdisjoint(r.code for r in y)
 
 
-def _of_one_family(x: PlateRead, y: PlateRead) -> bool:
+def _of_one_family(x: PlateHistory, y: PlateHistory) -> bool:
     return family(x[-1].code) == family(y[-1].code) and _from_one_side(x, y)
 
 
-def _from_one_side(x: PlateRead, y: PlateRead) -> bool:
+def _from_one_side(x: PlateHistory, y: PlateHistory) -> bool:
     """Whether both may have been read from one side: some directions lie within 90°, or are not known."""
     return any(
         not one.seen_from_deg
@@ -99,7 +99,7 @@ def _from_one_side(x: PlateRead, y: PlateRead) -> bool:
     )
 
 
-def _votes(x: PlateRead, y: PlateRead) -> PlateRead:
+def _votes(x: PlateHistory, y: PlateHistory) -> PlateHistory:
     """Readings of both; what cameras of one drive read alike is one vote: one annotator, one slip."""
     if x[-1].drive_id != y[0].drive_id:
         return x + y
@@ -110,17 +110,17 @@ def _votes(x: PlateRead, y: PlateRead) -> PlateRead:
     return (*x, *(r for r in y if (r.drive_id, r.code) not in known))
 
 
-def text_now(plate: PlateRead) -> str:
+def text_now(plate: PlateHistory) -> str:
     """Text that was read last; "" where none was."""
     return next((reading.text for reading in reversed(plate) if reading.text), "")
 
 
-def is_disputed(plate: PlateRead) -> bool:
+def is_disputed(plate: PlateHistory) -> bool:
     """Whether a plate was read in more than one way."""
     return len({reading.code for reading in plate}) > 1
 
 
-def code_now(plate: PlateRead, config: MatchConfig) -> str:
+def code_now(plate: PlateHistory, config: MatchConfig) -> str:
     """The likeliest code by the readings alone; of equals the latest read."""
     if not is_disputed(plate):
         return plate[-1].code
@@ -129,7 +129,7 @@ def code_now(plate: PlateRead, config: MatchConfig) -> str:
     return max(chance, key=lambda code: (round(chance[code], 12), last[code]))
 
 
-def code_chances(plate: PlateRead, known: str | None, config: MatchConfig) -> dict[str, float]:
+def code_chances(plate: PlateHistory, known: str | None, config: MatchConfig) -> dict[str, float]:
     """Probability of each code that a plate may carry now: the codes that were read, and NVDB's.
 
     A hidden Markov model over the readings in time order (Rabiner 1989, the forward algorithm). Before the
@@ -156,7 +156,7 @@ def code_chances(plate: PlateRead, known: str | None, config: MatchConfig) -> di
         chance = {c: _turned(1 - config.p_code_wrong, config.p_code_wrong, known, c, config) for c in codes}
     else:
         chance = dict.fromkeys(codes, 1.0)
-    before: Reading | None = None
+    before: PlateReading | None = None
     for reading in sorted(plate, key=lambda r: r.epoch_ns):
         if before is not None:
             years = (reading.epoch_ns - before.epoch_ns) / _NS_PER_YEAR

@@ -14,9 +14,9 @@ from geoloc.arrays import FloatArray, IntArray
 from twin.matching.config import MatchConfig
 from twin.matching.one_to_one import cheapest_pairs
 from twin.matching.plates.readings import (
-    PlateRead,
+    PlateHistory,
+    PlateReading,
     Reader,
-    Reading,
     code_now,
     is_disputed,
     text_now,
@@ -64,7 +64,7 @@ class ObservedPole:
         What is left of one drive's own variance in the mean of all: 1 for one drive, 1/n for n alike.
     readers : tuple of Reader
         The drives, where each of them read the same plates; empty for a single one.
-    plates : tuple of tuples of Reading
+    plates : tuple of tuples of PlateReading
         What each drive read on each plate, where that was not the same; see :meth:`readings`.
     disputed : bool
         Whether the drives disagree on the code of a plate.
@@ -87,18 +87,20 @@ class ObservedPole:
     p_taken_down: float = 0.0
     averaged: float = 1.0
     readers: tuple[Reader, ...] = ()
-    plates: tuple[PlateRead, ...] = ()
+    plates: tuple[PlateHistory, ...] = ()
     disputed: bool = False
     texts: tuple[str, ...] = ()
 
-    def readings(self) -> tuple[PlateRead, ...]:
+    def readings(self) -> tuple[PlateHistory, ...]:
         """What each drive read on each plate, in the order of `codes`."""
         # Made when asked for: a fleet's poles are a hundred thousand, and nearly all are read alike.
         readers = self.who_read()
         if self.plates or not self.texts:
-            return self.plates or tuple([tuple([Reading(code, *r) for r in readers]) for code in self.codes])
+            return self.plates or tuple(
+                [tuple([PlateReading(code, *r) for r in readers]) for code in self.codes]
+            )
         said = zip(self.codes, self.texts, strict=True)
-        return tuple(tuple(Reading(code, *r, text) for r in readers) for code, text in said)
+        return tuple(tuple(PlateReading(code, *r, text) for r in readers) for code, text in said)
 
     def who_read(self) -> tuple[Reader, ...]:
         """The drives, where each of them read the same plates."""

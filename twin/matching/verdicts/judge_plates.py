@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import Any
 
 from twin.matching.config import MatchConfig
-from twin.matching.plates.readings import PlateRead, code_chances, family, is_disputed
+from twin.matching.plates.readings import PlateHistory, code_chances, family, is_disputed
 from twin.matching.plates.texts import text_pairs
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPLATE, Plate, Site
@@ -104,7 +104,7 @@ def _day(number: int) -> str:
 
 
 def _pairs(
-    pole: ObservedPole, read: Sequence[PlateRead], plates: Sequence[Plate], config: MatchConfig
+    pole: ObservedPole, read: Sequence[PlateHistory], plates: Sequence[Plate], config: MatchConfig
 ) -> dict[int, Plate]:
     """Plate seen → plate of NVDB: equal codes first, then a code that was read, a family, any.
 
@@ -170,7 +170,7 @@ def _plate_finding(
     )
 
 
-def _wrong_type(match: MatchedPole, plate: Plate, read: PlateRead, seen: str, chance: float) -> Finding:
+def _wrong_type(match: MatchedPole, plate: Plate, read: PlateHistory, seen: str, chance: float) -> Finding:
     reason = f"Skiltplate {plate.nvdb_id} is {plate.code or 'without a code'} in NVDB, but {seen} was seen"
     reason += f" ({_in_words(read)})." if is_disputed(read) else "."
     terms = {"readings": _told(read), "code": round(chance, 4)}
@@ -180,7 +180,9 @@ def _wrong_type(match: MatchedPole, plate: Plate, read: PlateRead, seen: str, ch
     )
 
 
-def _unclear_type(match: MatchedPole, plate: Plate, read: PlateRead, chance: Mapping[str, float]) -> Finding:
+def _unclear_type(
+    match: MatchedPole, plate: Plate, read: PlateHistory, chance: Mapping[str, float]
+) -> Finding:
     """Drives contradict each other, and neither an exchange nor a slip is likely enough."""
     seen = max((code for code in chance if code != plate.code), key=lambda code: chance[code])
     reason = (
@@ -195,12 +197,12 @@ def _unclear_type(match: MatchedPole, plate: Plate, read: PlateRead, chance: Map
     )
 
 
-def _in_words(read: PlateRead) -> str:
+def _in_words(read: PlateHistory) -> str:
     """``362.50, 362.60, 362.60 in this order``."""
     return ", ".join(reading.code for reading in read) + " in this order"
 
 
-def _told(read: PlateRead) -> list[dict[str, Any]]:
+def _told(read: PlateHistory) -> list[dict[str, Any]]:
     return [
         {"code": r.code, "drive": r.drive_id, "at": utc_time(r.epoch_ns) if r.epoch_ns else None}
         for r in read

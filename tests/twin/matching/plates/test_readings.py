@@ -7,16 +7,17 @@ from dataclasses import replace
 import pytest
 
 from twin.matching.config import MatchConfig
-from twin.matching.plates.readings import PlateRead, Reading, code_chances, code_now, together
+from twin.matching.plates.readings import PlateHistory, PlateReading, code_chances, code_now, together
 
 CONFIG = MatchConfig()
 DAY_NS = 86_400_000_000_000
 
 
-def read(*codes: str, days: int = 30, seen_from: tuple[float, ...] = ()) -> PlateRead:
+def read(*codes: str, days: int = 30, seen_from: tuple[float, ...] = ()) -> PlateHistory:
     """One plate, read by one drive a month."""
     return tuple(
-        Reading(code, f"d{k}", (1 + k * days) * DAY_NS, frozenset(seen_from)) for k, code in enumerate(codes)
+        PlateReading(code, f"d{k}", (1 + k * days) * DAY_NS, frozenset(seen_from))
+        for k, code in enumerate(codes)
     )
 
 

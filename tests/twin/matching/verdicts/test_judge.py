@@ -12,7 +12,7 @@ import pytest
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import TERMS
-from twin.matching.plates.readings import Reading, code_now
+from twin.matching.plates.readings import PlateReading, code_now
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
 from twin.matching.verdicts.finding import offset_of
@@ -114,7 +114,7 @@ def test_judge_wrong_type_is_the_plates() -> None:
 def read_as(one: ObservedPole, *codes: str, days: int = 30) -> ObservedPole:
     """Let drives some days apart read the pole's one plate so."""
     step = days * 86_400_000_000_000
-    plate = tuple(Reading(code, f"d{k}", (1 + k) * step) for k, code in enumerate(codes))
+    plate = tuple(PlateReading(code, f"d{k}", (1 + k) * step) for k, code in enumerate(codes))
     return replace(one, codes=(code_now(plate, CONFIG),), plates=(plate,), disputed=len(set(codes)) > 1)
 
 
@@ -141,8 +141,8 @@ def test_judge_takes_a_reading_that_was_not_confirmed_for_a_slip() -> None:
 def test_judge_takes_a_slip_that_reads_like_the_plate_beside_it_for_a_slip() -> None:
     """A 30 above a 40, once read as two 40s: the plate that nobody disputes keeps its partner in NVDB."""
     month = 30 * 86_400_000_000_000
-    upper = (Reading("362.30", "a", month), Reading("362.40", "b", month + 1))
-    lower = (Reading("362.40", "a", month), Reading("362.40", "b", month + 1))
+    upper = (PlateReading("362.30", "a", month), PlateReading("362.40", "b", month + 1))
+    lower = (PlateReading("362.40", "a", month), PlateReading("362.40", "b", month + 1))
     seen = replace(pole(0, 0, "362.40", "362.40"), plates=(upper, lower), disputed=True)
     (change,) = found([seen], [site(1, "362.30", "362.40")])
     assert (change.verdict, change.skiltnummer_seen) == ("unchanged", ("362.30", "362.40"))
