@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import reduce
@@ -61,50 +60,7 @@ def write_driveworks_trip(
         name = drive.rig.cameras[camera].timestamps or f"{camera}.h264.timestamps"
         files[name] = "".join(f"{frame}\t{stamp}\n" for frame, stamp in enumerate(_microseconds(stamps)))
     files |= {f"{camera}.xml": cvat_document(drive, camera) for camera in drive.scenario.cameras}
-    files["drive.toml"] = _toml({}, {"annotations_complete": True, "datum": "EUREF89"})
-    return _write(Path(folder), files)
-
-
-def write_generic_folder(
-    drive: SimulatedDrive, folder: Path | str, *, true_poses: bool = False
-) -> list[Path]:
-    """Write the same drive as a generic folder, in which ``drive.toml`` names every file.
-
-    Parameters
-    ----------
-    drive : SimulatedDrive
-    folder : Path or str
-        Made if it does not exist; files of an earlier call are replaced.
-    true_poses : bool
-        Write ``poses.csv`` with the true poses, as a perfect INS would, instead of the two GNSS recordings.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order written.
-
-    Raises
-    ------
-    DriveError
-        If the folder cannot be written.
-    """
-    files = {"rig.json": _rig_text(drive)}
-    tables: dict[str, dict[str, Any]] = {}
-    if true_poses:
-        files["poses.csv"] = _poses_text(drive)
-        tables["poses"] = {"file": "poses.csv"}
-    else:
-        names = {fixes.antenna: f"{fixes.antenna.partition(':')[0]}.nmea" for fixes in drive.gnss}
-        files |= {names[fixes.antenna]: _nmea_text(fixes, 0.0) for fixes in drive.gnss}
-        tables["gnss"] = {"files": names}
-    tables["timestamps"] = {camera: f"{camera}.csv" for camera in drive.scenario.cameras}
-    tables["annotations"] = {camera: f"{camera}.xml" for camera in drive.scenario.cameras}
-    for camera in drive.scenario.cameras:
-        rows = enumerate(_microseconds(drive.frame_host_ns[camera]))
-        files[f"{camera}.csv"] = "frame,time_ns\n" + "".join(f"{i},{us * NS_PER_US}\n" for i, us in rows)
-        files[f"{camera}.xml"] = cvat_document(drive, camera)
-    top = {"rig": "rig.json", "annotations_complete": True, "datum": "EUREF89"}
-    files["drive.toml"] = _toml(tables, top)
+    files["drive.toml"] = 'annotations_complete = true\ndatum = "EUREF89"\n'
     return _write(Path(folder), files)
 
 
@@ -159,42 +115,9 @@ def _degrees_minutes(angle_deg: float, digits: int) -> str:
     return f"{degrees:0{digits}d}{rest // MINUTE_UNITS:02d}.{rest % MINUTE_UNITS:07d}"
 
 
-def _poses_text(drive: SimulatedDrive) -> str:
-    poses = drive.poses
-    columns: Mapping[str, tuple[NDArray[Any], str]] = {
-        "time_ns": (poses.epoch_ns, "d"),
-        "latitude_deg": (poses.latitude_deg, ".10f"),
-        "longitude_deg": (poses.longitude_deg, ".10f"),
-        "height_m": (poses.height_m, ".4f"),
-        "roll_deg": (poses.roll_deg, ".5f"),
-        "pitch_deg": (poses.pitch_deg, ".5f"),
-        "heading_deg": (poses.heading_deg, ".5f"),
-    }
-    cells = [[format(x, form) for x in values.tolist()] for values, form in columns.values()]
-    return "\n".join([",".join(columns), *(",".join(row) for row in zip(*cells, strict=True))]) + "\n"
-
-
 def _microseconds(stamps_ns: NDArray[np.int64]) -> list[int]:
     """Whole µs, as hosts stamp."""
     return [int(us) for us in (stamps_ns + NS_PER_US // 2) // NS_PER_US]
-
-
-def _toml(tables: Mapping[str, Mapping[str, Any]], top: Mapping[str, Any]) -> str:
-    lines = [f"{key} = {_toml_value(value)}" for key, value in top.items()]
-    for table, entries in tables.items():
-        lines += ["", f"[{table}]", *(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in entries.items())]
-    return "\n".join(lines) + "\n"
-
-
-def _toml_key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key)
-
-
-def _toml_value(value: object) -> str:
-    """Return a value as TOML; JSON writes strings, booleans and numbers alike, but not tables."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_toml_key(k)} = {_toml_value(v)}" for k, v in value.items()) + " }"
-    return json.dumps(value)
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> list[Path]:

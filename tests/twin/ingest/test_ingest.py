@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 from annotation_edits import as_boxes
+from posed_trip import write_posed_trip
 
 from geoloc.earth.datum import euref89_from_itrf
 from geoloc.simulation.simulate import scenario, simulate_drive
 from twin.errors import ConfigError, DriveError
 from twin.ingest.ingest import ingest_drive
-from twin.samples.write_drive import write_driveworks_trip, write_generic_folder
+from twin.samples.write_drive import write_driveworks_trip
 from twin.store import schema
 from twin.store.poses import poses_from_blob
 from twin.store.store import Store
@@ -53,23 +54,10 @@ def test_ingest_brings_itrf2020_to_euref89_and_adds_its_uncertainty(empty: Store
     assert min(as_itrf[name] - as_euref[name] for name in as_euref) > 0.8 * 2 * sigma_m**2
 
 
-def test_ingest_gives_the_same_from_both_layouts(empty: Store, tmp_path: Path) -> None:
-    """One drive as a DriveWorks trip and as a generic folder: the same positions to the last bit."""
-    drive = simulate_drive(scenario("approach", 15.0, 3), 3)
-    write_driveworks_trip(drive, tmp_path / "trip")
-    write_generic_folder(drive, tmp_path / "folder")
-    ingest_drive(empty, tmp_path / "trip")
-    with Store.open(tmp_path / "other.db") as other:
-        ingest_drive(other, tmp_path / "folder")
-        ours, theirs = positions(empty), positions(other)
-    assert ours.keys() == theirs.keys()
-    assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
-
-
 def test_ingest_takes_full_poses_instead_of_gnss(empty: Store, tmp_path: Path) -> None:
     """With the simulator's true poses the errors are those of the ground and the pixels alone."""
     drive = simulate_drive(scenario("approach", 15.0, 3), 3)
-    write_generic_folder(drive, tmp_path / "folder", true_poses=True)
+    write_posed_trip(drive, tmp_path / "folder")
     report = ingest_drive(empty, tmp_path / "folder")
     assert report.delay_ms is None
     truth = {
@@ -208,7 +196,7 @@ def test_ingest_of_a_corrected_drive_replaces_it(empty: Store, trip: Path) -> No
 def test_ingest_refuses_a_drive_outside_norway(empty: Store, tmp_path: Path) -> None:
     """Latitude and longitude swapped in poses.csv are named as that."""
     drive = simulate_drive(scenario("approach", 15.0, 3), 3)
-    write_generic_folder(drive, tmp_path / "folder", true_poses=True)
+    write_posed_trip(drive, tmp_path / "folder")
     path = tmp_path / "folder" / "poses.csv"
     path.write_text(
         path.read_text()
@@ -227,7 +215,7 @@ def test_ingest_compares_headings_with_the_track(
 ) -> None:
     """Headings in radians are refused, headings 25 degrees off are warned of."""
     drive = simulate_drive(scenario("urban", 25.0, 3), 3)
-    write_generic_folder(drive, tmp_path / "folder", true_poses=True)
+    write_posed_trip(drive, tmp_path / "folder")
     path = tmp_path / "folder" / "poses.csv"
     header, *rows = path.read_text().splitlines()
     column = header.split(",").index("heading_deg")

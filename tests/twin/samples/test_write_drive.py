@@ -14,10 +14,9 @@ import pytest
 
 from geoloc.rig.rig import read_rig
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
-from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.errors import DriveError
-from twin.samples.write_drive import write_driveworks_trip, write_generic_folder
+from twin.samples.write_drive import write_driveworks_trip
 
 SENTENCE = re.compile(
     rb"\$GPGGA,\d{6}\.\d\d,\d{4}\.\d{7},N,\d{5}\.\d{7},E,"
@@ -37,16 +36,6 @@ def trip(simulated: SimulatedDrive, tmp_path_factory: pytest.TempPathFactory) ->
     folder = tmp_path_factory.mktemp("drives") / "trip"
     write_driveworks_trip(simulated, folder)
     return folder
-
-
-def _same(a: Drive, b: Drive, cameras: tuple[str, ...]) -> None:
-    for name in ("camera", "frame", "object", "label", "skiltnummer", "kind", "pixel_px"):
-        assert np.array_equal(getattr(a.annotations, name), getattr(b.annotations, name)), name
-    for mine, other in zip(a.gnss, b.gnss, strict=True):
-        for field in fields(mine):
-            np.testing.assert_array_equal(getattr(mine, field.name), getattr(other, field.name), field.name)
-    for camera in cameras:
-        assert np.array_equal(a.frame_epoch_ns[camera], b.frame_epoch_ns[camera])
 
 
 def _tracks(path: Path) -> list[Element]:
@@ -80,29 +69,6 @@ def test_trip_reads_back_what_was_simulated(simulated: SimulatedDrive, trip: Pat
     assert set(a.kind) == {"foot"}
     for camera in simulated.scenario.cameras:
         assert np.abs(drive.frame_epoch_ns[camera] - simulated.frame_host_ns[camera]).max() <= 500
-
-
-def test_generic_folder_holds_the_same_drive(simulated: SimulatedDrive, trip: Path, tmp_path: Path) -> None:
-    """The generic folder reads as the same arrays, bit for bit, as the DriveWorks trip."""
-    write_generic_folder(simulated, tmp_path / "generic")
-    _same(read_drive(trip), read_drive(tmp_path / "generic"), simulated.scenario.cameras)
-
-
-def test_true_poses_read_back(simulated: SimulatedDrive, tmp_path: Path) -> None:
-    """A generic folder with the true poses reads back as those poses, signs included."""
-    write_generic_folder(simulated, tmp_path / "ins", true_poses=True)
-    track = read_drive(tmp_path / "ins").poses
-    assert track is not None
-    assert np.array_equal(track.epoch_ns, simulated.poses.epoch_ns)
-    for name, tolerance in (
-        ("latitude_deg", 1e-10),
-        ("longitude_deg", 1e-10),
-        ("height_m", 1e-4),
-        ("roll_deg", 1e-5),
-        ("pitch_deg", 1e-5),
-        ("heading_deg", 1e-5),
-    ):
-        assert getattr(track, name) == pytest.approx(getattr(simulated.poses, name), abs=tolerance), name
 
 
 def test_rig_file_holds_the_rig(simulated: SimulatedDrive, trip: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from posed_trip import write_posed_trip
 from sbp.orientation import MsgOrientEuler
 from track_writers import Recorded, Ros, sbp_clock, sbp_position, sbp_time
 
@@ -14,14 +15,13 @@ from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_f
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.errors import DriveError
-from twin.samples.write_drive import write_generic_folder
 
 ARM = (1.2, -0.4, 1.5)
 
 
 def posed(recorded: Recorded, folder: Path, name: str, arm: tuple[float, float, float] = ARM) -> Path:
-    """The generic folder of the drive, its poses being those of an INS's point in another file."""
-    write_generic_folder(recorded.drive, folder, true_poses=True)
+    """The folder of the drive, its poses being those of an INS's point in another file."""
+    write_posed_trip(recorded.drive, folder)
     settings = (folder / "drive.toml").read_text(encoding="utf-8")
     table = f'file = "{name}"\nlever_arm = {list(arm)}'
     (folder / "drive.toml").write_text(settings.replace('file = "poses.csv"', table), encoding="utf-8")
@@ -101,7 +101,7 @@ def test_poses_csv_of_another_point_is_moved_as_well(recorded: Recorded, tmp_pat
 def test_pose_file_is_found_where_there_is_no_recording(recorded: Recorded, tmp_path: Path) -> None:
     """Without a [poses] table; two of them need one."""
     folder = tmp_path / "drive"
-    write_generic_folder(recorded.drive, folder, true_poses=True)
+    write_posed_trip(recorded.drive, folder)
     settings = (folder / "drive.toml").read_text(encoding="utf-8")
     (folder / "drive.toml").write_text(settings.replace('[poses]\nfile = "poses.csv"', ""), encoding="utf-8")
     assert read_drive(folder).poses is not None
