@@ -148,8 +148,13 @@ FAULTS = (
     Fault("annotations_empty", put(MARKS, b""), 0, f"{MARKS} is empty or no XML"),
     # The folder as a whole
     Fault("two_rigs", _another_rig, 4, "other.json and rig.json are two different rigs"),
-    Fault("no_gnss", both(*(without(name) for name in GNSS)), 4, "no GNSS recording"),
-    Fault("no_timestamps", without(STAMPS), 4, f"{STAMPS} is not in"),
+    Fault(
+        "no_gnss",
+        both(*(without(name) for name in GNSS)),
+        4,
+        "no GNSS recording (rig.json names gnss50",
+    ),
+    Fault("no_timestamps", without(STAMPS), 4, f"annotated frames of {CAMERA} have no time"),
     Fault("model_unknown", edited("rig.json", '"ftheta"', '"hyperbolic"', 0), 4, "hyperbolic"),
     Fault("camera_not_in_rig", edited("rig.json", CAMERA, "C9", 0), 4, CAMERA),
     Fault(

@@ -72,6 +72,7 @@ REFUSED = (
     # Names and links
     Refused("up_and_out", stamped_by("../../etc/hosts"), OUT),
     Refused("absolute", stamped_by("/etc/hosts"), OUT),
+    Refused("gnss_out", added('[gnss]\nfiles = {"gnss50:vehicle" = "../../etc/hosts"}'), OUT),
     Refused("absolute_on_windows", stamped_by("C:\\\\x\\\\y"), OUT),
     Refused("link_out", linked(STAMPS, "/etc/hosts"), OUT),
     Refused("link_to_itself", linked(STAMPS, STAMPS), "cannot be followed to a file"),
@@ -90,6 +91,7 @@ REFUSED = (
     # Files that grow when they are read
     Refused("billion_laughs", put(MARKS, LAUGHS), f"{MARKS} declares a document type or entities"),
     Refused("entity_of_another_file", put(MARKS, OUTSIDE), f"{MARKS} declares a document type or entities"),
+    Refused("entity_in_a_found_file", put("signs.xml", OUTSIDE), "signs.xml declares a document type"),
     Refused("elements_in_elements", put(MARKS, "<annotations>" + "<a>" * 50_000), "not well-formed XML"),
     Refused("lists_in_lists", put("rig.json", "[" * 200_000), "rig.json is not JSON"),
     Refused("lists_in_annotations", put("signs.json", '{"images":' + "[" * 200_000), "nested too deeply"),
