@@ -42,22 +42,6 @@ def test_container_without_start_begins_at_its_tag_with_a_warning(small: Any) ->
     assert any("creation_time" in warning.sentence for warning in drive.warnings)
 
 
-def test_container_without_any_start_asks_for_it(small: Any) -> None:
-    """Neither stamps nor start nor tag: the sentence shows the lines to write."""
-    small.add("front.mp4", small.movies.video(TIMES_MS))
-    small.annotate_video(3)
-    with pytest.raises(DriveError, match=r'\[frames.front\] file = "front.mp4" and start'):
-        small.read()
-
-
-def test_raw_stream_without_stamps_asks_for_them(small: Any) -> None:
-    """Annex B carries no times."""
-    small.add("front.h264", small.movies.video(TENTHS, "h264"))
-    small.annotate_video(3)
-    with pytest.raises(DriveError, match="raw h264 stream, which carries no times"):
-        small.read()
-
-
 @pytest.mark.parametrize(("n_stamps", "n_kept"), [(10, 10), (9, 9), (12, 10)])
 def test_stamps_and_frames_of_a_raw_stream_pair_by_number(small: Any, n_stamps: int, n_kept: int) -> None:
     """As the car records them: a .h264 beside its .timestamps, up to two apart, never in silence."""
@@ -108,15 +92,6 @@ def test_images_are_timed_by_their_names(small: Any, zone: float) -> None:
     assert _skipped(drive) == {"annotations: image that is not among the drive's pictures": 1}
 
 
-def test_zone_of_names_is_not_guessed(small: Any) -> None:
-    """Local time without zone is refused with the key to write."""
-    small.add(f"pictures/{NAMES[0]}", small.movies.jpeg())
-    small.settings('[frames]\nfront = "pictures"')
-    small.annotate_images(NAMES[0])
-    with pytest.raises(DriveError, match=r"utc_offset_hours under \[frames.front\]"):
-        small.read()
-
-
 def test_images_with_numbers_are_in_order_of_their_numbers(small: Any) -> None:
     """9 comes before 10; a table gives the times by name, with a folder or without."""
     for i in range(8, 12):
@@ -133,34 +108,6 @@ def test_images_with_numbers_are_in_order_of_their_numbers(small: Any) -> None:
         "time stamps: not an image and a stamp": 1,
         "time stamps: stamp outside the years 2000–2099": 1,
     }
-
-
-@pytest.mark.parametrize(
-    ("table", "said"),
-    [
-        ("image,time_ns\n", "holds no usable time stamp"),
-        ("image,time_ns\nf1.png,17\nf2.png\n", "1 × not an image and a stamp; 1 × stamp outside"),
-        ("image,time_ns\ng1.png,1781078400000000000\n", "Not one image that times.csv names is in pictures"),
-    ],
-)
-def test_table_of_images_that_cannot_be_used_is_refused(small: Any, table: str, said: str) -> None:
-    """Empty, nonsense, or of other images."""
-    small.add("pictures/f1.png", small.movies.jpeg(form="PNG"))
-    small.add("times.csv", table)
-    small.settings('[frames]\nfront = "pictures"\n[timestamps]\nfront = "times.csv"')
-    small.annotate_images("f1.png")
-    with pytest.raises(DriveError, match=said):
-        small.read()
-
-
-def test_table_of_images_does_not_fit_a_video(small: Any) -> None:
-    """A video has no image names: the sentence says what is wanted instead."""
-    small.add("front.mp4", small.movies.video(TIMES_MS))
-    small.add("times.csv", "image,time_ns\nf1.png,1781078400000000000\n")
-    small.settings('[frames]\nfront = "front.mp4"\n[timestamps]\nfront = "times.csv"')
-    small.annotate_video(3)
-    with pytest.raises(DriveError, match="the pictures are a video"):
-        small.read()
 
 
 def test_images_whose_times_go_back_are_left_out(small: Any) -> None:
@@ -209,34 +156,50 @@ def test_whole_seconds_are_warned_of(small: Any) -> None:
     assert any("whole seconds" in warning.sentence for warning in small.read().warnings)
 
 
-def test_images_without_any_time_ask_for_a_table(small: Any) -> None:
-    """Numbers are no times, and nothing is guessed from them."""
-    small.add("pictures/f1.jpg", small.movies.jpeg())
-    small.settings('[frames]\nfront = "pictures/"')
-    small.annotate_images("f1.jpg")
-    with pytest.raises(DriveError, match="name a table image,time_ns"):
-        small.read()
+FOLDER = '[frames]\nfront = "pictures"'
+TABLE = f'{FOLDER}\n[timestamps]\nfront = "times.csv"'
+MP4, F1 = "front.mp4", "pictures/f1.jpg"
+STAMP = "1781078400000000000"
+OF_VIDEO = '[frames.front]\nfile = "front.mp4"\n'
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("picture", "settings", "times", "said"),
     [
-        ('[frames]\nfront = "nothing.mp4"', "nothing.mp4 is not in"),
-        ('[frames]\nfront = "../other"', "lies outside the drive folder"),
-        ('[frames]\nfront = "empty/"', "holds no images"),
-        ('[frames]\nrear = "front.mp4"', "names the camera rear"),
-        ('[frames.front]\nfile = "front.mp4"\nstart = "2026-06-10T08:00:00"', "an instant with its zone"),
-        ('[frames.front]\nfile = "front.mp4"\nstart = 0001-01-01T00:00:00Z', "in the years 2000"),
-        ('[frames.front]\nfile = "front.mp4"\nutc_offset_hours = 200', "a number from -14 to 14"),
-        ('[frames.front]\nstart = "2026-06-10T08:00:00Z"', "a video or a folder"),
-        ('[frames.front]\nfle = "front.mp4"', "the nearest known one is \\[frames.front\\] file"),
+        # No time at all: the sentence shows what to write, and nothing is guessed.
+        (MP4, "", "", r'\[frames.front\] file = "front.mp4" and start'),
+        ("front.h264", "", "", "raw h264 stream, which carries no times"),
+        (f"pictures/{NAMES[0]}", FOLDER, "", r"utc_offset_hours under \[frames.front\]"),
+        (F1, '[frames]\nfront = "pictures/"', "", "name a table image,time_ns"),
+        # A table that is empty, nonsense, of other images, or of a video.
+        (F1, TABLE, "", "holds no usable time stamp"),
+        (F1, TABLE, "f1.jpg,17\nf2.jpg\n", "1 × not an image and a stamp; 1 × stamp outside"),
+        (F1, TABLE, f"g1.jpg,{STAMP}\n", "Not one image that times.csv names is in pictures"),
+        (MP4, TABLE.replace("pictures", MP4), f"f1.jpg,{STAMP}\n", "the pictures are a video"),
+        # Settings: the key, and what it must be.
+        (MP4, '[frames]\nfront = "nothing.mp4"', "", "nothing.mp4 is not in"),
+        (MP4, '[frames]\nfront = "../other"', "", "lies outside the drive folder"),
+        (MP4, '[frames]\nfront = "empty/"', "", "holds no images"),
+        (MP4, '[frames]\nrear = "front.mp4"', "", "names the camera rear"),
+        (MP4, f'{OF_VIDEO}start = "2026-06-10T08:00:00"', "", "an instant with its zone"),
+        (MP4, f"{OF_VIDEO}start = 0001-01-01T00:00:00Z", "", "in the years 2000"),
+        (MP4, f"{OF_VIDEO}utc_offset_hours = 200", "", "a number from -14 to 14"),
+        (MP4, '[frames.front]\nstart = "2026-06-10T08:00:00Z"', "", "a video or a folder"),
+        (MP4, '[frames.front]\nfle = "front.mp4"', "", r"nearest known one is \[frames.front\] file"),
     ],
 )
-def test_settings_of_frames_that_are_wrong_are_refused(small: Any, settings: str, said: str) -> None:
-    """Each with the key, and what it must be."""
-    small.add("front.mp4", small.movies.video(TIMES_MS))
+def test_frames_that_cannot_be_timed_are_refused(
+    small: Any, picture: str, settings: str, times: str, said: str
+) -> None:
+    """What is missing or wrong, where, and the lines to write."""
     small.add("empty/readme.txt", "no images")
-    small.annotate_video(3)
+    small.add("times.csv", f"image,time_ns\n{times}")
+    if picture.endswith(".jpg"):
+        small.add(picture, small.movies.jpeg())
+        small.annotate_images(picture.rpartition("/")[2])
+    else:
+        small.add(picture, small.movies.video(TENTHS, picture.rpartition(".")[2]))
+        small.annotate_video(3)
     small.settings(settings)
     with pytest.raises(DriveError, match=said):
         small.read()
