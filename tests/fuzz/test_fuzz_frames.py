@@ -70,7 +70,7 @@ def _jpeg() -> bytes:
     return file.getvalue()
 
 
-@fuzzed(mutated([STAMPS, TABLE, IMAGES]))
+@fuzzed(mutated([STAMPS, TABLE, IMAGES]), parsers=3)
 def test_stamp_readers_raise_nothing_but_drive_errors(content: bytes) -> None:
     """Whatever the bytes: a DriveError, or stamps that increase."""
     try:

@@ -53,7 +53,12 @@ def checked(read: Callable[[], Any]) -> None:
     assert len(track.epoch_ns)
     assert np.isfinite([track.latitude_deg, track.longitude_deg, track.height_m]).all()
     assert all(skipped.count > 0 for skipped in result.skipped)
-    if isinstance(result, FixesRead):
+    if not isinstance(result, FixesRead):
+        assert np.isfinite(
+            [track.roll_deg, track.pitch_deg, track.heading_deg, track.sigma_heading_deg]
+        ).all()
+    else:
+        assert np.all(track.quality > 0)
         headings, velocities = track.heading_deg, track.velocity_mps
         assert not np.any((headings < 0.0) | (headings >= 360.0) | np.isinf(headings))
         assert np.isnan(velocities[np.abs(velocities) > MAX_SPEED_MPS + 1e-9]).all()
@@ -134,7 +139,8 @@ def sentence(random: Random) -> bytes:
     """Any fields behind a known type, and a sound checksum."""
     kind = random.choice(["GPGGA", "GNRMC", "GPZDA", "GNGST", "GPHDT", "GNTHS", "GPVTG", "PASHR"])
     fields = ("".join(random.choices("0123456789.,-NSEWMAVnaife", k=random.randrange(13))) for _ in range(15))
-    return nmea_sentence(",".join([kind, *fields][: random.randrange(1, 17)]))
+    host = random.choice([b"", b" 1684739920978036", b" 0", b" x", b" " + b"9" * 23])
+    return nmea_sentence(",".join([kind, *fields][: random.randrange(1, 17)])).strip() + host
 
 
 def head_of(random: Random) -> bytes:
@@ -142,7 +148,7 @@ def head_of(random: Random) -> bytes:
     return bytes(mutated([NMEA])(random)[:300])
 
 
-@fuzzed(listed(either(sentence, head_of), 6))
+@fuzzed(listed(either(sentence, head_of), 8), parsers=3)
 def test_fuzz_nmea_with_sound_checksums_gives_fixes_or_a_drive_error(lines: list[bytes]) -> None:
     """What a checksum does not catch."""
     checked(lambda: read_nmea(b"\n".join(lines), "a", "a.nmea"))
@@ -183,7 +189,7 @@ def test_fuzz_gpx_gives_fixes_or_a_drive_error(content: bytes) -> None:
     checked(lambda: read_gpx(content, "a", "a.gpx"))
 
 
-@fuzzed(mutated([POSES]))
+@fuzzed(mutated([POSES]), parsers=2)
 def test_fuzz_poses_give_a_track_or_a_drive_error(content: bytes) -> None:
     """Damaged pose files."""
     looks_like_poses(content)

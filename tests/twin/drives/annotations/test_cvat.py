@@ -219,19 +219,9 @@ def test_cvat_raises_nothing_but_drive_errors(content: bytes) -> None:
         assert shape.kind in {"foot", "box"}
 
 
-@settings(max_examples=100, deadline=None, derandomize=True, database=None)
-@given(st.data())
-def test_cvat_file_cut_or_damaged_anywhere_raises_nothing_but_drive_errors(
-    maker: Any, data: st.DataObject
-) -> None:
-    """A cut is never well-formed; a changed byte is refused or read as something finite."""
-    content = bytearray(maker.annotations().encode())
-    place = data.draw(st.integers(0, len(content) - 3))
-    with pytest.raises(DriveError):
-        read_cvat(bytes(content[:place]), "a.xml")
-    content[place] = data.draw(st.integers(0, 255))
-    try:
-        file = read_cvat(bytes(content), "a.xml")
-    except DriveError:
-        return
-    assert all(math.isfinite(value) for shape in file.shapes for value in shape.pixel_px)
+def test_cvat_file_cut_anywhere_is_refused(maker: Any) -> None:
+    """A cut is never well-formed."""
+    content = maker.annotations().encode()
+    for end in range(len(content) - 3):
+        with pytest.raises(DriveError):
+            read_cvat(content[:end], "a.xml")

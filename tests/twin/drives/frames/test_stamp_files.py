@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from left_out import counts
 
 from twin.drives.frames.stamp_files import NO_STAMP, read_timestamps
@@ -69,20 +67,3 @@ def test_timestamps_without_a_usable_line_are_refused_by_name(content: bytes) ->
     """The error names the file."""
     with pytest.raises(DriveError, match=r"C3\.timestamps"):
         read_timestamps(content, "C3.timestamps")
-
-
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
-@given(
-    st.binary(max_size=200)
-    | st.text("0123456789\t\n ,-.e", max_size=200).map(str.encode)
-    | st.lists(st.tuples(st.integers(-3, 40), st.integers(-90, 90)), max_size=30).map(lambda r: lines(*r))
-)
-def test_timestamps_raise_nothing_but_drive_errors_and_always_increase(content: bytes) -> None:
-    """Whatever the bytes: either a DriveError, or stamps that increase with the frame number."""
-    try:
-        epoch_ns, _ = read_timestamps(content, "x.timestamps")
-    except DriveError:
-        return
-    known = epoch_ns[epoch_ns != NO_STAMP]
-    assert len(known) > 0
-    assert np.all(np.diff(known) > 0)
