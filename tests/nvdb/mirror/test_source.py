@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -95,30 +95,6 @@ def test_source_goes_on_from_every_cursor(setup: Setup, world: ReplayWorld) -> N
         assert seen + ids_of(source, start=page.next_cursor) == list(range(501, 510))
 
 
-def test_source_tells_of_created_changed_removed_and_recreated_objects(
-    setup: Setup, world: ReplayWorld, plate: Callable[..., Any]
-) -> None:
-    """Each kind of change after the noted position names its object, and fetching shows what became of it."""
-    source = setup.source(world)
-    head = source.head()
-    setup.clock.time += timedelta(hours=2)
-    world.create(96, plate(600))
-    world.update(
-        501, egenskaper=[*plate(501)["egenskaper"][:3], {**plate(501)["egenskaper"][3], "verdi": "new"}]
-    )
-    world.remove(502)
-    world.remove(503)
-    world.recreate(503)
-    world.update(2)
-    found, position = changed(source, head)
-    assert found == {95: {2}, 96: {600, 501, 502, 503}}
-    result = source.fetch(96, sorted(found[96]), COUNTRY)
-    assert {skilt.nvdb_id for skilt in result.objects} == {501, 503, 600}
-    assert result.missing == {502}
-    assert next(s for s in result.objects if s.nvdb_id == 501).text == "new"  # type: ignore[union-attr]
-    assert changed(source, position)[0] == {95: set(), 96: set()}
-
-
 def test_source_head_is_before_every_later_change(setup: Setup, world: ReplayWorld) -> None:
     """A change in the very instant after the position was noted is told, also if it is the first ever."""
     source = setup.source(world)
@@ -158,26 +134,6 @@ def test_source_fetches_in_batches_of_a_hundred(setup: Setup) -> None:
     assert list(batches([])) == []
 
 
-def test_source_gives_an_object_that_changes_between_two_pages(setup: Setup, world: ReplayWorld) -> None:
-    """An object removed behind the cursor and one created there are both told by the noted position."""
-    source = setup.source(world, page_size=3)
-    head = source.head()
-    seen: list[int] = []
-
-    def interfere(info: RequestInfo) -> None:
-        if "start" in info.query and not world.events:
-            world.remove(501)
-            world.update(509, egenskaper=[])
-
-    world.on_request = interfere
-    for page in source.pages(96, COUNTRY):
-        seen += [skilt.nvdb_id for skilt in page.objects]
-    assert seen == list(range(501, 510))
-    world.on_request = None
-    assert changed(source, head)[0][96] == {501, 509}
-    assert source.fetch(96, [501, 509], COUNTRY).missing == {501}
-
-
 def test_source_stops_at_a_page_that_leads_back(setup: Setup, world: ReplayWorld) -> None:
     """A cursor that has been used before is an error and not an end, in pages and in the feed."""
     source = setup.source(world, [None, Fault("repeat_cursor")], page_size=2)
@@ -213,12 +169,6 @@ def test_source_stops_at_a_page_that_comes_again(setup: Setup) -> None:
     # Uberiket's start is needed by its first page too: without it the first 1000 events come again.
     with pytest.raises(PagingError, match="start the sync again"):
         list(pages)
-
-
-def test_source_takes_short_pages_as_pages(setup: Setup, world: ReplayWorld) -> None:
-    """A page that is shorter than asked for is not the last."""
-    world.page_limit = 4
-    assert ids_of(setup.source(world)) == list(range(501, 510))
 
 
 def test_source_names_an_object_that_cannot_be_read_and_keeps_the_rest(

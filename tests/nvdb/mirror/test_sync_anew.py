@@ -28,21 +28,6 @@ def test_sync_makes_a_fresh_backfill_when_the_feed_is_too_short(bench: Bench) ->
     assert bench.sync().mode == "changes"
 
 
-@pytest.mark.parametrize("fresh", [False, True])
-def test_sync_refuses_to_delete_much_unless_confirmed(bench: Bench, fresh: bool) -> None:
-    """A feed or a backfill that would take most plates away changes nothing; confirmed, it passes."""
-    bench.sync()
-    old, position = visible(bench.store), bench.position()
-    for number in PLATES[:5]:
-        bench.world.remove(number)
-    with pytest.raises(MassDeletionError, match=r"delete 5 of 9 Skiltplate .* confirm the deletions"):
-        bench.sync(fresh=fresh)
-    assert visible(bench.store) == old
-    assert bench.position() == position
-    bench.sync(fresh=fresh, confirm_deletions=True)
-    assert visible(bench.store) == bench.clean() != old
-
-
 def test_sync_refuses_by_share_in_a_mirror_of_many(bench: Bench, plate: Any) -> None:
     """In a mirror of 500, 25 deletions are 5 % and pass, and 26 do not."""
     for number in range(1000, 1491):
@@ -189,14 +174,3 @@ def test_sync_begins_anew_what_it_cannot_resume(bench: Bench, why: str) -> None:
     assert (report.mode, nine(report)) == ("backfill", (4, 9))
     bench.faults = lambda info: None
     assert visible(bench.store) == bench.clean(kind, area)
-
-
-@pytest.mark.parametrize(
-    "kind", ["status", "truncate", "cut", "html_200", "garbage", "damaged_gzip", "disconnect"]
-)
-def test_sync_gives_the_same_mirror_through_every_passing_fault(bench: Bench, kind: Any) -> None:
-    """With every second request failing, the mirror equals one made without faults."""
-    bench.faults = lambda info: Fault(kind) if info.number % 2 == 0 else None
-    assert bench.sync().mode == "backfill"
-    bench.faults = lambda info: None
-    assert visible(bench.store) == bench.clean()
