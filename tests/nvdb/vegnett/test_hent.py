@@ -11,23 +11,13 @@ from vegnett_links import link_in_oslo
 from nvdb.area import Area
 from nvdb.errors import PagingError, SchemaError
 from nvdb.replay import Fault, ReplayWorld
-from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
+from nvdb.vegnett import SEGMENTERT, hent_vegnett
 
 OSLO = Area(kommuner=(301,))
 
 
 def _links(number: int) -> ReplayWorld:
     return ReplayWorld(vegnett=[link_in_oslo(k) for k in range(number)])
-
-
-def test_hent_vegnett_brings_every_link_once(api: Any) -> None:
-    """Seven links in pages of two arrive once each, although links have no id to tell full pages apart by."""
-    client, _ = api.serve(_links(7))
-    pages = list(hent_vegnett(client, OSLO, antall=2))
-    assert [len(page.objects) for page in pages] == [2, 2, 2, 1]
-    nett = Vegnett.from_les_v4(link for page in pages for link in page.objects)
-    assert nett.veglenkesekvensid.tolist() == [5000 + number for number in range(7)]
-    assert nett.rejected == ()
 
 
 def test_hent_vegnett_asks_for_utm33_and_the_area(api: Any) -> None:
@@ -71,14 +61,6 @@ def test_hent_vegnett_notices_a_page_that_comes_again(api: Any) -> None:
     client, _ = api.serve(_links(4), faults=[None, Fault("repeat_page")])
     with pytest.raises(PagingError):
         list(hent_vegnett(client, OSLO, antall=2))
-
-
-def test_hent_vegnett_hands_out_links_as_received(api: Any) -> None:
-    """Nothing is added to a link to page through them."""
-    client, _ = api.serve(_links(3))
-    assert [link for page in hent_vegnett(client, OSLO, antall=2) for link in page.objects] == [
-        link_in_oslo(k) for k in range(3)
-    ]
 
 
 def test_hent_vegnett_refuses_what_is_not_a_page(api: Any) -> None:

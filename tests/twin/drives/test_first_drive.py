@@ -90,11 +90,6 @@ REFUSED = (
         {"drive.toml": f"[cameras.C3_wde]\n{POSED}"},
         r"C3_wde, which no rig file has \(its cameras: C3_wide, C1_narrow; the nearest is C3_wide\)",
     ),
-    Slip(
-        "calibration_misspelt",
-        {"chain.yaml": CHAIN, "drive.toml": f'[cameras.{WIDE}]\nintrinsics = "chain.yaml#cam7"\n'},
-        r"chain\.yaml has no camera cam7 \(its cameras: cam0; the nearest is cam0\): correct what",
-    ),
     # Cameras of annotations
     Slip(
         "camera_of_a_row",
