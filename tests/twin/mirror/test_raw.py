@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -14,13 +12,9 @@ from hypothesis import strategies as st
 from nvdb_country import GeneratedWorld
 
 from nvdb.client import JsonObject, json_from_body
-from nvdb.mirror import SourcePage
-from nvdb.objects import VegobjektStedfesting, skilt_from_les_v4
-from twin.mirror.mirror_tables import StoreMirror
+from nvdb.objects import VegobjektStedfesting
 from twin.mirror.raw import packed, raw_object, raw_text, same_object
 from twin.mirror.rows import _to_json
-from twin.store import schema
-from twin.store.store import Store
 
 values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
@@ -116,24 +110,3 @@ def test_stedfesting_in_the_store_is_its_json(place: VegobjektStedfesting) -> No
     """The JSON of a column has the fields of a stedfesting by name."""
     fields = {**msgspec.structs.asdict(place), "kjorefelt": [*place.kjorefelt]}
     assert json.loads(_to_json([place])) == [fields]
-
-
-def test_row_of_the_store_holds_the_object_as_sent(tmp_path: Path) -> None:
-    """What a page brought can be had back from the aside table, and its JSON columns can be read."""
-    body = GeneratedWorld(5, 9).page_body(96, {"antall": "9", "inkluder": "alle"}, "http://localhost")
-    page = json_from_body(body, "localhost", "application/json")
-    assert isinstance(page, dict)
-    sent = {raw["id"]: raw for raw in page["objekter"]}
-    skilt = tuple(skilt_from_les_v4(raw, 96) for raw in sent.values())
-    with Store.open(tmp_path / "a.twin") as store:
-        from nvdb.mirror import Backfill
-
-        mirror = StoreMirror(store)
-        mirror.begin_backfill(Backfill("les-v4", "all", "2026-01-01"))
-        mirror.save_page(SourcePage(96, skilt, (), "1:1", len(skilt)))
-        with sqlite3.connect(tmp_path / "a.twin") as connection:
-            connection.row_factory = sqlite3.Row
-            rows = connection.execute(f"SELECT * FROM {schema.MIRROR[96].aside.name}").fetchall()
-        connection.close()
-    assert {row["nvdb_id"]: raw_object(dict(row)) for row in rows} == sent
-    assert all(json.loads(row["kommuner"]) == sent[row["nvdb_id"]]["lokasjon"]["kommuner"] for row in rows)

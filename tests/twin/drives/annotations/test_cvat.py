@@ -26,21 +26,26 @@ def test_cvat_track_point_is_a_foot_half_a_pixel_up_and_left(maker: Any) -> None
     assert shape.attributes == {"skiltnummer": "202"}
 
 
-def test_cvat_box_has_centre_and_edges(maker: Any) -> None:
-    """A box from (10, 20) to (30, 60) is centred on (20, 40), all minus half a pixel."""
-    box = '<box frame="4" xtl="10" ytl="20" xbr="30" ybr="60"/>'
-    (shape,) = read_cvat(maker.cvat(f'<track id="0" label="x">{box}</track>').encode(), "a.xml").shapes
-    assert shape.kind == "box"
-    assert shape.pixel_px == (19.5, 39.5)
-    assert shape.box_px == (9.5, 19.5, 29.5, 59.5)
-
-
-def test_cvat_rotated_box_gets_the_upright_box_around_it(maker: Any) -> None:
-    """Turned by 90°, width and height change places about the same centre."""
-    box = '<box label="x" xtl="10" ytl="20" xbr="30" ybr="60" rotation="90.0"/>'
-    (shape,) = read_cvat(maker.cvat(f'<image id="0" name="1.png">{box}</image>').encode(), "a.xml").shapes
-    assert shape.pixel_px == (19.5, 39.5)
-    assert shape.box_px == pytest.approx((-0.5, 29.5, 39.5, 49.5))
+@pytest.mark.parametrize(
+    ("shape", "pixel", "box"),
+    [
+        ('<box label="x" xtl="10" ytl="20" xbr="30" ybr="60"/>', (19.5, 39.5), (9.5, 19.5, 29.5, 59.5)),
+        # Turned by 90°, width and height change places about the same centre.
+        (
+            '<box label="x" xtl="10" ytl="20" xbr="30" ybr="60" rotation="90.0"/>',
+            *((19.5, 39.5), (-0.5, 29.5, 39.5, 49.5)),
+        ),
+        # The box around the corners (1, 2), (9, 4) and (5, 8).
+        ('<polygon label="x" points="1,2;9,4;5,8"/>', (4.5, 4.5), (0.5, 1.5, 8.5, 7.5)),
+    ],
+)
+def test_cvat_face_has_centre_and_edges(
+    maker: Any, shape: str, pixel: tuple[float, ...], box: tuple[float, ...]
+) -> None:
+    """All minus half a pixel."""
+    (face,) = read_cvat(maker.cvat(f'<image id="0" name="1.png">{shape}</image>').encode(), "a.xml").shapes
+    assert (face.kind, face.pixel_px) == ("box", pixel)
+    assert face.box_px == pytest.approx(box)
 
 
 def test_cvat_rows_outside_the_view_are_no_annotations(maker: Any) -> None:
@@ -77,14 +82,6 @@ def test_cvat_shapes_of_other_kinds_are_counted(maker: Any) -> None:
         "coordinates not finite": 1,
         "frame number unreadable": 1,
     }
-
-
-def test_cvat_polygon_counts_as_the_box_around_it(maker: Any) -> None:
-    """Its corners at (1, 2), (9, 4) and (5, 8) lie within 1 to 9 and 2 to 8, all minus half a pixel."""
-    polygon = '<polygon label="a" points="1,2;9,4;5,8"/>'
-    (shape,) = read_cvat(maker.cvat(f'<image id="0" name="1.png">{polygon}</image>').encode(), "a.xml").shapes
-    assert (shape.kind, shape.pixel_px) == ("box", (4.5, 4.5))
-    assert shape.box_px == (0.5, 1.5, 8.5, 7.5)
 
 
 def test_cvat_skeleton_of_an_image_is_its_foot(maker: Any) -> None:

@@ -93,9 +93,13 @@ def test_exif_of_damaged_images_says_nothing(content: bytes) -> None:
     assert not exif_needs_zone(content)
 
 
-@pytest.mark.parametrize(("form", "mode"), [("JPEG", "CMYK"), ("PNG", "I;16"), ("PNG", "L"), ("PNG", "RGBA")])
+KINDS = [("JPEG", "CMYK"), ("PNG", "I;16"), ("PNG", "L"), ("PNG", "RGBA")]
+FORMATS = ["JPEG", "PNG", "BMP", "TIFF", "WEBP", "PPM"]
+
+
+@pytest.mark.parametrize(("form", "mode"), [*KINDS, *((form, "RGB") for form in FORMATS)])
 def test_pictures_of_any_kind_become_rgb(movies: Any, form: str, mode: str) -> None:
-    """CMYK, 16-bit, grey and transparent pictures: the left half is white, the right one black."""
+    """Every format, CMYK, 16-bit, grey and transparent: the left half is white, the right one black."""
     if mode == "I;16":
         from PIL import Image
 
@@ -111,39 +115,10 @@ def test_pictures_of_any_kind_become_rgb(movies: Any, form: str, mode: str) -> N
     assert image[:, 40:].max() < 10
 
 
-@pytest.mark.parametrize("form", ["JPEG", "PNG", "BMP", "TIFF", "WEBP", "PPM"])
-def test_every_format_that_is_named_is_read(movies: Any, form: str) -> None:
-    """Left white, right black, in each of the formats."""
-    image = decoded_image(movies.jpeg(form=form))
-    assert image.shape == (48, 64, 3)
-    assert image[:, :24].min() > 245
-    assert image[:, 40:].max() < 10
-
-
-@pytest.mark.parametrize(
-    ("orientation", "white"),
-    [
-        (1, (slice(None), slice(0, 24))),
-        (2, (slice(None), slice(40, 64))),
-        (3, (slice(None), slice(40, 64))),
-        (4, (slice(None), slice(0, 24))),
-        (5, (slice(0, 24), slice(None))),
-        (6, (slice(0, 24), slice(None))),
-        (7, (slice(40, 64), slice(None))),
-        (8, (slice(40, 64), slice(None))),
-    ],
-)
-def test_orientation_flag_is_obeyed(movies: Any, orientation: int, white: tuple[slice, slice]) -> None:
-    """Where the white left half of the stored picture lies, by EXIF 2.32, table for tag 0x0112."""
-    image = decoded_image(movies.jpeg(exif={0x0112: orientation}))
-    assert image.shape == ((48, 64, 3) if orientation < 5 else (64, 48, 3))
-    assert image[white].min() > 245
-    assert np.mean(image > 128) == pytest.approx(0.5, abs=0.02)
-
-
+@pytest.mark.parametrize("form", ["PNG", "JPEG"])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_orientation_agrees_with_pillow(movies: Any, orientation: int) -> None:
-    """Pillow's own transposition is the oracle, on a picture without symmetry."""
+def test_orientation_agrees_with_pillow(orientation: int, form: str) -> None:
+    """Pillow's own transposition is the oracle, on a picture without symmetry; JPEG rounds its colours."""
     from PIL import Image, ImageOps
 
     rng = np.random.default_rng(0)
@@ -151,10 +126,10 @@ def test_orientation_agrees_with_pillow(movies: Any, orientation: int) -> None:
     tags = Image.Exif()
     tags[0x0112] = orientation
     file = io.BytesIO()
-    source.save(file, "PNG", exif=tags)
+    source.save(file, form, exif=tags, quality=100)
     with Image.open(io.BytesIO(file.getvalue())) as opened:
         expected = np.asarray(ImageOps.exif_transpose(opened))
-    assert np.array_equal(decoded_image(file.getvalue()), expected)
+    np.testing.assert_allclose(decoded_image(file.getvalue()), expected, atol=3 if form == "JPEG" else 0)
 
 
 def test_decompression_bomb_is_refused_by_its_header() -> None:

@@ -74,15 +74,6 @@ def test_what_is_missing_is_told_and_the_rest_is_shown(
     assert "gnss50" in answer.out
 
 
-def test_exit_code_is_that_of_ingest_drive(sample: Path, tmp_path: Path, twin: Twin) -> None:
-    """0 where it says Ready, 4 where ingest-drive would refuse; the JSON document is whole in both cases."""
-    sound = twin("inspect", sample / "trip_trondheim", "--json")
-    empty = twin("inspect", tmp_path, "--json")
-    assert (sound.code, sound.json["ready"], sound.json["refusals"]) == (0, True, [])
-    assert (empty.code, empty.json["ready"]) == (4, False)
-    assert twin("ingest-drive", tmp_path, "--store", tmp_path / "twin.db").code == 4
-
-
 def test_both_antennas_gone_is_told_beside_the_cameras(trip: Path) -> None:
     """Without GNSS the frames still have their spans."""
     for file in trip.glob("gnss*"):

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import numpy as np
 import pytest
 import shapely
 from vegnett_links import segment
@@ -16,7 +15,7 @@ from nvdb.client import NvdbClient
 from nvdb.errors import SchemaError
 from nvdb.mirror import MassDeletionError, ShortBackfillError
 from nvdb.replay import ReplayServer, ReplayWorld
-from nvdb.vegnett import Vegnett, stedfester
+from nvdb.vegnett import Vegnett
 from twin.errors import RefusedError, StoreError
 from twin.mirror.vegnett import load_vegnett, sync_vegnett
 from twin.store import schema
@@ -117,19 +116,6 @@ def test_network_comes_out_of_the_store_as_it_was_fetched(empty: Store, net: Net
     fact = empty.fact("vegnett")
     assert fact is not None
     assert (fact["area"], fact["count"], fact["n_rejected"]) == (AREA.text(), 40, 0)
-
-
-def test_network_of_the_store_places_points_as_the_fetched_one_does(empty: Store, net: Net) -> None:
-    """Stedfesting on the loaded network gives the same positions, sides and meters."""
-    sync_vegnett(empty, AREA, client=net.client)
-    rng = np.random.default_rng(5)
-    east, north = rng.uniform(270_000, 274_000, 200), rng.uniform(7_039_990, 7_040_080, 200)
-    got = stedfester(load_vegnett(empty)).stedfest(east, north)
-    want = stedfester(Vegnett.from_les_v4(net.world.vegnett or ())).stedfest(east, north)
-    assert got.found.any()
-    np.testing.assert_array_equal(got.relativ_posisjon, want.relativ_posisjon)
-    np.testing.assert_array_equal(got.meter, want.meter)
-    assert got.kortform.tolist() == want.kortform.tolist()
 
 
 def test_network_stays_unseen_until_its_last_page(empty: Store, net: Net) -> None:
