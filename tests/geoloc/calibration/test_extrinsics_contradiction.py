@@ -6,23 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from yard_scene import LEFT, MODELS, RIG, RIGHT, WIDE, off, pictures_of
 
-from geoloc.calibration.extrinsics import Tag, TagPicture, calibrate_extrinsics
+from geoloc.calibration.extrinsics import Tag, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts
 from geoloc.cameras import CameraModel, FThetaCamera
 from geoloc.errors import CalibrationError
-from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import Yard, draw_yard, seen_tags
-
-RIG = simulated_rig()
-MODELS: dict[str, CameraModel] = {name: camera.model for name, camera in RIG.cameras.items()}
-LEFT, RIGHT, WIDE = "C1_front60Single", "C2_tricam60", "C3_tricam120"
-
-
-def pictures_of(yard: Yard, sigma_px: float = 0.02) -> list[TagPicture]:
-    """What every camera on the car sees."""
-    rng = np.random.default_rng(1)
-    return [seen_tags(yard, camera, rng, sigma_px=sigma_px) for camera in RIG.cameras.values()]
 
 
 def with_angles(camera: str, factor: float) -> CameraModel:
@@ -69,20 +59,21 @@ def test_exchanged_pictures_are_refused_by_their_cameras() -> None:
     """Pictures of two cameras under each other's names are told as exchanged."""
     yard = draw_yard(np.random.default_rng(32))
     named = {LEFT: RIGHT, RIGHT: LEFT}
-    pictures = [replace(p, camera=named.get(p.camera, p.camera)) for p in pictures_of(yard)]
+    pictures = [replace(p, camera=named.get(p.camera, p.camera)) for p in pictures_of(yard, sigma_px=0.02)]
     with pytest.raises(CalibrationError, match=f"The pictures of {LEFT} and {RIGHT} seem to be exchanged"):
         calibrate_extrinsics(MODELS, pictures, yard.tags)
 
 
 def test_camera_that_fits_badly_is_told_before_tags() -> None:
-    """Corners that scatter by 0.3 px make a camera doubtful, first of all."""
+    """Corners that scatter by 0.3 px make a camera doubtful, first of all; it weighs less."""
     yard = draw_yard(np.random.default_rng(33))
-    left, *others = pictures_of(yard)
+    left, *others = pictures_of(yard, sigma_px=0.02)
     noise = np.random.default_rng(3).normal(scale=0.3, size=left.corners_px.shape)
     left = replace(left, corners_px=left.corners_px + noise)
     found = calibrate_extrinsics(MODELS, [left, *others], yard.tags)
     assert doubts(found)[0].startswith(f"{LEFT}: its corners are uncertain by 0.")
     assert not any(text.startswith((RIGHT, WIDE)) for text in doubts(found))
+    assert np.abs(off(found, WIDE)[:3]).max() < 0.03
 
 
 def test_only_camera_that_fits_badly_is_told() -> None:
@@ -101,7 +92,7 @@ def test_swapped_ids_are_told_as_a_pair() -> None:
         9: replace(one, centre_m=other.centre_m),
         10: replace(other, centre_m=one.centre_m),
     }
-    found = calibrate_extrinsics(MODELS, pictures_of(yard), {**yard.tags, **exchanged})
+    found = calibrate_extrinsics(MODELS, pictures_of(yard, sigma_px=0.02), {**yard.tags, **exchanged})
     assert found.swapped == ((9, 10),)
     assert found.used.all()
     (told,) = doubts(found)
@@ -116,12 +107,12 @@ def test_leaning_heights_are_refused_as_heights() -> None:
         i: replace(t, centre_m=t.centre_m - [0.0, 0.0, slope * t.centre_m[0]]) for i, t in yard.tags.items()
     }
     with pytest.raises(CalibrationError, match=r"without heights, against which the floor leans by 1\.0"):
-        calibrate_extrinsics(MODELS, pictures_of(yard), tags)
+        calibrate_extrinsics(MODELS, pictures_of(yard, sigma_px=0.02), tags)
 
 
 def test_floor_that_leans_or_heights_that_do_are_both_told() -> None:
     """A slope of 0.4 degrees contradicts no place: told, with both things that it may be."""
     yard = draw_yard(np.random.default_rng(37), floor_lean_deg=0.4)
-    (told,) = doubts(calibrate_extrinsics(MODELS, pictures_of(yard), yard.tags))
+    (told,) = doubts(calibrate_extrinsics(MODELS, pictures_of(yard, sigma_px=0.02), yard.tags))
     assert told.startswith("The floor leans by 0.")
     assert "or the measured heights are wrong" in told

@@ -6,18 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from yard_scene import MODELS, RIG, WIDE, off, pictures_of
 
-from geoloc.calibration.extrinsics import Extrinsics, Pose, Tag, TagPicture, calibrate_extrinsics
+from geoloc.calibration.extrinsics import Pose, Tag, TagPicture, calibrate_extrinsics
 from geoloc.calibration.extrinsics.doubts import doubts
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import RigCamera
-from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import Yard, draw_yard, seen_tags
 
-RIG = simulated_rig()
-MODELS = {name: camera.model for name, camera in RIG.cameras.items()}
-WIDE = "C3_tricam120"
 TRACK_M, RADIUS_M = 1.58, 0.33
 
 
@@ -52,13 +48,6 @@ def carried(yard: Yard) -> list[TagPicture]:
     return found
 
 
-def off(found: Extrinsics, camera: str) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (degrees, rig axes) and position (metres) by which a camera was missed."""
-    pose, true = found.cameras[camera].rig_T_camera, RIG.cameras[camera]
-    turn = Rotation.from_matrix(pose.R @ true.rig_R_camera.T).as_rotvec(degrees=True)
-    return turn, pose.t_m - true.rig_t_camera_m
-
-
 def test_wheel_hubs_and_floor_tags_give_the_rig_frame() -> None:
     """Two hubs and a floor, and no other measured place: every camera to 0.1 degrees and 1 cm."""
     yard = with_hubs(draw_yard(np.random.default_rng(21)))
@@ -68,12 +57,11 @@ def test_wheel_hubs_and_floor_tags_give_the_rig_frame() -> None:
     }
     hand = carried(yard)
     assert {101, 102} <= {tag for picture in hand for tag in picture.tag_ids.tolist()}
-    pictures = [seen_tags(yard, camera, np.random.default_rng(2)) for camera in RIG.cameras.values()]
+    pictures = pictures_of(yard, 2)
     found = calibrate_extrinsics({**MODELS, "hand": MODELS[WIDE]}, [*pictures, *hand], free)
     for camera in RIG.cameras:
-        turn, shift = off(found, camera)
-        assert np.abs(turn).max() < 0.1
-        assert np.abs(shift).max() < 0.01
+        assert np.abs(off(found, camera)[:3]).max() < 0.1
+        assert np.abs(off(found, camera)[3:]).max() < 0.01
     assert doubts(found) == ()
 
 
@@ -88,9 +76,8 @@ def test_corners_of_one_tag_give_the_rig_frame() -> None:
     )
     picture = seen_tags(yard, RIG.cameras[WIDE], np.random.default_rng(3), sigma_px=0.0)
     found = calibrate_extrinsics(MODELS, [picture], {lying: measured})
-    turn, shift = off(found, WIDE)
-    assert np.abs(turn).max() < 1e-3
-    assert np.abs(shift).max() < 1e-4
+    assert np.abs(off(found, WIDE)[:3]).max() < 1e-3
+    assert np.abs(off(found, WIDE)[3:]).max() < 1e-4
     middle = Tag(lying, 0.6, pose.t_m, 1e-4, on_floor=True)
     alone = calibrate_extrinsics(MODELS, [picture], {lying: middle})
     assert any("yaw" in text and "not determined" in text for text in doubts(alone))
@@ -103,7 +90,7 @@ def test_slip_of_the_tape_at_a_corner_is_named() -> None:
     corner = tag.corners_m()[1:2]
     wrong = corner @ pose.R.T + pose.t_m + [0.0, 0.1, 0.0]
     tags = {**yard.tags, 3: replace(tag, marks_m=corner, mark_places_m=wrong)}
-    pictures = [seen_tags(yard, camera, np.random.default_rng(4)) for camera in RIG.cameras.values()]
+    pictures = pictures_of(yard, 4)
     found = calibrate_extrinsics(MODELS, pictures, tags)
     assert list(found.misplaced) == [3]
     assert found.misplaced[3] == pytest.approx(0.1, abs=0.01)
@@ -118,11 +105,10 @@ def test_single_coordinates_need_no_rough_pose() -> None:
         centre = np.full(3, np.nan)
         centre[axes] = yard.tags[i].centre_m[axes]
         tags[i] = replace(tags[i], centre_m=centre, centre_sigma_m=0.001)
-    pictures = [seen_tags(yard, camera, np.random.default_rng(5)) for camera in RIG.cameras.values()]
+    pictures = pictures_of(yard, 5)
     found = calibrate_extrinsics(MODELS, pictures, tags)
-    turn, shift = off(found, WIDE)
-    assert np.abs(turn).max() < 0.1
-    assert np.abs(shift).max() < 0.02
+    assert np.abs(off(found, WIDE)[:3]).max() < 0.1
+    assert np.abs(off(found, WIDE)[3:]).max() < 0.02
     assert found.misplaced == {}
 
 
@@ -140,7 +126,7 @@ def test_tags_alike_are_told_as_weak() -> None:
 def test_pictures_that_do_not_fit_are_refused_by_camera() -> None:
     """A camera that saw one tag, half covered, ends it: the sentence names that camera."""
     yard = draw_yard(np.random.default_rng(26))
-    covered, *others = (seen_tags(yard, camera, np.random.default_rng(7)) for camera in RIG.cameras.values())
+    covered, *others = pictures_of(yard, 7)
     corners = covered.corners_px[:1].copy()
     corners[0, 0] += 15.0
     covered = replace(covered, tag_ids=covered.tag_ids[:1], corners_px=corners)
@@ -152,7 +138,7 @@ def test_lean_is_told_where_floor_tags_lie_close_together() -> None:
     """The car stands on the floor too: half a degree shows in tags a metre from one another, 4 m ahead."""
     yard = draw_yard(np.random.default_rng(28), floor_lean_deg=0.5)
     near = {i: tag for i, tag in yard.tags.items() if not tag.on_floor or 3.9 < yard.poses[i].t_m[0] < 5.9}
-    pictures = [seen_tags(yard, camera, np.random.default_rng(9)) for camera in RIG.cameras.values()]
+    pictures = pictures_of(yard, 9)
     found = calibrate_extrinsics(MODELS, pictures, near)
     assert found.floor is not None
     assert found.floor.lean_deg == pytest.approx(0.5, abs=0.1)

@@ -8,10 +8,19 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from calibration_samples import FISHEYE624, FOV
 from hypothesis import given
 from hypothesis import strategies as st
 
-from geoloc.cameras import CameraModel, FisheyeCamera, FThetaCamera, OcamCamera, OmniCamera, PinholeCamera
+from geoloc.cameras import (
+    CameraModel,
+    Fisheye624Camera,
+    FisheyeCamera,
+    FThetaCamera,
+    OcamCamera,
+    OmniCamera,
+    PinholeCamera,
+)
 from geoloc.cameras.monotonic import invert_rising_polynomial, polynomial, rising_limit
 from geoloc.errors import CalibrationError
 
@@ -149,6 +158,12 @@ FISHEYE = FisheyeCamera(1280, 800, 600.0, 600.0, 639.5, 399.5)
         (PINHOLE, {"distortion": (0.1, 0.2, 0.0, math.inf)}, "finite"),
         (FISHEYE, {"distortion": (0.01,) * 5}, "5 fisheye coefficients"),
         (FISHEYE, {"fy_px": -600.0}, "both must be positive"),
+        (FISHEYE624, {"distortion": (1e-3,) * 13}, "13 fisheye624 coefficients"),
+        (FISHEYE624, {"fy_px": 0.0}, "both must be positive"),
+        (FOV, {"omega_rad": 0.0}, "omega"),
+        (FOV, {"omega_rad": -0.9}, "omega"),
+        (FOV, {"omega_rad": 3.2}, "omega"),
+        (FOV, {"omega_rad": math.nan}, "omega|finite"),
         (BOWL, {"polynomial": ()}, "negative constant"),
         (BOWL, {"polynomial": (200.0, 0.0, -0.002)}, "negative constant"),
         (BOWL, {"polynomial": (-200.0, 0.1)}, "linear term"),
@@ -356,9 +371,12 @@ def test_fisheye_takes_fewer_coefficients_and_no_more() -> None:
     )
 
 
-def test_fisheye_is_blind_where_its_polynomial_folds_back() -> None:
+@pytest.mark.parametrize("model", [FisheyeCamera, Fisheye624Camera])
+def test_fisheye_is_blind_where_its_polynomial_folds_back(
+    model: type[FisheyeCamera | Fisheye624Camera],
+) -> None:
     """θ - 0.2 θ³ turns at θ = 1.29 rad: a ray at 80° (1.40 rad) has no pixel, one at 70° has."""
-    camera = FisheyeCamera(1280, 800, 400.0, 400.0, 639.5, 399.5, (-0.2,))
+    camera = model(1280, 800, 400.0, 400.0, 639.5, 399.5, (-0.2,))
     assert camera.theta_max_rad == pytest.approx(1.0 / math.sqrt(0.6), rel=1e-3)
     assert_sees_one_alone(camera, *np.radians([70.0, 80.0]))
 

@@ -15,9 +15,7 @@ from hypothesis import strategies as st
 from twin.errors import ExportRefusedError
 from twin.export.layers import (
     COLUMNS,
-    GEOMETRY,
     GIVEN,
-    KEY,
     NO_DATA_TIME,
     ExportLayers,
     data_time,
@@ -28,24 +26,6 @@ from twin.export.layers import (
 
 def _changed(layers: ExportLayers, name: str, **columns: object) -> ExportLayers:
     return dataclasses.replace(layers, **{name: getattr(layers, name).assign(**columns)})
-
-
-@pytest.mark.parametrize("name", GIVEN)
-def test_empty_layers_carry_the_contract(name: str) -> None:
-    """Layers without rows have every column in its dtype, in order, and UTM33."""
-    frame = getattr(empty_layers(), name)
-    assert [str(dtype) for dtype in frame.dtypes.iloc[:-1]] == [column.dtype for column in COLUMNS[name]]
-    assert list(frame.columns[:-1]) == [column.name for column in COLUMNS[name]]
-    assert frame.crs.to_epsg() == 25833
-
-
-@pytest.mark.parametrize("name", GIVEN)
-def test_normalised_layers_carry_the_contract(layers: ExportLayers, name: str) -> None:
-    """Layers with rows come out in the same columns and dtypes as empty ones, sorted by their key."""
-    frame = getattr(normalised(layers), name)
-    assert [str(dtype) for dtype in frame.dtypes.iloc[:-1]] == [column.dtype for column in COLUMNS[name]]
-    assert frame[KEY[name]].is_monotonic_increasing
-    assert set(frame.geom_type.dropna()) == {GEOMETRY[name]}
 
 
 @settings(max_examples=20, deadline=None)
