@@ -139,13 +139,6 @@ class BoardDrive:
     hidden: tuple[int, int] = (0, 0)
     """First frame, and the one after the last, in which a lorry hides all boards."""
 
-    def east_north_of(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
-        """Metres from the start by the geodesic, which pyproj computes."""
-        from pyproj import Geod
-
-        azimuth, _, metres = Geod(ellps="GRS80").inv(ORIGIN[1], ORIGIN[0], longitude_deg, latitude_deg)
-        return metres * np.sin(np.radians(azimuth)), metres * np.cos(np.radians(azimuth))
-
     def picture(self, frame: int) -> NDArray[np.uint8]:
         """What the camera sees: axis-parallel boards, since it looks straight at them."""
         image = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)

@@ -25,9 +25,7 @@ RIG_DECIMALS = 10
 """Decimals of rig numbers: 1e-10 degrees and metres, and the same text from every processor."""
 
 
-def write_driveworks_trip(
-    drive: SimulatedDrive, folder: Path | str, *, geoid_separation_m: float = 0.0
-) -> list[Path]:
+def write_driveworks_trip(drive: SimulatedDrive, folder: Path | str) -> list[Path]:
     """Write a drive as NTNU's car records a trip.
 
     ``rig.json``, ``gnss*_vehicle.bin`` (NMEA text with host stamps), ``<camera>.h264.timestamps``,
@@ -38,9 +36,6 @@ def write_driveworks_trip(
     drive : SimulatedDrive
     folder : Path or str
         Made if it does not exist; files of an earlier call are replaced.
-    geoid_separation_m : float
-        0 writes the ellipsoidal height as altitude, as the real car does; otherwise the altitude is the
-        height minus this, and the sentence states it.
 
     Returns
     -------
@@ -55,7 +50,7 @@ def write_driveworks_trip(
     files = {"rig.json": _rig_text(drive)}
     for fixes in drive.gnss:
         name = drive.rig.antennas[fixes.antenna].file or f"{fixes.antenna.partition(':')[0]}_vehicle.bin"
-        files[name] = _nmea_text(fixes, geoid_separation_m)
+        files[name] = _nmea_text(fixes)
     for camera, stamps in drive.frame_host_ns.items():
         name = drive.rig.cameras[camera].timestamps or f"{camera}.h264.timestamps"
         files[name] = "".join(f"{frame}\t{stamp}\n" for frame, stamp in enumerate(_microseconds(stamps)))
@@ -77,8 +72,8 @@ def _rounded(value: Any) -> Any:
     return [_rounded(item) for item in value] if isinstance(value, list) else value
 
 
-def _nmea_text(fixes: GnssFixes, geoid_separation_m: float) -> str:
-    """GGA sentences with the host's stamp in µs behind each, CR LF at the end of the line."""
+def _nmea_text(fixes: GnssFixes) -> str:
+    """GGA sentences with the host's stamp in µs behind each, CR LF; ellipsoidal heights, as the car's."""
     lines = []
     for i, host_us in enumerate(_microseconds(fixes.host_ns)):
         latitude, longitude = float(fixes.latitude_deg[i]), float(fixes.longitude_deg[i])
@@ -92,7 +87,7 @@ def _nmea_text(fixes: GnssFixes, geoid_separation_m: float) -> str:
                 "W" if longitude < 0 else "E",
                 str(int(fixes.quality[i])),
                 "14,1.1",
-                f"{float(fixes.height_m[i]) - geoid_separation_m:.2f},M,{geoid_separation_m:.1f},M,0.9,0246",
+                f"{float(fixes.height_m[i]):.2f},M,0.0,M,0.9,0246",
             ]
         )
         checksum = reduce(lambda total, byte: total ^ byte, body.encode("ascii"), 0)

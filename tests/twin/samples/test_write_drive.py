@@ -98,17 +98,6 @@ def test_sentences_have_the_form_of_the_real_car(trip: Path) -> None:
         pynmea2.parse(line.decode().partition(" ")[0], check=True)
 
 
-def test_geoid_separation_moves_between_the_fields(simulated: SimulatedDrive, tmp_path: Path) -> None:
-    """With a geoid separation of 39.4 m the altitude is lower by it, and the height read back is the same."""
-    write_driveworks_trip(simulated, tmp_path / "split", geoid_separation_m=39.4)
-    first = (tmp_path / "split" / "gnss50_vehicle.bin").read_text(encoding="ascii").partition(" ")[0]
-    sentence = pynmea2.parse(first)
-    assert float(sentence.altitude) == pytest.approx(simulated.gnss[0].height_m[0] - 39.4, abs=0.0051)
-    assert float(sentence.geo_sep) == 39.4
-    read = read_drive(tmp_path / "split").gnss[0].height_m
-    assert read == pytest.approx(simulated.gnss[0].height_m, abs=0.0051)
-
-
 def test_minutes_never_read_sixty(simulated: SimulatedDrive, tmp_path: Path) -> None:
     """A latitude a hair below a full degree rounds up to the degree, south and west get their letters."""
     gnss = simulated.gnss[0]
