@@ -208,13 +208,6 @@ def test_a_sign_without_a_plate_is_refused() -> None:
         new_plates(POINT, "s", MEASURED, on_date=DAY, stedfesting=PLACE, plates=[])
 
 
-def test_a_plate_alone_needs_its_skiltpunkt() -> None:
-    """Children without the parent that names them do not pass the validator."""
-    _, child = new_sign("s", MEASURED, on_date=DAY, stedfesting=PLACE, plates=[NewPlate(skiltnummer="202")])
-    (sett,) = endringssett([[child]], datakatalogversjon="2.38")
-    assert [finding.code for finding in errors(validate(sett))] == ["MANGLER_MOROBJEKT"]
-
-
 _ABOVE_SEA = st.floats(-300.0, 2400.0)
 
 

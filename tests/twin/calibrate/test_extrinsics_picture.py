@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from yard_scene import MODELS, pictures_of
 
 from geoloc.calibration.extrinsics import Sigmas, calibrate_extrinsics
-from geoloc.simulation.car import simulated_rig
-from geoloc.simulation.pictures.yard import draw_yard, seen_tags
+from geoloc.simulation.pictures.yard import draw_yard
 from twin.calibrate.extrinsics.layout import YardLayout
 from twin.calibrate.extrinsics.picture import extrinsics_figure
 
@@ -22,12 +22,10 @@ MISPLACED = 8
 @pytest.fixture(scope="module")
 def figure() -> Figure:
     """A yard in which one tag's place was measured 12 cm wrong."""
-    yard, rig = draw_yard(np.random.default_rng(31)), simulated_rig()
+    yard = draw_yard(np.random.default_rng(31))
     tag = yard.tags[MISPLACED]
     tags = {**yard.tags, MISPLACED: replace(tag, centre_m=tag.centre_m + np.array([0.12, 0.0, 0.0]))}
-    pictures = [seen_tags(yard, camera, np.random.default_rng(1)) for camera in rig.cameras.values()]
-    models = {name: camera.model for name, camera in rig.cameras.items()}
-    found = calibrate_extrinsics(models, pictures, tags)
+    found = calibrate_extrinsics(MODELS, pictures_of(yard), tags)
     assert list(found.misplaced) == [MISPLACED]
     made = extrinsics_figure(found, YardLayout(tags, {}, Sigmas()))
     FigureCanvasAgg(made).draw()

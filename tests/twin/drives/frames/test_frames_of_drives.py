@@ -42,18 +42,6 @@ def test_container_without_start_begins_at_its_tag_with_a_warning(small: Any) ->
     assert any("creation_time" in warning.sentence for warning in drive.warnings)
 
 
-@pytest.mark.parametrize(("n_stamps", "n_kept"), [(10, 10), (9, 9), (12, 10)])
-def test_stamps_and_frames_of_a_raw_stream_pair_by_number(small: Any, n_stamps: int, n_kept: int) -> None:
-    """As the car records them: a .h264 beside its .timestamps, up to two apart, never in silence."""
-    small.add("front.h264", small.movies.video(TENTHS, "h264"))
-    small.stamps(n_stamps)
-    small.annotate_video(3)
-    drive = small.read()
-    assert len(drive.frame_epoch_ns["front"]) == n_kept
-    assert sum(_skipped(drive).values()) == abs(n_stamps - 10)
-    assert bool(drive.warnings) == (n_stamps != 10)
-
-
 def test_too_many_stamps_are_refused_until_the_user_says_so(small: Any) -> None:
     """Five more stamps than frames: refused, unless ``frames_by_number`` settles it."""
     small.add("front.h264", small.movies.video(TENTHS, "h264"))
