@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 from command_line import Answer, Twin
+from vegnett_links import segment
 
 from nvdb.area import Area
 from nvdb.client import NvdbClient
@@ -124,31 +125,10 @@ def _main_road(raws: list[dict[str, Any]]) -> dict[str, Any]:
         if raw["lokasjon"]["stedfestinger"][0]["veglenkesekvensid"] == 3041771
     }
     line = ", ".join(f"{places[at][0]} {places[at][1]} -999999" for at in sorted(places))
-    return {
-        "veglenkesekvensid": 3041771,
-        "veglenkenummer": 1,
-        "segmentnummer": 1,
-        "metadata": {"startdato": "2015-03-01"},
-        "startposisjon": min(places),
-        "sluttposisjon": max(places),
-        "type": "HOVED",
-        "detaljnivå": "Vegtrase og kjørebane",
-        "typeVeg_sosi": "enkelBilveg",
-        "geometri": {"wkt": f"LINESTRING Z({line})", "srid": 5973},
-        "kommune": 5001,
-        "vegsystemreferanse": {
-            "vegsystem": {"vegkategori": "K", "fase": "V", "nummer": 2210},
-            "strekning": {
-                "strekning": 1,
-                "delstrekning": 1,
-                "trafikantgruppe": "K",
-                "retning": "MED",
-                "fra_meter": 1000 * min(places),
-                "til_meter": 1000 * max(places),
-            },
-            "kortform": f"KV2210 S1D1 m{1000 * min(places):.0f}-{1000 * max(places):.0f}",
-        },
-    }
+    first, last = min(places), max(places)
+    road = segment(3041771, line, startposisjon=first, sluttposisjon=last)
+    road["vegsystemreferanse"]["strekning"] |= {"fra_meter": 1000 * first, "til_meter": 1000 * last}
+    return road
 
 
 @pytest.fixture

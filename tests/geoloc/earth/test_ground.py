@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from geoloc.earth.ground import intersect_plane, miss_reason
-from geoloc.reasons import Reason, stands_far_away
+from geoloc.reasons import Reason
 
 
 @given(
@@ -69,10 +69,3 @@ def test_batches_of_any_shape_broadcast() -> None:
         assert ok == valid[index]
         np.testing.assert_array_equal(one, point[index])
     np.testing.assert_array_equal(ray, before)
-
-
-def test_stands_far_away_tells_reach_from_faults() -> None:
-    """A ray that rises or runs out of reach belongs to a far object; a camera underground sees none."""
-    origin = np.array([[0, 0, 1.5], [0, 0, 1.5], [0, 0, 1.5], [0, 0, -1.0]], dtype=np.float64)
-    ray = np.array([[1, 0, 0.1], [1, 0, -0.01], [1, 0, -0.2], [1, 0, -0.2]], dtype=np.float64)
-    assert stands_far_away(miss_reason(origin, ray)).tolist() == [True, True, False, False]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from vegnett_links import segment
 
 from nvdb.errors import SchemaError
 from nvdb.vegnett import Vegnett, veglenke_from_les_v4, veglenker_from_uberiket
@@ -14,8 +15,7 @@ from nvdb.vegnett import Vegnett, veglenke_from_les_v4, veglenker_from_uberiket
 
 def _segment(**changes: Any) -> dict[str, Any]:
     """A piece of a link in V4's form, with a field that no client knows yet."""
-    return {
-        "veglenkesekvensid": 1001,
+    piece = {
         "veglenkenummer": 3,
         "segmentnummer": 2,
         "referanse": "1001-3-2",
@@ -23,33 +23,14 @@ def _segment(**changes: Any) -> dict[str, Any]:
         "metadata": {"startdato": "2020-11-18"},
         "startposisjon": 0.25,
         "sluttposisjon": 0.75,
-        "type": "HOVED",
-        "detaljnivå": "Vegtrase og kjørebane",
-        "topologinivå": "Vegtrase",
         "typeVeg": "Enkel bilveg",
-        "typeVeg_sosi": "enkelBilveg",
         "feltoversikt": ["1", "2"],
-        "geometri": {
-            "wkt": "LINESTRING Z(270000 7040000 10, 270300 7040400 10)",
-            "srid": 5973,
-            "lengde": 500,
-        },
         "lengde": 498.5,
-        "kommune": 5001,
-        "vegsystemreferanse": {
-            "vegsystem": {"vegkategori": "F", "fase": "V", "nummer": 6690},
-            "strekning": {
-                "strekning": 1,
-                "delstrekning": 1,
-                "trafikantgruppe": "K",
-                "retning": "MOT",
-                "fra_meter": 100.0,
-                "til_meter": 598.5,
-            },
-            "kortform": "FV6690 S1D1 m100-599",
-        },
         "nyttFelt2027": {"dypt": [1]},
-    } | changes
+    }
+    link = segment(1001, "270000 7040000 10, 270300 7040400 10", "MOT", **piece)
+    link["geometri"]["lengde"] = 500
+    return link | changes
 
 
 def _sekvens() -> dict[str, Any]:

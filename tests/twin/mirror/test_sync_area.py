@@ -11,6 +11,7 @@ import pytest
 import sqlalchemy as sa
 from command_line import Twin
 from nvdb_country import GeneratedWorld
+from vegnett_links import segment
 
 from nvdb.area import Area
 from nvdb.errors import HttpStatusError
@@ -22,25 +23,7 @@ from twin.store.store import Store
 
 CONTRACT = {"id": 17, "nummer": 9503, "navn": "9503 Midtre Hålogaland 2021-2026"}
 ELSEWHERE = {"kommuner": [301], "fylker": [3]}
-
-
-def _segment(number: int, **changes: Any) -> dict[str, Any]:
-    """A link of the road network in V4's form."""
-    return {
-        "veglenkesekvensid": number,
-        "veglenkenummer": 1,
-        "segmentnummer": 1,
-        "referanse": f"{number}-1-1",
-        "metadata": {"startdato": "2015-03-01"},
-        "startposisjon": 0,
-        "sluttposisjon": 1,
-        "type": "HOVED",
-        "detaljnivå": "Vegtrase",
-        "typeVeg_sosi": "enkelBilveg",
-        "geometri": {"wkt": "LINESTRING Z(270000 7040000 1, 270050 7040070 1)", "srid": 5973},
-        "vegsystemreferanse": {},
-        **changes,
-    }
+LINE = "270000 7040000 1, 270050 7040070 1"
 
 
 @pytest.fixture
@@ -53,9 +36,9 @@ def world() -> ReplayWorld:
         if raw["lokasjon"]["fylker"] == [50]:
             raw["lokasjon"]["kontraktsområder"] = [CONTRACT]
     links = [
-        _segment(1, kommune=5001, fylke=50, kontraktsområder=[CONTRACT]),
-        _segment(2, kommune=5006, fylke=50, kontraktsområder=[CONTRACT]),
-        _segment(3, kommune=301, fylke=3),
+        segment(1, LINE, kommune=5001, fylke=50, kontraktsområder=[CONTRACT]),
+        segment(2, LINE, kommune=5006, fylke=50, kontraktsområder=[CONTRACT]),
+        segment(3, LINE, kommune=301, fylke=3),
     ]
     return ReplayWorld(objects, vegnett=links)
 

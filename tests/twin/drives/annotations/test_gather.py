@@ -155,12 +155,13 @@ def test_shapes_outside_the_image_are_counted(maker: Any) -> None:
         ("000046_C3_wide.jpg", 0, 46),
         ("2026-06-10_17.jpg", 0, 17),
         ("still.jpg", 9, 9),
+        ("frame_123_jpg.rf.0a1b2c99.jpg", 0, 123),
     ],
 )
 def test_frame_of_an_image_is_the_last_number_of_its_name(
     maker: Any, name: str, identifier: int, frame: int
 ) -> None:
-    """The camera's own digits do not count; without digits the running number does."""
+    """Neither the camera's digits nor Roboflow's hash count; without digits the running number does."""
     found = read(maker, {f"{WIDE}.xml": maker.cvat(image(name, point(), identifier=identifier))})
     assert found.annotations.frame.tolist() == [frame]
 
@@ -317,12 +318,6 @@ def test_image_has_the_number_of_its_picture(maker: Any) -> None:
     assert [(s.count, s.reason) for s in found.skipped] == [
         (1, "image that is not among the drive's pictures")
     ]
-
-
-def test_frame_of_a_downloaded_image_is_not_in_its_hash(maker: Any) -> None:
-    """Roboflow writes ``frame_123_jpg.rf.<hash>.jpg``."""
-    found = read(maker, {f"{WIDE}.xml": maker.cvat(image("frame_123_jpg.rf.0a1b2c99.jpg", point()))})
-    assert found.annotations.frame.tolist() == [123]
 
 
 def test_long_texts_do_not_widen_every_row(maker: Any) -> None:
