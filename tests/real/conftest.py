@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-from checkout import REAL, ROOT
+from checkout import REAL
 
 from geoloc.earth.geodesy import geographic_from_enu, geographic_from_utm33
 from nvdb.objects import skilt_from_les_v4
@@ -39,14 +37,6 @@ def _real(name: str) -> Path:
 
 
 @pytest.fixture(scope="session")
-def benchmarks() -> Iterator[None]:
-    """The benchmarks' modules can be imported: tests and benchmarks share one builder of drives."""
-    sys.path.insert(0, str(ROOT / "benchmarks"))
-    yield
-    sys.path.remove(str(ROOT / "benchmarks"))
-
-
-@pytest.fixture(scope="session")
 def oslo_pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The recorded Oslo pages alone, as the replay server takes them: a folder of links."""
     source = _real("nvdb/les_v4_live_2026-09/signs-0301-page1.json")
@@ -56,7 +46,7 @@ def oslo_pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def av2_drive(benchmarks: None, tmp_path_factory: pytest.TempPathFactory) -> OsloDrive:
+def av2_drive(tmp_path_factory: pytest.TempPathFactory) -> OsloDrive:
     """The Argoverse log as a generic drive folder, set down in Oslo."""
     from real_drives import argoverse_drive
 
@@ -67,9 +57,7 @@ def av2_drive(benchmarks: None, tmp_path_factory: pytest.TempPathFactory) -> Osl
 
 
 @pytest.fixture(scope="session", params=[0.0, 1.5], ids=["exact pixels", "1.5 px of noise"])
-def av2_near_trondheim(
-    request: pytest.FixtureRequest, benchmarks: None, tmp_path_factory: pytest.TempPathFactory
-) -> list[Any]:
+def av2_near_trondheim(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """The Argoverse log, set down where nothing is, as published and as an annotator would mark it."""
     from real_drives import TRONDHEIM, argoverse_drive
 
@@ -78,7 +66,7 @@ def av2_near_trondheim(
 
 
 @pytest.fixture(scope="session")
-def kitti_folders(benchmarks: None, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+def kitti_folders(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """The five KITTI sequences as generic drive folders."""
     from real_kitti import kitti_drives
 
