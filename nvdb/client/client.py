@@ -105,6 +105,7 @@ class NvdbClient:
     ) -> None:
         self._base = _checked_base(api_url)
         self.api_url = api_url.rstrip("/")
+        self.client_name = client_name
         self._headers = _checked_headers(client_name, contact)
         if not (timeout_s > 0 and deadline_s > 0 and attempts >= 1):
             msg = "NvdbClient needs timeout_s and deadline_s above 0 and at least one attempt."

@@ -7,4 +7,7 @@ from .status import FINAL as FINAL
 from .status import IKKE_STARTET as IKKE_STARTET
 from .status import UTFORT as UTFORT
 from .status import UTFORT_OG_ETTERBEHANDLET as UTFORT_OG_ETTERBEHANDLET
+from .status import WITHOUT_EFFECT as WITHOUT_EFFECT
 from .status import EndringssettStatus as EndringssettStatus
+from .status import ListedSet as ListedSet
+from .status import SetContent as SetContent

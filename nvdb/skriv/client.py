@@ -10,10 +10,11 @@ import logging
 import time
 import uuid
 from collections.abc import Callable, Mapping
+from datetime import datetime
 from typing import Final
 
 from nvdb.client import answers
-from nvdb.client.client import NvdbClient, Reply
+from nvdb.client.client import NvdbClient, Params, Reply
 from nvdb.datakatalog.katalog import Datakatalog
 from nvdb.endringssett import Endringssett, errors, to_xml
 from nvdb.endringssett import validate as validate_here
@@ -27,7 +28,7 @@ from nvdb.errors import (
 )
 from nvdb.skriv import status as skriv_status
 from nvdb.skriv.login import need_encryption
-from nvdb.skriv.status import EndringssettStatus
+from nvdb.skriv.status import EndringssettStatus, ListedSet, SetContent
 
 log = logging.getLogger(__name__)
 
@@ -37,6 +38,8 @@ SKRIV_TEST_URL: Final = "https://nvdbapiskriv.test.atlas.vegvesen.no"
 
 _PATH: Final = "/rest/v3/endringssett"
 _XML: Final = "application/xml"
+SEARCH_PAGE: Final = 1000
+"""Sets on a page of the search; more are not given."""
 MIN_POLL_S: Final = 1.0
 MAX_POLL_S: Final = 30.0
 LOCK_POLL_S: Final = 60.0
@@ -165,6 +168,32 @@ class SkrivClient:
         reply = self._call("GET", f"{_PATH}/{_checked(set_id)}/status", again=True)
         return skriv_status.status_from_xml(reply.body, set_id=set_id)
 
+    def sets_since(self, since: datetime) -> tuple[ListedSet, ...]:
+        """Search the sets that this user registered with a client of this name since then, the oldest first.
+
+        Source: *API-referanse*, *Søke etter endringssett*.
+        """
+        found: dict[str, ListedSet] = {}
+        while True:
+            query = {
+                "antall": SEARCH_PAGE,
+                "start": len(found) + 1,
+                "sorterPå": "TID",
+                "sorterStigende": "JA",
+                "fraEpochMs": int(since.timestamp() * 1000),
+                "brukernavnEllerKlient": self._http.client_name,
+            }
+            reply = self._call("GET", _PATH, params=query, again=True)
+            page = {item.set_id: item for item in skriv_status.listed_sets_from_xml(reply.body)}
+            if page.keys() <= found.keys():
+                return tuple(found.values())
+            found |= page
+
+    def content(self, set_id: str) -> SetContent:
+        """Ask what a registered set says of itself."""
+        reply = self._call("GET", f"{_PATH}/{_checked(set_id)}", again=True)
+        return skriv_status.set_content_from_xml(reply.body)
+
     def submit(
         self,
         sett: Endringssett,
@@ -208,6 +237,7 @@ class SkrivClient:
         *,
         body: bytes | None = None,
         headers: Mapping[str, str] | None = None,
+        params: Params | None = None,
         again: bool = False,
     ) -> Reply:
         """Send one request with the token; an error by name for every status but 2xx."""
@@ -218,7 +248,9 @@ class SkrivClient:
         }
         if body is not None:
             every["Content-Type"] = _XML
-        reply = self._http.request(method, path, headers={**every, **(headers or {})}, body=body, again=again)
+        reply = self._http.request(
+            method, path, headers={**every, **(headers or {})}, body=body, params=params, again=again
+        )
         if not 200 <= reply.status < 300:
             raise _refusal(reply, answers.place(f"{self._http.api_url}{path}"))
         return reply

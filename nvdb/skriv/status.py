@@ -24,6 +24,8 @@ AVVIST: Final = "AVVIST"
 UTFORT: Final = "UTFØRT"
 UTFORT_OG_ETTERBEHANDLET: Final = "UTFØRT_OG_ETTERBEHANDLET"
 KANSELLERT: Final = "KANSELLERT"
+WITHOUT_EFFECT: Final = frozenset({AVVIST, KANSELLERT})
+"""Codes after which NVDB is as it was before the set."""
 
 FINAL: Final = frozenset({AVVIST, UTFORT, UTFORT_OG_ETTERBEHANDLET, KANSELLERT})
 """Codes after which nothing more happens (after ``UTFØRT``, only API Les still has to catch up)."""
@@ -157,6 +159,47 @@ def status_from_xml(document: bytes, *, set_id: str | None = None) -> Endringsse
     )
 
 
+@dataclass(frozen=True, slots=True)
+class ListedSet:
+    """A set as the search tells of it; `mottatt` is API Skriv's own time, as text that sorts."""
+
+    set_id: str
+    fremdrift: str
+    mottatt: str
+
+
+@dataclass(frozen=True, slots=True)
+class SetContent:
+    """What a client wrote into a set for itself: both references, and the names of its new objects."""
+
+    ekstern_ref: str | None
+    kontekst: str | None
+    temp_ids: tuple[str, ...]
+
+
+def listed_sets_from_xml(document: bytes) -> tuple[ListedSet, ...]:
+    """Read a page of the search for sets; SchemaError for anything else."""
+    root = parse_xml(document, "The list of change sets")
+    if local_name(root) != "endringssettliste":
+        msg = f"API Skriv sent a {local_name(root)[:40]!r} instead of a list of sets: check the API URL."
+        raise SchemaError(msg)
+    return tuple(_listed(item) for item in root if local_name(item) == "endringssett")
+
+
+def set_content_from_xml(document: bytes) -> SetContent:
+    """Read of a registered set what tells whose it is; SchemaError if it is none.
+
+    The rest is not read: API Skriv adds its status, and may add more.
+    """
+    root = parse_xml(document, "The change set")
+    if local_name(root) != "endringssett":
+        msg = f"API Skriv sent a {local_name(root)[:40]!r} instead of a change set: check the API URL."
+        raise SchemaError(msg)
+    objects = (item for item in root.iter() if local_name(item) == "vegobjekt")
+    names = dict.fromkeys(name for item in objects if (name := item.get("tempId")))
+    return SetContent(_text(root, "eksternRef"), _text(root, "kontekst"), tuple(names))
+
+
 def fremdrift_from_xml(document: bytes) -> str:
     """Read an answer of ``/fremdrift``; SchemaError for anything else."""
     root = parse_xml(document, "The answer about the progress")
@@ -188,6 +231,15 @@ def fault_messages(document: bytes) -> str:
         return ""
     texts = (" ".join((child.text or "").split()) for child in root if local_name(child) == "message")
     return "; ".join(text for text in texts if text)[:500]
+
+
+def _listed(item: Element) -> ListedSet:
+    status = _child(item, "status")
+    set_id, fremdrift = item.get("id"), None if status is None else _text(status, "fremdrift")
+    if status is None or not set_id or not fremdrift:
+        msg = "API Skriv listed a change set without its id or progress: look in its control panel."
+        raise SchemaError(msg)
+    return ListedSet(set_id, fremdrift, _text(status, "mottatt") or "")
 
 
 def _child(element: Element, name: str) -> Element | None:

@@ -43,6 +43,16 @@ def fremdrift_xml(code: str) -> bytes:
     return _document(root)
 
 
+def list_xml(sets: Iterable[tuple[str, str, datetime]], total: int) -> bytes:
+    """Write a page of the search: id, code of progress and time of arrival of each set."""
+    root = ET.Element("endringssettliste", antallTotalt=str(total))
+    for set_id, code, received in sets:
+        status = _sub(ET.SubElement(root, "endringssett", id=set_id), "status")
+        _sub(status, "mottatt", nvdb_time(received))
+        _sub(status, "fremdrift", code)
+    return _document(root)
+
+
 def ressurser_xml(base: str, set_id: str, relations: Iterable[str]) -> bytes:
     """Write the links of a set."""
     root = ET.Element("ressurser")

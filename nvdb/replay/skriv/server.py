@@ -22,12 +22,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Final
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
-from nvdb.endringssett import Endringssett, ValidationFinding, errors, from_xml, validate
+from nvdb.endringssett import Endringssett, ValidationFinding, errors, from_xml, to_xml, validate
 from nvdb.errors import SchemaError
 from nvdb.replay.loopback import Answer, Loopback, LoopbackHandler, LoopbackServer
-from nvdb.replay.skriv.answers import fault_xml, fremdrift_xml, ressurser_xml, status_xml
+from nvdb.replay.skriv.answers import fault_xml, fremdrift_xml, list_xml, ressurser_xml, status_xml
 from nvdb.replay.skriv.world import NO_RIGHT, SkrivWorld
 from nvdb.skriv.status import AVVIST, FINAL, IKKE_STARTET, KANSELLERT, UTFORT
 
@@ -45,6 +45,8 @@ class _Set:
     sett: Endringssett
     dry_run: bool
     received: datetime
+    owner: str
+    client: str
     codes: list[str] = field(default_factory=lambda: [IKKE_STARTET])
     findings: tuple[ValidationFinding, ...] = ()
     made: Mapping[int, tuple[int, int]] = field(default_factory=dict)
@@ -98,7 +100,8 @@ class SkrivReplayServer(Loopback):
         self.requests: list[tuple[str, str]] = []
         self.lose: list[str] = []
         self._sets: dict[str, _Set] = {}
-        self._tokens: dict[str, float] = {}
+        self._tokens: dict[str, tuple[float, str]] = {}
+        self._refresh: dict[str, str] = {}
         self._lock = threading.Lock()
 
     def _make_server(self) -> LoopbackServer:
@@ -108,7 +111,9 @@ class SkrivReplayServer(Loopback):
         """Let every id token end now."""
         self._tokens.clear()
 
-    def answer(self, method: str, path: str, headers: Mapping[str, str], body: bytes) -> Answer:
+    def answer(
+        self, method: str, path: str, headers: Mapping[str, str], body: bytes, query: str = ""
+    ) -> Answer:
         """Answer one request."""
         with self._lock:
             self.requests.append((method, path))
@@ -117,6 +122,8 @@ class SkrivReplayServer(Loopback):
                 if login is not None:
                     return self._login(login.group(1), body)
                 set_id, action = self._allowed(path, headers)
+                if set_id is None and method == "GET":
+                    return self._search(self._owner(headers), dict(parse_qsl(query)))
                 if set_id is None or set_id == "validator":
                     return self._new(method, set_id, headers, body)
                 return self._known(method, set_id, action)
@@ -128,8 +135,8 @@ class SkrivReplayServer(Loopback):
         match = _SETS.fullmatch(path)
         if match is None:
             raise _RefusedError(404, "Ressursen ble ikke funnet")
-        bearer = headers.get("Authorization", "").removeprefix("Bearer ")
-        if self._tokens.get(bearer, 0.0) < self.world.now().timestamp():
+        bearer = _bearer(headers)
+        if self._tokens.get(bearer, (0.0, ""))[0] < self.world.now().timestamp():
             raise _RefusedError(401, "Mangler eller ugyldig autentiseringstoken")
         if not self.roles:
             raise _RefusedError(403, "Brukeren mangler rolle for endepunktet")
@@ -142,21 +149,18 @@ class SkrivReplayServer(Loopback):
             question = json.loads(body)
         except ValueError as error:
             raise _RefusedError(400, "Ugyldig JSON") from error
-        known = question.get("refreshToken", "").startswith("refresh-")
+        name = self._refresh.get(question.get("refreshToken", ""))
         if operation == "authenticate":
             name = question.get("username")
-            known = name in self.users and self.users[name] == question.get("password")
-        if not known:
+            name = name if name in self.users and self.users[name] == question.get("password") else None
+        if name is None:
             return Answer(200, b"{ }", JSON)
         ends = self.world.now().timestamp() + TOKEN_S
         claims = base64.urlsafe_b64encode(json.dumps({"exp": ends}).encode()).decode().rstrip("=")
         token = f"e30.{claims}.{secrets.token_hex(8)}"
-        self._tokens[token] = ends
-        tokens = {
-            "idToken": token,
-            "accessToken": "unused",
-            "refreshToken": f"refresh-{secrets.token_hex(8)}",
-        }
+        refresh = f"refresh-{secrets.token_hex(8)}"
+        self._tokens[token], self._refresh[refresh] = (ends, name), name
+        tokens = {"idToken": token, "accessToken": "unused", "refreshToken": refresh}
         return Answer(200, json.dumps(tokens).encode(), JSON)
 
     def _new(self, method: str, kind: str | None, headers: Mapping[str, str], body: bytes) -> Answer:
@@ -178,18 +182,39 @@ class SkrivReplayServer(Loopback):
             raise _RefusedError(422, "Endringssettet inneholder ingen vegobjekter")
         set_id = str(uuid.uuid4())
         dry_run = headers.get("X-NVDB-DryRun", "").lower() in {"true", "ja"}
-        self._sets[set_id] = _Set(sett, dry_run, now)
+        self._sets[set_id] = _Set(sett, dry_run, now, self._owner(headers), headers["X-Client"])
         relations = ("self", "start", "kanseller", "status", "fremdrift")
         where = {"Location": f"{self.url}/rest/v3/endringssett/{set_id}"}
         return Answer(201, ressurser_xml(self.url, set_id, relations), XML, where)
 
+    def _owner(self, headers: Mapping[str, str]) -> str:
+        return self._tokens[_bearer(headers)][1]
+
+    def _search(self, owner: str, query: Mapping[str, str]) -> Answer:
+        """List a user's sets, the oldest first."""
+        since = int(query.get("fraEpochMs", "0")) / 1000
+        client = query.get("brukernavnEllerKlient")
+        found = [
+            (set_id, entry)
+            for set_id, entry in self._sets.items()
+            if entry.owner == owner
+            and entry.received.timestamp() >= since
+            and client in {None, entry.owner, entry.client}
+        ]
+        start = int(query.get("start", "1")) - 1
+        page = found[start : start + min(int(query.get("antall", "1000")), 1000)]
+        rows = [(set_id, entry.codes[0], entry.received) for set_id, entry in page]
+        return Answer(200, list_xml(rows, len(found)), XML)
+
     def _known(self, method: str, set_id: str, action: str | None) -> Answer:
         """Start, cancel or tell about a registered set."""
         entry = self._sets.get(set_id)
-        if entry is None or action not in {"start", "kanseller", "fremdrift", "status"}:
+        if entry is None or action not in {None, "start", "kanseller", "fremdrift", "status"}:
             raise _RefusedError(404, f"Endringssettet {set_id} ble ikke funnet")
         if method != ("POST" if action in {"start", "kanseller"} else "GET"):
             raise _RefusedError(405, "Metoden er ikke tillatt")
+        if action is None:
+            return Answer(200, to_xml(entry.sett), XML)
         if action == "fremdrift":
             code = entry.codes.pop(0) if len(entry.codes) > 1 else entry.codes[0]
             return Answer(200, fremdrift_xml(code), XML)
@@ -227,6 +252,10 @@ def _reason(code: str, findings: Sequence[ValidationFinding]) -> str | None:
     return "IKKE_AUTORISERT" if any(f.code == NO_RIGHT for f in findings) else "VALIDERINGSFEIL"
 
 
+def _bearer(headers: Mapping[str, str]) -> str:
+    return headers.get("Authorization", "").removeprefix("Bearer ")
+
+
 class _Server(LoopbackServer):
     def __init__(self, address: tuple[str, int], replay: SkrivReplayServer) -> None:
         self.replay = replay
@@ -248,9 +277,10 @@ class _Handler(LoopbackHandler):
 
     def _reply(self, method: str) -> None:
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
-        path = urlsplit(self.path).path
+        parts = urlsplit(self.path)
+        path = parts.path
         replay = self.server.replay
-        answer = replay.answer(method, path, dict(self.headers.items()), body)
+        answer = replay.answer(method, path, dict(self.headers.items()), body, parts.query)
         for end in replay.lose:
             if path.endswith(end):
                 replay.lose.remove(end)

@@ -8,7 +8,7 @@ from datetime import date, timedelta
 from typing import Any
 
 import pytest
-from skriv_desk import DAY, MEASURED, OLD_PLACE, PLACE, READ, SIGN, START, Desk, correction, set_of
+from skriv_desk import DAY, MEASURED, OLD_PLACE, PASSWORD, PLACE, READ, SIGN, START, Desk, correction, set_of
 
 from nvdb.endringssett import (
     Earlier,
@@ -34,6 +34,8 @@ from nvdb.errors import (
     TransportError,
 )
 from nvdb.replay.skriv import ReplayObject, SkrivWorld
+from nvdb.skriv import OidcLogin, SkrivClient
+from nvdb.skriv import client as skriv_client
 from nvdb.skriv import status as skriv_status
 
 
@@ -311,7 +313,7 @@ def test_what_is_no_change_set_is_refused_by_the_server(desk: Desk) -> None:
         desk.http.request("POST", where, headers=xml, body=body[:-20]).status,
         desk.http.request("POST", where, headers=xml, body=empty).status,
         desk.http.request("POST", where, headers=base, body=body).status,
-        desk.http.request("GET", where, headers=xml).status,
+        desk.http.request("GET", f"{where}/validator", headers=xml).status,
         desk.http.request("POST", "/rest/v3/annet", headers=xml).status,
         desk.http.request("POST", "/rest/v1/oidc/authenticate", headers=base, body=b"{").status,
         desk.http.request("POST", where, headers={"Authorization": "Bearer x"}, body=body).status,
@@ -319,10 +321,45 @@ def test_what_is_no_change_set_is_refused_by_the_server(desk: Desk) -> None:
     assert asked == [400, 422, 415, 405, 404, 400, 401]
 
 
+def test_search_finds_the_sets_of_this_user_since_a_time(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Page by page, the oldest first, with the progress of each; earlier ones are not asked for."""
+    monkeypatch.setattr(skriv_client, "SEARCH_PAGE", 2)
+    early = desk.client.send(correction())
+    desk.now += timedelta(hours=1)
+    ids = [desk.client.send(correction()) for _ in range(5)]
+    desk.client.cancel(ids[1])
+    found = desk.client.sets_since(START + timedelta(minutes=30))
+    assert [item.set_id for item in found] == ids
+    assert [item.fremdrift for item in found] == [
+        "IKKE_STARTET",
+        "KANSELLERT",
+        *["IKKE_STARTET"] * 3,
+    ]
+    assert early in {item.set_id for item in desk.client.sets_since(START)}
+    desk.server.users["other"] = PASSWORD
+    other = SkrivClient(desk.http, OidcLogin(desk.http, lambda: ("other", PASSWORD)))
+    assert other.sets_since(START) == ()
+
+
+def test_content_of_a_set_says_whose_it_is(desk: Desk) -> None:
+    """Both references of the client, and the names of new objects."""
+    group = new_sign("a1", MEASURED, on_date=DAY, stedfesting=PLACE, plates=SIGN)
+    sett = replace(set_of(group), ekstern_ref="twin-1", kontekst='{"twin": "æ <1>"}')
+    content = desk.client.content(desk.client.send(sett))
+    assert (content.ekstern_ref, content.kontekst) == ("twin-1", '{"twin": "æ <1>"}')
+    assert content.temp_ids == ("a1", "a1#1")
+
+
 def test_an_answer_that_is_no_status_is_a_schema_error(desk: Desk) -> None:
     """Whatever is not in the documented form is named, not guessed at."""
     with pytest.raises(SchemaError, match="instead of a status"):
         skriv_status.status_from_xml(b"<html/>")
+    with pytest.raises(SchemaError, match="instead of a list"):
+        skriv_status.listed_sets_from_xml(b"<html/>")
+    with pytest.raises(SchemaError, match="without its id"):
+        skriv_status.listed_sets_from_xml(b"<endringssettliste><endringssett/></endringssettliste>")
+    with pytest.raises(SchemaError, match="instead of a change set"):
+        skriv_status.set_content_from_xml(b"<html/>")
     with pytest.raises(SchemaError, match="without fremdrift"):
         skriv_status.status_from_xml(b"<status/>")
     with pytest.raises(SchemaError, match="instead of a code"):
