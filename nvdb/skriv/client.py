@@ -175,7 +175,7 @@ class SkrivClient:
         """
         found: dict[str, ListedSet] = {}
         while True:
-            query = {
+            query: dict[str, str | int] = {
                 "antall": SEARCH_PAGE,
                 "start": len(found) + 1,
                 "sorterPå": "TID",

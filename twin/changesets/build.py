@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from nvdb.datakatalog import Datakatalog, katalog_from_document, snapshot
 from nvdb.endringssett import ADVARSEL, Endringssett, endringssett, errors, validate
 from twin.changesets.drive_side import Seen, seen_of
+from twin.changesets.kontekst import with_findings
 from twin.changesets.nvdb_side import earlier_states, mirrored_near
 from twin.changesets.operations import Basis, Group, LeftOut, known_pole, new_pole
 from twin.changesets.places import RoadPlaces
+from twin.changesets.sent import SentFinding, SentLog
 from twin.decisions.findings import findings
 from twin.decisions.log import standing
 from twin.matching.sites import SKILTPUNKT, Site
@@ -54,6 +56,8 @@ class ChangeSets:
     setts : tuple of Sett
     left_out : tuple of LeftOut
         Findings that cannot become an operation.
+    sent : mapping of change_id → SentFinding
+        Findings that are under way to NVDB or carried out: left out too.
     findings : mapping of change_id → Finding, of all that were looked at
     seen : mapping of change_id → Seen
     read : mapping of change_id → when the mirror fetched its object; absent where NVDB has none
@@ -65,6 +69,7 @@ class ChangeSets:
     decision: str
     setts: tuple[Sett, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    sent: Mapping[str, SentFinding] = field(default_factory=dict)
     findings: Mapping[str, Finding] = field(default_factory=dict)
     seen: Mapping[str, Seen] = field(default_factory=dict)
     read: Mapping[str, str] = field(default_factory=dict)
@@ -77,7 +82,9 @@ class ChangeSets:
         return self.decision != Decision.ACCEPT
 
 
-def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSets:
+def groups_from_store(
+    store: Store, decision: str = Decision.ACCEPT, *, log: SentLog | None = None, again: Collection[str] = ()
+) -> ChangeSets:
     """Turn the findings with one decision into change sets.
 
     ========== ================================================================================
@@ -95,6 +102,10 @@ def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSe
         Matched, and neither synced nor ingested into since.
     decision : str
         ``accept``; any other gives a preview.
+    log : SentLog, optional
+        What this one holds is left out.
+    again : collection of str
+        Findings that are not left out for that.
 
     Raises
     ------
@@ -108,8 +119,11 @@ def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSe
         chosen = [
             Finding.from_row(row) for row in findings(view.rows, decision) if row["verdict"] not in QUIET
         ]
+        held = {} if log is None else log.holding(chosen)
+        held = {key: one for key, one in held.items() if key not in again}
+        chosen = [finding for finding in chosen if finding.change_id not in held]
         if not chosen:
-            return ChangeSets(decision)
+            return ChangeSets(decision, sent=held)
         said = standing(view.rows)
         seen = seen_of(view, chosen, last["method"])
         mirrored = mirrored_near(view, chosen)
@@ -121,6 +135,7 @@ def groups_from_store(store: Store, decision: str = Decision.ACCEPT) -> ChangeSe
         decision=decision,
         setts=setts,
         left_out=tuple(part for part in parts if isinstance(part, LeftOut)),
+        sent=held,
         findings={finding.change_id: finding for finding in chosen},
         seen=seen,
         read={
@@ -163,6 +178,7 @@ def _setts(view: Snapshot, groups: Sequence[Group], katalog: Datakatalog) -> Ite
         while n < len(sett.endringer):
             own.append(left.pop(0))
             n += len(own[-1].endringer)
+        sett = with_findings(sett, own)  # noqa: PLW2901  (the same set, with its findings)
         found = validate(sett, katalog)
         before, problems = earlier_states(view, sett.endringer, katalog)
         yield Sett(

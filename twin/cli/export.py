@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twin.cli.exit_codes import EXIT_DATA
-from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, StoreOption, person
+from twin.cli.options import (
+    DEFAULT_SKRIV_API,
+    DEFAULT_STORE,
+    ByOption,
+    JsonOption,
+    SkrivApiOption,
+    StoreOption,
+    person,
+)
 from twin.cli.output import note, print_json, print_paths, print_table, steps, warn
 from twin.store.kinds import Decision
 
@@ -41,12 +49,14 @@ def export(
     project: Annotated[
         bool, typer.Option("--project", help="With a QGIS project in twin_utm33.gpkg: see twin qgis.")
     ] = False,
+    api_url: SkrivApiOption = DEFAULT_SKRIV_API,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Write the findings as GeoPackages (UTM33 and WGS84, styled for QGIS) and GeoJSON.
 
-    Accepted findings are also written as change sets for API Skriv: see twin submit.
+    Accepted findings are also written as change sets for API Skriv, but for those that --api-url has already:
+    see twin submit.
     """
     from twin.export import export_findings as write
     from twin.store.store import Store
@@ -58,6 +68,7 @@ def export(
             by=person(by),
             decision=decision,
             project=project,
+            api_url=api_url,
             progress=progress,
         )
     if json_output:
@@ -83,6 +94,11 @@ def _print_export(files: Sequence[Path], folder: Path) -> None:
 
 def _print_change_sets(change_sets: ChangeSets, folder: Path) -> None:
     """Say what became of the findings: sets, warnings, what was left out."""
+    from twin.changesets.left_out import left_out_sentence
+
+    if change_sets.sent:
+        told = left_out_sentence(list(change_sets.sent.values()))
+        note(f"Of the change sets {told}; to export for another API, name it with --api-url.")
     for item in change_sets.left_out:
         warn(item.sentence)
     for number, sett in enumerate(change_sets.setts, start=1):
@@ -104,6 +120,7 @@ def _change_sets_as_json(change_sets: ChangeSets) -> dict[str, Any]:
     return {
         "errors": [sentence for sett in change_sets.setts for sentence in sett.errors],
         "left_out": {item.change_id: item.sentence for item in change_sets.left_out},
+        "sent_before": {key: one.set_id for key, one in change_sets.sent.items()},
     }
 
 

@@ -15,6 +15,12 @@ DEFAULT_STORE = Path("twin.db")
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout instead of tables.")
 ]
+DEFAULT_SKRIV_API = "https://nvdbapiskriv.test.atlas.vegvesen.no"
+"""The test environment: what changes NVDB itself is named on purpose."""
+SkrivApiOption = Annotated[
+    str,
+    typer.Option("--api-url", envvar="TWIN_SKRIV_URL", help="API Skriv; by default its test environment."),
+]
 ByOption = Annotated[
     str | None,
     typer.Option(envvar="TWIN_USER", help="Who decides.  [default: the login name]", show_default=False),

@@ -15,18 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twin.cli.exit_codes import EXIT_DATA
-from twin.cli.options import JsonOption
+from twin.cli.options import DEFAULT_SKRIV_API, DEFAULT_STORE, JsonOption, SkrivApiOption, StoreOption
 from twin.cli.output import note, print_json, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
 
 if TYPE_CHECKING:
     from nvdb.skriv import SkrivClient
-    from twin.changesets.read_exported import ExportedSet
     from twin.changesets.submit import Submitted
 
 app = typer.Typer()
-DEFAULT_SKRIV_API = "https://nvdbapiskriv.test.atlas.vegvesen.no"
-"""The test environment: what changes NVDB itself is named on purpose."""
 PASSWORD = "TWIN_SKRIV_PASSWORD"  # noqa: S105  (the name of a variable)
 _KEYRING = "twin API Skriv"
 _CONTACT = "TWIN_CONTACT"
@@ -50,9 +47,7 @@ def submit(
     go: Annotated[
         bool, typer.Option("--go", help="Send and start them; without it they are checked.")
     ] = False,
-    api_url: Annotated[
-        str, typer.Option(envvar="TWIN_SKRIV_URL", help="API Skriv; by default its test environment.")
-    ] = DEFAULT_SKRIV_API,
+    api_url: SkrivApiOption = DEFAULT_SKRIV_API,
     user: Annotated[
         str | None,
         typer.Option(envvar="TWIN_SKRIV_USER", help="User name; the password is TWIN_SKRIV_PASSWORD's."),
@@ -61,13 +56,15 @@ def submit(
         Realm, typer.Option(envvar="TWIN_SKRIV_REALM", help="What kind of user that is.")
     ] = Realm.EMPLOYEE,
     wait: Annotated[float, typer.Option(min=0, help="Longest wait for one set.", metavar="SECONDS")] = 3600.0,
+    store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
-    """Check the change sets of an export; with --go send them to NVDB's API Skriv and report each object."""
-    from nvdb.errors import LoginError
-    from twin.changesets.read_exported import exported_sets
+    """Check the change sets of an export; with --go send them to NVDB's API Skriv and report each object.
 
-    exported = exported_sets(path)
+    The store remembers what was sent: nothing goes to NVDB twice.
+    """
+    from nvdb.errors import LoginError
+
     credentials = _credentials(user)
     if go and credentials is None:
         raise ConfigError(
@@ -76,7 +73,8 @@ def submit(
         )
     done: list[Submitted] = []
     try:
-        for item in _results(exported, credentials, go, _Api(api_url, realm, wait), quiet=json_output):
+        api = _Api(api_url, realm, wait)
+        for item in _results(path, store if go else None, credentials, api, quiet=json_output):
             done.append(item)  # noqa: PERF402  # what has ended is kept where a later one fails
     except LoginError as error:
         raise RefusedError(str(error)) from error
@@ -97,22 +95,27 @@ class _Api:
 
 
 def _results(
-    exported: Sequence[ExportedSet], credentials: Credentials | None, go: bool, api: _Api, *, quiet: bool
+    path: Path, store: Path | None, credentials: Credentials | None, api: _Api, *, quiet: bool
 ) -> Iterator[Submitted]:
-    """Check or send the sets, and yield each when it has ended."""
-    from twin.changesets.receipts import Receipts
-    from twin.changesets.submit import checked, not_done, sent
+    """Send sets from a store, or check them where none is given, and yield each when it has ended."""
+    from twin.changesets.read_exported import exported_sets
+    from twin.changesets.submit import checked
+    from twin.changesets.submit import submit as send
+    from twin.store.store import Store
 
     if credentials is None:
-        yield from (checked(item) for item in exported)
-        return
-    with steps(quiet=quiet) as say, _client(api, credentials, say) as client:
-        if not go:
+        yield from (checked(item) for item in exported_sets(path))
+    elif store is None:
+        exported = exported_sets(path)
+        with steps(quiet=quiet) as say, _client(api, credentials, say) as client:
             yield from (checked(item, client) for item in exported)
-            return
-        receipts = {folder: Receipts(folder, api.url) for folder in {item.path.parent for item in exported}}
-        for item in not_done(exported, receipts):
-            yield sent(item, client, receipts[item.path.parent], timeout_s=api.wait_s, say=say)
+    else:
+        with (
+            Store.open(store, create=False) as opened,
+            steps(quiet=quiet) as say,
+            _client(api, credentials, say) as client,
+        ):
+            yield from send(path, opened, client, api_url=api.url, timeout_s=api.wait_s, say=say)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from nvdb.skriv import SKRIV_TEST_URL
 from twin.changesets import ChangeSets, files_of, groups_from_store
 from twin.decisions.evidence import Evidence
 from twin.decisions.log import position
@@ -43,6 +44,7 @@ def export_findings(
     by: str = "QGIS",
     decision: str = Decision.ACCEPT,
     project: bool = False,
+    api_url: str = SKRIV_TEST_URL,
     progress: Callable[[str], None] | None = None,
 ) -> ExportReport:
     """Export the findings of the last match, after keeping what people decided in the last export.
@@ -62,6 +64,9 @@ def export_findings(
         Findings with this decision become change sets; another than ``accept`` gives previews.
     project : bool, optional
         Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.qgis.project`).
+    api_url : str, optional
+        The API Skriv that the change sets are for: what is under way to it, or carried out there and not yet
+        in the mirror, is left out.
     progress : callable, optional
         Told what is being done.
 
@@ -81,10 +86,11 @@ def export_findings(
     """
     # Not above: that module writes files by this package.
     from twin.changesets.receipts import refuse_if_pending
+    from twin.changesets.sent import SentLog
 
     folder = Path(folder)
     last = store.matched()
-    refuse_if_pending(folder)
+    refuse_if_pending(store, folder)
     decided = decisions_made_in(folder)
     if decided:
         if progress is not None:
@@ -95,7 +101,8 @@ def export_findings(
         keep_edits(store, edits, by=by)
     noted = position(store.rows)
     layers = layers_from_store(store, last["method"])
-    change_sets = groups_from_store(store, decision)
+    log = SentLog(store, api_url) if decision == Decision.ACCEPT else None
+    change_sets = groups_from_store(store, decision, log=log)
     # The layers are of one moment, but of which? The same match before and after it leaves one answer.
     if store.matched() != last:
         raise RefusedError(f"The store {store.path} was matched again during the export: export again.")

@@ -29,6 +29,20 @@ QUIET = frozenset({Verdict.UNCHANGED, Verdict.NOT_OBSERVABLE})
 """Verdicts that ask nobody to decide."""
 
 
+class Sending(StrEnum):
+    """How far a finding is on its way to NVDB, as :mod:`twin.changesets.sent` keeps it."""
+
+    REGISTERING = "registering"
+    """It is to be registered; whether API Skriv has heard of it is not known."""
+    UNDER_WAY = "under_way"
+    """API Skriv has the set."""
+    CARRIED_OUT = "carried_out"
+    WITHOUT_EFFECT = "without_effect"
+    """Refused, cancelled, or never arrived: it may be sent again."""
+    UNDONE = "undone"
+    """What it registered was removed again: it may be sent again."""
+
+
 class Decision(StrEnum):
     """What people say of a finding; ``open``: nobody has decided, or not since the evidence changed."""
 

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 7
+VERSION = 8
 """Raised with every change of the tables: a store of another version is upgraded or refused."""
 
 UPGRADES: Mapping[int, tuple[str, ...]] = {
@@ -28,6 +28,14 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "absence_gap = coalesce(json_extract(corrections, '$.absence_gap'), ''), "
             "corrections = json_remove(corrections, '$.misfits', '$.absence_gap')"
         ),
+    ),
+    7: (
+        (
+            "CREATE TABLE sent (id INTEGER NOT NULL PRIMARY KEY, tag VARCHAR NOT NULL, api VARCHAR NOT NULL, "
+            "change_id VARCHAR NOT NULL, state VARCHAR NOT NULL, set_id VARCHAR, digest VARCHAR NOT NULL, "
+            "objects JSON NOT NULL, file VARCHAR NOT NULL, at VARCHAR NOT NULL, UNIQUE (tag, change_id))"
+        ),
+        "CREATE INDEX ix_sent_change_id ON sent (change_id)",
     ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""
@@ -313,6 +321,26 @@ pole_key = sa.Table(
     sa.Column("pole", sa.String, nullable=False),
 )
 """Which pole an estimate belongs to: the key that a pole first got stays with all its members."""
+
+
+sent = sa.Table(
+    "sent",
+    metadata,
+    sa.Column("id", ROWID, primary_key=True),
+    sa.Column("tag", sa.String, nullable=False),  # of the set, which carries it as its eksternRef
+    sa.Column("api", sa.String, nullable=False),  # which API Skriv
+    # The finding; of a set that names none the SHA-256 of its XML.
+    sa.Column("change_id", sa.String, nullable=False, index=True),
+    sa.Column("state", sa.String, nullable=False),  # twin.store.kinds.Sending
+    sa.Column("set_id", sa.String),  # API Skriv's own, once it is known
+    sa.Column("digest", sa.String, nullable=False),  # SHA-256 of the operations
+    # Of the operations: type, id, tempId of a new object, and the mirror's version and time of change before.
+    sa.Column("objects", sa.JSON, nullable=False),
+    sa.Column("file", sa.String, nullable=False),  # that it was sent from
+    sa.Column("at", sa.String, nullable=False),  # UTC, of the last change of this row
+    sa.UniqueConstraint("tag", "change_id"),
+)
+"""What was sent to API Skriv: a row for each finding of each set, written before the request."""
 
 
 METHODS = tuple(Method)

@@ -82,7 +82,8 @@ class SkrivReplayServer(Loopback):
     requests : list of (method, path)
         In order of arrival.
     lose : list of str
-        Ends of paths whose next answer is lost after the request was carried out.
+        Ends of method and path (``POST /rest/v3/endringssett``, ``/start``) whose next answer is lost
+        after the request was carried out.
     """
 
     def __init__(
@@ -282,7 +283,7 @@ class _Handler(LoopbackHandler):
         replay = self.server.replay
         answer = replay.answer(method, path, dict(self.headers.items()), body, parts.query)
         for end in replay.lose:
-            if path.endswith(end):
+            if f"{method} {path}".endswith(end):
                 replay.lose.remove(end)
                 return  # the connection closes without a word
         self.send_answer(answer)

@@ -4,55 +4,26 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from contextlib import ExitStack
 from copy import deepcopy
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-import sqlalchemy as sa
 from command_line import Twin
+from skriv_of_store import SECRET, posts, skriv
 
 import twin.changesets.build as accepted_findings
 from nvdb.datakatalog import snapshot
 from nvdb.endringssett import Geometri
 from nvdb.objects import point_from_wkt
-from nvdb.replay.skriv import ReplayObject, SkrivReplayServer, SkrivWorld
-from twin.changesets.nvdb_side import earlier_from_raw
+from nvdb.replay.skriv import SkrivReplayServer, SkrivWorld
 from twin.cli.submit import PASSWORD
-from twin.mirror.raw import raw_object
-from twin.store import schema
-from twin.store.store import Store
 
-NOW = datetime(2026, 11, 22, 8, 0, tzinfo=UTC)
-SECRET = "hemmelig-4c1d"  # of the local server
 MOVED, MOVED_PLATE, WRONG_PLATE, MISSING, GONE_PLATE = (
     1042500106, 1042600108, 1042600114, 1042500115, 1042600119,
 )  # fmt: skip
-
-
-def world_of(store: Path) -> SkrivWorld:
-    """An API Skriv that holds what the mirror holds."""
-    objects = []
-    with Store.open(store) as opened:
-        for kind, tables in schema.MIRROR.items():
-            for row in opened.rows(sa.select(tables.visible.c.raw)):
-                state = earlier_from_raw(raw_object(row), kind, snapshot())
-                objects.append(
-                    ReplayObject(
-                        type_id=kind,
-                        nvdb_id=state.nvdb_id,
-                        versjon=state.versjon,
-                        startdato=state.startdato,
-                        egenskaper={e.type_id: e for e in state.egenskaper},
-                        stedfesting=state.stedfesting,
-                        barn=[child for ids in (state.dotre or {}).values() for child in ids],
-                    )
-                )
-    return SkrivWorld(objects, now=lambda: NOW)
 
 
 def _in_plan(geometri: Geometri | None) -> Any:
@@ -74,41 +45,6 @@ def said(world: SkrivWorld) -> dict[int, Any]:
         )
         for number, item in world.objects.items()
     }
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    """Closes servers."""
-    with ExitStack() as made:
-        yield made
-
-
-@pytest.fixture
-def accepted(twin: Twin, matched_road: Path, tmp_path: Path) -> tuple[Path, Path]:
-    """A store in which everything is accepted, and its export."""
-    store, out = Path(shutil.copy(matched_road, tmp_path / "twin.db")), tmp_path / "out"
-    verdicts = [part for name in ("new", "missing", "moved", "wrong_type") for part in ("--verdict", name)]
-    assert twin("decide", "accept", *verdicts, "--by", "kari", "--store", store).code == 0
-    assert twin("export", out, "--store", store).code == 0
-    return store, out
-
-
-@pytest.fixture
-def user(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Somebody whom the local server knows."""
-    monkeypatch.setenv("TWIN_SKRIV_USER", "olanor")
-    monkeypatch.setenv(PASSWORD, SECRET)
-
-
-def skriv(stack: ExitStack, store: Path, **options: Any) -> SkrivReplayServer:
-    """A local API Skriv with the mirror's objects."""
-    options = {"on_the_way": (), **options}
-    return stack.enter_context(SkrivReplayServer(world_of(store), users={"olanor": SECRET}, **options))
-
-
-def posts(server: SkrivReplayServer) -> int:
-    """How many sets were registered."""
-    return server.requests.count(("POST", "/rest/v3/endringssett"))
 
 
 @pytest.mark.usefixtures("user")
@@ -152,7 +88,7 @@ def test_set_is_never_sent_twice(twin: Twin, accepted: tuple[Path, Path], stack:
     for path in (out, out / "endringssett-1.json"):
         answer = twin("submit", path, "--go", "--api-url", server.url)
         assert answer.code == 5
-        assert "was carried out before" in answer.err
+        assert "4 findings are left out (4 carried out before" in answer.err
     assert posts(server) == 1
     other = skriv(stack, store)
     assert twin("submit", out, "--go", "--api-url", other.url).code == 0

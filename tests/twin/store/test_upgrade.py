@@ -15,11 +15,13 @@ from twin.store.store import Store
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4, 5 or 6 wrote it, with one decision."""
+    """Make a store as version 4, 5, 6 or 7 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
-        raw.execute("ALTER TABLE drive_method DROP COLUMN misfits")
-        raw.execute("ALTER TABLE drive_method DROP COLUMN absence_gap")
+        raw.execute("DROP TABLE sent")
+        if version < 7:
+            raw.execute("ALTER TABLE drive_method DROP COLUMN misfits")
+            raw.execute("ALTER TABLE drive_method DROP COLUMN absence_gap")
         if version < 6:
             raw.execute("ALTER TABLE estimate DROP COLUMN text")
             raw.execute("ALTER TABLE change DROP COLUMN cameras")
@@ -33,28 +35,30 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
-@pytest.mark.parametrize("version", [4, 5, 6])
+@pytest.mark.parametrize("version", [4, 5, 6, 7])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
     with Store.open(path) as store:
         assert store.rows(sa.select(schema.estimate.c.nvdb_type, schema.estimate.c.text)) == []
         assert store.rows(sa.select(schema.change.c.cameras)) == []
+        assert store.rows(sa.select(schema.sent)) == []
         assert [row["decision"] for row in store.rows(sa.select(schema.decision))] == ["accept"]
     with Store.open(path, create=False) as again:
         versions = again.rows(sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version"))
     assert versions == [{"value": str(schema.VERSION)}]
 
 
-@pytest.mark.parametrize("table", ["estimate", "change", "drive_method"])
+@pytest.mark.parametrize("table", ["estimate", "change", "drive_method", "sent"])
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
     tables = []
     for path in (older(tmp_path / "old.db"), tmp_path / "new.db"):
         Store.open(path).close()
         with sqlite3.connect(path) as raw:
-            columns = raw.execute("SELECT name, type FROM pragma_table_info(?)", (table,))
-            tables.append(columns.fetchall())
+            columns = raw.execute('SELECT name, type, "notnull" FROM pragma_table_info(?)', (table,))
+            indexes = raw.execute("SELECT count(*) FROM pragma_index_list(?)", (table,))
+            tables.append((columns.fetchall(), indexes.fetchall()))
         raw.close()
     assert tables[0] == tables[1]
 

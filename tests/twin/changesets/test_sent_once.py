@@ -1,0 +1,371 @@
+"""A finding is carried out in NVDB once, whatever folder, address, copy, order or kill it goes through."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import threading
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+from command_line import Twin
+from skriv_of_store import SECRET, USER, decisions, new_signs, posts, skriv
+
+from nvdb.client import NvdbClient
+from nvdb.endringssett import from_xml, to_xml
+from nvdb.skriv import SKRIV_TEST_URL, SKRIV_URL, OidcLogin, SkrivClient
+from twin.changesets.receipts import RECEIPTS
+from twin.changesets.sent import SentLog, target_of
+from twin.cli import run
+from twin.store import schema
+from twin.store.store import Store
+
+pytestmark = pytest.mark.usefixtures("user", "no_waiting")
+
+
+@pytest.mark.parametrize("spelling", ["{}/", "{}//", "HTTP://127.0.0.1:{port}", "http://localhost:{port}"])
+def test_another_spelling_of_the_address_is_the_same_api(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, spelling: str
+) -> None:
+    """A slash behind it, letters of the other case, another name of this machine: sent before."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    url = spelling.format(server.url, port=server.url.rpartition(":")[2])
+    answer = twin("submit", out, "--go", "--api-url", url)
+    assert answer.code == 5
+    assert "1 finding is left out (1 carried out before in " in answer.err
+    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+
+
+def test_target_of_an_address_is_the_api_and_not_its_spelling() -> None:
+    """The usual port, slashes, case, the documentation's address; the test environment is another API."""
+    for url in (
+        "HTTPS://NVDBapiskriv.atlas.vegvesen.no:443/",
+        "https://nvdbapiskriv.atlas.vegvesen.no.",
+        "https://www.vegvesen.no/nvdb//apiskriv/",
+    ):
+        assert target_of(url) == SKRIV_URL
+    assert target_of(SKRIV_TEST_URL) == SKRIV_TEST_URL != SKRIV_URL
+    assert target_of("http://[::1]:80/") == target_of("http://127.0.0.1") == "http://localhost"
+    assert target_of("http://127.0.0.1:8080/a") != target_of("http://127.0.0.1:8081/a")
+
+
+def test_what_went_to_one_api_did_not_go_to_another(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """First the test environment, then NVDB, from one folder."""
+    trial, real, out = skriv(stack, new_sign), skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out, "--api-url", real.url).code == 0
+    assert twin("submit", out, "--go", "--api-url", trial.url).code == 0
+    assert twin("export", out, "--api-url", real.url).code == 0
+    assert twin("submit", out, "--go", "--api-url", real.url).code == 0
+    assert [new_signs(server, new_sign) for server in (trial, real)] == [1, 1]
+
+
+def test_export_to_another_folder_is_not_sent_again(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """Before the next sync a finding is left out of an export, and of what is sent."""
+    server, out, other = skriv(stack, new_sign), tmp_path / "out", tmp_path / "other"
+    assert twin("export", out).code == 0
+    assert twin("export", other).code == 0
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert twin("submit", other, "--go", "--api-url", server.url).code == 5
+    answer = twin("export", tmp_path / "third", "--api-url", server.url)
+    assert answer.code == 0
+    assert "1 finding is left out (1 carried out before in " in answer.err
+    assert not list((tmp_path / "third").glob("endringssett-*"))
+    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+
+
+def test_copy_of_a_folder_is_not_sent_again(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """Neither the copied folder nor one file out of it."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    copy = Path(shutil.copytree(out, tmp_path / "copy"))
+    lone = Path(shutil.copy(out / "endringssett-1.xml", tmp_path / "lone.xml"))
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    for path in (copy, lone):
+        assert twin("submit", path, "--go", "--api-url", server.url).code == 5
+    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+
+
+def test_second_finding_goes_without_the_first(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """One is sent, another accepted; exported without a sync, for another API first, only that is sent."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert twin("decide", "accept", "--verdict", "missing", "--by", "kari").code == 0
+    assert twin("export", out, "--api-url", SKRIV_TEST_URL).code == 0
+    assert len(json.loads((out / "proveniens.json").read_text())["changes"]) == 2
+    answer = twin("submit", out, "--go", "--api-url", server.url)
+    assert answer.code == 0
+    assert "1 finding is left out (1 carried out before in " in answer.err
+    assert (posts(server), new_signs(server, new_sign)) == (2, 1)
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 5
+
+
+def test_two_at_once_send_once(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> None:
+    """One of them sends, the others are told who is at work, or that all is done."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    codes: list[int] = []
+    start = threading.Barrier(4)
+
+    def submit() -> None:
+        start.wait()
+        codes.append(run(["submit", str(out), "--go", "--api-url", server.url]))
+
+    threads = [threading.Thread(target=submit) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(codes) == [0, 5, 5, 5]
+    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+
+
+def test_answer_that_is_lost_does_not_register_again(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """The set is registered, its id was never heard of: the next call finds it at the API and starts it."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    server.lose.append("POST /rest/v3/endringssett")
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 3
+    assert new_signs(server, new_sign) == 0
+    answer = twin("export", tmp_path / "other", "--api-url", server.url)
+    assert "1 finding is left out (1 under way)" in answer.err
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+    assert list(out.glob("endringssett-1-angre-*.xml"))
+
+
+def test_set_that_was_not_started_is_cancelled_where_it_is_no_longer_accepted(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """Its answer was lost, then somebody dismissed the sign: nothing goes to NVDB, now or later."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    server.lose.append("POST /rest/v3/endringssett")
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 3
+    decisions(new_sign, new="dismiss")
+    answer = twin("submit", out, "--go", "--api-url", server.url)
+    assert answer.code == 5
+    assert "1 finding is left out (1 not accepted as exported" in answer.err
+    assert [path.rpartition("/")[2] for _, path in server.requests if "kanseller" in path] == ["kanseller"]
+    decisions(new_sign, new="accept")
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert new_signs(server, new_sign) == 1
+
+
+def test_set_is_taken_up_from_any_folder(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """The folder that it was sent from is gone: it is finished all the same, without an undo set."""
+    server, out, other = skriv(stack, new_sign), tmp_path / "out", tmp_path / "other"
+    assert twin("export", out).code == 0
+    server.lose.append("POST /rest/v3/endringssett")
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 3
+    shutil.rmtree(out)
+    assert twin("export", other, "--api-url", server.url).code == 0
+    answer = twin("submit", other, "--go", "--api-url", server.url)
+    assert answer.code == 0
+    assert "no set to undo it" in answer.err
+    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+
+
+def test_finding_that_is_no_longer_accepted_is_not_sent(
+    twin: Twin, accepted: tuple[Path, Path], stack: ExitStack
+) -> None:
+    """Dismissed after the export, it is left out, and the others are sent."""
+    store, out = accepted
+    server = skriv(stack, store)
+    decisions(store, new="dismiss")
+    answer = twin("submit", out, "--go", "--api-url", server.url)
+    assert answer.code == 0
+    assert "1 finding is left out (1 not accepted as exported" in answer.err
+    assert (posts(server), new_signs(server, store)) == (1, 0)
+
+
+def test_folder_of_another_store_is_not_sent(
+    twin: Twin, accepted: tuple[Path, Path], matched_store: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """A store that did not accept these findings refuses, and says which command helps."""
+    store, out = accepted
+    server = skriv(stack, store)
+    other = Path(shutil.copy(matched_store, tmp_path / "other.db"))
+    answer = twin("submit", out, "--go", "--api-url", server.url, "--store", other)
+    assert answer.code == 5
+    assert "4 not accepted as exported: match, decide and export again" in answer.err
+    assert posts(server) == 0
+
+
+def test_set_that_names_no_findings_is_sent_only_if_it_registers_nothing(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """As earlier versions of twin exported it: nobody could tell whether it was sent before."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    text = (out / "endringssett-1.xml").read_text(encoding="utf-8")
+    head, _, rest = text.partition("<kontekst>")
+    lone = tmp_path / "lone.xml"
+    lone.write_text(head + rest.partition("</kontekst>")[2], encoding="utf-8")
+    assert from_xml(lone.read_bytes()).kontekst is None
+    answer = twin("submit", lone, "--go", "--api-url", server.url)
+    assert answer.code == 5
+    assert "does not say which findings" in answer.err
+    assert posts(server) == 0
+
+
+@pytest.mark.parametrize("is_started", [True, False])
+def test_copy_of_the_store_sends_nothing_that_the_other_has_sent(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, is_started: bool
+) -> None:
+    """The API is asked for sets of ours: one that is carried out or on the way keeps the copy from it."""
+    server, out, late = skriv(stack, new_sign), tmp_path / "out", tmp_path / "late.db"
+    assert twin("export", out).code == 0
+    shutil.copy(new_sign, late)
+    if not is_started:
+        server.lose.append("POST /rest/v3/endringssett")
+    assert twin("submit", out, "--go", "--api-url", server.url).code == (0 if is_started else 3)
+    answer = twin("submit", out, "--go", "--api-url", server.url, "--store", late)
+    assert answer.code == 5
+    assert ("carried out before" if is_started else "from another copy of this store") in answer.err
+    assert posts(server) == 1
+    assert twin("submit", out, "--go", "--api-url", server.url).code == (5 if is_started else 0)
+    assert new_signs(server, new_sign) == 1
+
+
+def test_two_copies_of_the_store_at_once_send_once(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both have asked, and found nothing, before either registered: the later one cancels its own."""
+    server, out, late = skriv(stack, new_sign), tmp_path / "out", tmp_path / "late.db"
+    assert twin("export", out).code == 0
+    shutil.copy(new_sign, late)
+    send, codes = SkrivClient.send, []
+
+    def overtaken(client: SkrivClient, *arguments: object, **options: object) -> str:
+        monkeypatch.setattr(SkrivClient, "send", send)
+        codes.append(run(["submit", str(out), "--go", "--api-url", server.url, "--store", str(late)]))
+        return send(client, *arguments, **options)
+
+    monkeypatch.setattr(SkrivClient, "send", overtaken)
+    answer = twin("submit", out, "--go", "--api-url", server.url)
+    assert (codes, answer.code) == ([0], 4)
+    assert "another copy of this store" in answer.err
+    assert new_signs(server, new_sign) == 1
+
+
+def test_renumbered_pole_is_not_sent_again(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """Ingested anew under another id before the next sync, it stands at the same place and is left out."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    with Store.open(new_sign) as store, store.transaction() as connection:
+        t = schema.change.c
+        is_new = t.verdict == "new"
+        connection.execute(
+            sa.update(schema.change).where(is_new).values(change_id="abcabcabcabc", east_m=t.east_m + 0.3)
+        )
+    decisions(new_sign, new="accept")
+    answer = twin("export", out, "--api-url", server.url)
+    assert "1 finding is left out (1 carried out before in " in answer.err
+
+
+def test_undone_sign_may_be_sent_again(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> None:
+    """The undo set removed it: a new export has it again, once; the same undo set is not sent twice."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    answer = twin("submit", out, "--go", "--api-url", server.url, "--json")
+    undo = out / answer.json["sets"][0]["undo"]
+    assert twin("submit", undo, "--go", "--api-url", server.url).code == 0
+    assert new_signs(server, new_sign) == 0
+    assert twin("submit", undo, "--go", "--api-url", server.url).code == 5
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert new_signs(server, new_sign) == 1
+
+
+def test_carried_out_is_held_until_the_mirror_shows_it(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+) -> None:
+    """Then match has the say, also when the sign is gone from the mirror again."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    with Store.open(new_sign) as store:
+        log = SentLog(store, server.url)
+        (held,) = log.held().values()
+        assert not SentLog(store, SKRIV_URL).held()
+        for item in held.objects:
+            tables = schema.MIRROR[item.type_id]
+            row = store.rows(sa.select(tables.visible).limit(1))[0] | {"nvdb_id": item.nvdb_id}
+            with store.transaction() as connection:
+                connection.execute(sa.insert(tables.visible), [row])
+        assert log.held() == {}
+        for item in held.objects:
+            tables = schema.MIRROR[item.type_id]
+            with store.transaction() as connection:
+                is_it = tables.visible.c.nvdb_id == item.nvdb_id
+                row = dict(connection.execute(sa.select(tables.visible).where(is_it)).mappings().one())
+                connection.execute(sa.insert(tables.history), [row | {"seen_until": "2026-11-22"}])
+                connection.execute(sa.delete(tables.visible).where(is_it))
+        assert log.held() == {}
+
+
+@pytest.mark.parametrize("state", ["carried out", "under way", "not started"])
+def test_receipt_of_an_earlier_version_is_taken_over(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, state: str
+) -> None:
+    """It sent the set and left `kvittering.json` beside it: what was sent then is not sent again."""
+    on_the_way = ("BEHANDLES", "BEHANDLES") if state == "under way" else ()
+    server, out = skriv(stack, new_sign, on_the_way=on_the_way), tmp_path / "out"
+    assert twin("export", out).code == 0
+    set_id = earlier_version_sends(stack, server.url, out, start=state != "not started")
+    if state == "under way":
+        assert twin("export", out, "--api-url", server.url).code == 5
+    answer = twin("submit", out, "--go", "--api-url", server.url)
+    assert answer.code == (0 if state == "under way" else 5)
+    assert bool(list(out.glob("endringssett-1-angre-*.xml"))) == (state == "under way")
+    if state == "not started":
+        assert "`twin export` it again" in answer.err
+        assert twin("export", out, "--api-url", server.url).code == 0
+        assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert new_signs(server, new_sign) == 1
+    assert posts(server) == (2 if state == "not started" else 1)
+    assert [path for _, path in server.requests if path.endswith(f"{set_id}/kanseller")] == (
+        [f"/rest/v3/endringssett/{set_id}/kanseller"] if state == "not started" else []
+    )
+    assert twin("export", out, "--api-url", server.url).code == 0
+    assert not list(out.glob("endringssett-?.xml"))
+
+
+def earlier_version_sends(stack: ExitStack, url: str, out: Path, *, start: bool) -> str:
+    """Send a set as twin did before the store knew what was sent, and leave its receipt."""
+    http = stack.enter_context(NvdbClient(url))
+    client = SkrivClient(http, OidcLogin(http, lambda: (USER, SECRET)))
+    path, provenance = out / "endringssett-1.xml", out / "proveniens.json"
+    sett = replace(from_xml(path.read_bytes()), kontekst=None)
+    path.write_bytes(to_xml(sett))
+    document = json.loads(provenance.read_text())
+    document["sets"][0]["sha256"][path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    provenance.write_text(json.dumps(document))
+    set_id = client.send(sett)
+    if start:
+        client.start(set_id)
+    receipt = {"set_id": set_id, "fremdrift": "IKKE_STARTET", "file": path.name}
+    sha256 = hashlib.sha256(to_xml(sett)).hexdigest()
+    (out / RECEIPTS).write_text(json.dumps({f"{url}/": {sha256: receipt}}))
+    return set_id

@@ -1,0 +1,387 @@
+"""What was sent to API Skriv: kept in the store before each request, so that no finding is sent twice.
+
+Rules, in which "held" means that neither an export nor ``twin submit`` takes a finding up:
+
+- a finding is held from the moment that its set is to be registered until that set has ended;
+- refused, cancelled or never arrived, it is free again;
+- carried out, it is held until the mirror shows it, and then a match has the say;
+- what registered an object is free again when a set that we sent has removed that object;
+- a pole that NVDB does not know is also told by its place, whatever its finding is called by now.
+
+Each API has findings of its own: what went to the test environment did not go to NVDB.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+import sqlalchemy as sa
+
+from nvdb.endringssett import Endring
+from nvdb.objects import point_from_wkt
+from nvdb.skriv import SKRIV_URL
+from twin.changesets.kontekst import digest_of
+from twin.changesets.operations import Group
+from twin.decisions.log import Ask, asking, position
+from twin.errors import RefusedError
+from twin.matching.sites import SKILTPUNKT
+from twin.store import schema
+from twin.store.kinds import Sending
+from twin.store.records import Finding
+from twin.store.store import Row, Store, utc_now
+
+SAME_PLACE_M: Final = 1.0
+"""Two poles that NVDB does not know are one within this distance: a drive that is ingested anew moves them
+by centimetres, and no two poles stand so close."""
+_DEFAULT_PORT: Final = {"https": 443, "http": 80}
+_SAME_API: Final = {"https://www.vegvesen.no/nvdb/apiskriv": SKRIV_URL}
+"""The address in API Skriv's documentation, and that of the same API today."""
+OPEN: Final = frozenset({Sending.REGISTERING, Sending.UNDER_WAY})
+
+
+def target_of(api_url: str) -> str:
+    """Name the API Skriv of an address, however that is spelt: case, slashes, the port that is usual."""
+    parts = urlsplit(api_url)
+    host = (parts.hostname or "").rstrip(".")
+    host = "localhost" if host in {"127.0.0.1", "::1"} else host
+    port = "" if parts.port in {None, _DEFAULT_PORT.get(parts.scheme)} else f":{parts.port}"
+    path = "/".join(part for part in parts.path.split("/") if part)
+    url = f"{parts.scheme}://{host}{port}" + (f"/{path}" if path else "")
+    return _SAME_API.get(url, url)
+
+
+@dataclass(frozen=True, slots=True)
+class SentObject:
+    """One object that an operation is about.
+
+    Attributes
+    ----------
+    type_id : int
+    nvdb_id : int or None
+        None for a new one that NVDB has given no id yet.
+    temp_id : str or None
+        Name of a new object in its set.
+    before : (version, time of change) or None
+        As the mirror had it when it was sent; None for a new one.
+    place : (east, north) or None
+        EPSG:25833, of a new Skiltpunkt.
+    removed : bool
+        Whether the operation takes it away.
+    """
+
+    type_id: int
+    nvdb_id: int | None
+    temp_id: str | None = None
+    before: tuple[int | None, str | None] | None = None
+    place: tuple[float, float] | None = None
+    removed: bool = False
+
+    @classmethod
+    def from_json(cls, document: Row) -> SentObject:
+        """Take it back from the store."""
+        before, place = document["before"], document["place"]
+        return cls(
+            **{
+                **document,
+                "before": None if before is None else (before[0], before[1]),
+                "place": None if place is None else (place[0], place[1]),
+            }
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SentFinding:
+    """One finding of one set that was sent: a row of ``sent``.
+
+    Attributes
+    ----------
+    tag : str
+        Of the set: its ``eksternRef``.
+    change_id : str
+        Of a set that names no finding the SHA-256 of its XML.
+    state : Sending
+    set_id : str or None
+    digest : str
+        Of the operations; "" of a set whose operations are not known.
+    objects : tuple of SentObject
+        Empty of a set that names no finding and removes nothing.
+    file : str
+        That it was sent from; "" where another store sent it.
+    """
+
+    tag: str
+    change_id: str
+    state: Sending
+    set_id: str | None
+    digest: str
+    objects: tuple[SentObject, ...]
+    file: str
+
+    @classmethod
+    def from_row(cls, row: Row) -> SentFinding:
+        """Take it from a row."""
+        return cls(
+            tag=row["tag"],
+            change_id=row["change_id"],
+            state=Sending(row["state"]),
+            set_id=row["set_id"],
+            digest=row["digest"],
+            objects=tuple(map(SentObject.from_json, row["objects"])),
+            file=row["file"],
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class SentSet:
+    """The findings of one set that was sent."""
+
+    findings: tuple[SentFinding, ...]
+
+    @property
+    def tag(self) -> str:
+        """Its ``eksternRef``."""
+        return self.findings[0].tag
+
+    @property
+    def set_id(self) -> str | None:
+        """API Skriv's own, once it is known."""
+        return self.findings[0].set_id
+
+    @property
+    def state(self) -> Sending:
+        """How far it is."""
+        return self.findings[0].state
+
+    @property
+    def file(self) -> str:
+        """That it was sent from."""
+        return self.findings[0].file
+
+    @property
+    def digests(self) -> Mapping[str, str]:
+        """Finding → SHA-256 of what was to be done about it."""
+        return {one.change_id: one.digest for one in self.findings}
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """What a set was made from: the last match, and how far the log of decisions had come."""
+
+    match: Mapping[str, Any] | None
+    log_position: int
+
+
+class SentLog:
+    """What a store has sent to one API Skriv.
+
+    Parameters
+    ----------
+    store : Store
+    api_url : str
+        In any spelling.
+    """
+
+    def __init__(self, store: Store, api_url: str) -> None:
+        self._store = store
+        self.api = target_of(api_url)
+
+    @staticmethod
+    def apis_of(store: Store) -> list[str]:
+        """Every API that a store has sent to."""
+        column = schema.sent.c.api
+        return [row["api"] for row in store.rows(sa.select(column).distinct().order_by(column))]
+
+    def unfinished(self) -> list[SentSet]:
+        """Sets that are not known to have ended, the oldest first."""
+        every: dict[str, list[SentFinding]] = {}
+        for one in self._every(self._store.rows):
+            if one.state in OPEN:
+                every.setdefault(one.tag, []).append(one)
+        return [SentSet(tuple(findings)) for findings in every.values()]
+
+    def oldest_open(self) -> str | None:
+        """When the oldest set that is not known to have ended was sent; None if there is none."""
+        t = schema.sent.c
+        asked = sa.select(sa.func.min(t.at).label("at")).where(t.api == self.api, t.state.in_(OPEN))
+        at: str | None = self._store.rows(asked)[0]["at"]
+        return at
+
+    def tags_and_ids(self) -> frozenset[str]:
+        """Every ``eksternRef`` and every id of a set that the store knows."""
+        every = self._every(self._store.rows)
+        return frozenset(name for one in every for name in (one.tag, one.set_id) if name is not None)
+
+    def held(self) -> dict[str, SentFinding]:
+        """Findings, by ``change_id``, that are not to be sent again now."""
+        with self._store.snapshot() as view:
+            return {one.change_id: one for one in self._held(view.rows)}
+
+    def is_free_but_for(self, sent: SentSet) -> bool:
+        """Whether no other set holds one of its findings."""
+        with self._store.snapshot() as view:
+            others = [one for one in self._held(view.rows) if one.tag != sent.tag]
+        return not any(one.change_id in sent.digests for one in others)
+
+    def holding(self, findings: Iterable[Finding]) -> dict[str, SentFinding]:
+        """Of these findings, those that are held, also where they are called otherwise by now."""
+        held = self.held()
+        poles = [(item.place, one) for one in held.values() for item in one.objects if item.place is not None]
+        found = {}
+        for finding in findings:
+            one = held.get(finding.change_id)
+            if one is None and finding.nvdb_id is None and finding.nvdb_type == SKILTPUNKT:
+                here = finding.east_m, finding.north_m
+                one = next((said for place, said in poles if math.dist(place, here) <= SAME_PLACE_M), None)
+            if one is not None:
+                found[finding.change_id] = one
+        return found
+
+    def basis(self) -> Basis:
+        """What sets would be made from now; read it before them."""
+        return Basis(self._store.fact("last_match"), position(self._store.rows))
+
+    def begin(self, tag: str, groups: Sequence[Group], file: Path, basis: Basis | None) -> None:
+        """Keep that a set is about to be registered.
+
+        Parameters
+        ----------
+        tag : str
+        groups : sequence of Group
+        file : Path
+        basis : Basis or None
+            What the groups were compared with; None where they are of no findings.
+
+        Raises
+        ------
+        RefusedError
+            Meanwhile one of the findings was sent, or decided anew, or the store was matched again.
+        """
+        with self._store.transaction() as connection:
+            ask = asking(connection)
+            now = Basis(self._store.fact_in(connection, "last_match"), position(ask))
+            wanted = {key for group in groups for key in group.change_ids}
+            is_stale = basis is not None and basis != now
+            if is_stale or any(one.change_id in wanted for one in self._held(ask)):
+                raise RefusedError(
+                    f"The store {self._store.path} has changed meanwhile: run `twin submit` again."
+                )
+            for group in groups:
+                about = digest_of(group), objects_of(group.endringer, ask), str(file.resolve())
+                rows = [SentFinding(tag, key, Sending.REGISTERING, None, *about) for key in group.change_ids]
+                self._add(connection, rows)
+
+    def registered(self, tag: str, set_id: str) -> None:
+        """Keep the id that API Skriv gave a set."""
+        with self._store.transaction() as connection:
+            self._change(connection, tag, state=Sending.UNDER_WAY, set_id=set_id)
+
+    def adopt(self, findings: Sequence[SentFinding]) -> None:
+        """Keep findings of a set that this store did not send, or of which it kept no record."""
+        with self._store.transaction() as connection:
+            self._add(connection, findings)
+
+    def ended(self, sent: SentSet, state: Sending, nvdb_ids: Mapping[str, int] | None = None) -> None:
+        """Keep what became of a set.
+
+        Parameters
+        ----------
+        sent : SentSet
+        state : Sending
+        nvdb_ids : mapping of tempId → nvdbId, optional
+            What its new objects became.
+        """
+        given = nvdb_ids or {}
+        with self._store.transaction() as connection:
+            for one in sent.findings:
+                objects = [
+                    replace(item, nvdb_id=given.get(item.temp_id or "", item.nvdb_id)) for item in one.objects
+                ]
+                document = [asdict(item) for item in objects]
+                self._change(connection, one.tag, change_id=one.change_id, state=state, objects=document)
+            if state == Sending.CARRIED_OUT:
+                gone = {item.nvdb_id for one in sent.findings for item in one.objects if item.removed}
+                self._free(connection, gone)
+
+    def _free(self, connection: sa.Connection, removed: set[int | None]) -> None:
+        """Free the findings that registered what is removed now."""
+        for one in self._every(asking(connection)):
+            made = {item.nvdb_id for item in one.objects if item.temp_id is not None}
+            if one.state == Sending.CARRIED_OUT and made & removed - {None}:
+                self._change(connection, one.tag, change_id=one.change_id, state=Sending.UNDONE)
+
+    def _every(self, ask: Ask) -> list[SentFinding]:
+        t = schema.sent
+        return [
+            SentFinding.from_row(row) for row in ask(sa.select(t).where(t.c.api == self.api).order_by(t.c.id))
+        ]
+
+    def _held(self, ask: Ask) -> list[SentFinding]:
+        return [
+            one
+            for one in self._every(ask)
+            if one.state in OPEN or (one.state == Sending.CARRIED_OUT and not is_shown(one.objects, ask))
+        ]
+
+    def _add(self, connection: sa.Connection, findings: Sequence[SentFinding]) -> None:
+        rows = [{**asdict(one), "api": self.api, "at": utc_now()} for one in findings]
+        if rows:
+            connection.execute(sa.insert(schema.sent), rows)
+
+    def _change(
+        self, connection: sa.Connection, tag: str, *, change_id: str | None = None, **values: Any
+    ) -> None:
+        t = schema.sent.c
+        which = [t.tag == tag, t.api == self.api, *([] if change_id is None else [t.change_id == change_id])]
+        connection.execute(sa.update(schema.sent).where(*which).values(**values, at=utc_now()))
+
+
+def objects_of(endringer: Iterable[Endring], ask: Ask) -> tuple[SentObject, ...]:
+    """Say what operations are about, and how the mirror has it now."""
+    return tuple(
+        SentObject(
+            type_id=endring.type_id,
+            nvdb_id=endring.nvdb_id,
+            temp_id=endring.temp_id,
+            before=None if endring.nvdb_id is None else _state(ask, endring.type_id, endring.nvdb_id),
+            place=_place(endring) if endring.operasjon == "registrer" else None,
+            removed=endring.operasjon == "fjern",
+        )
+        for endring in endringer
+    )
+
+
+def is_shown(objects: Sequence[SentObject], ask: Ask) -> bool:
+    """Whether the mirror shows what a set did that was carried out."""
+    return bool(objects) and all(_is_shown(item, ask) for item in objects)
+
+
+def _is_shown(item: SentObject, ask: Ask) -> bool:
+    """A new object has been in the mirror; a changed one is not there as it was."""
+    if item.removed or item.nvdb_id is None:
+        return False
+    if item.before is not None:
+        return _state(ask, item.type_id, item.nvdb_id) != item.before
+    tables = schema.MIRROR[item.type_id]
+    return any(
+        ask(sa.select(table.c.nvdb_id).where(table.c.nvdb_id == item.nvdb_id).limit(1))
+        for table in (tables.visible, tables.history)
+    )
+
+
+def _state(ask: Ask, type_id: int, nvdb_id: int) -> tuple[int | None, str | None]:
+    """Version and time of change in the mirror; neither where it has no such object."""
+    t = schema.MIRROR[type_id].visible.c
+    rows = ask(sa.select(t.version, t.last_modified).where(t.nvdb_id == nvdb_id))
+    return (rows[0]["version"], rows[0]["last_modified"]) if rows else (None, None)
+
+
+def _place(endring: Endring) -> tuple[float, float] | None:
+    geometri = next((item.geometri for item in endring.egenskaper if item.geometri is not None), None)
+    if geometri is None or endring.type_id != SKILTPUNKT:
+        return None
+    return point_from_wkt(geometri.wkt)[:2]
