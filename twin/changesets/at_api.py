@@ -16,7 +16,8 @@ from nvdb.skriv import FINAL, IKKE_STARTET, WITHOUT_EFFECT, EndringssettStatus, 
 from twin.changesets.kontekst import finding_of_name, findings_named
 from twin.changesets.read_exported import ExportedSet
 from twin.changesets.receipts import Receipt, receipts_in
-from twin.changesets.sent import SentFinding, SentLog, SentObject, objects_of
+from twin.changesets.sent import SentFinding, SentLog
+from twin.changesets.sent_objects import SentObject, objects_of
 from twin.matching.sites import SKILTPLATE, SKILTPUNKT
 from twin.store.kinds import Sending
 from twin.store.store import Store
@@ -98,6 +99,7 @@ def _unknown(
     The set `until` is given too, so that one can tell what came before it.
     """
     known = log.tags_and_ids()
+    unheard = {sent.tag for sent in log.unfinished() if sent.set_id is None}
     for listed in client.sets_since(_since(store, log)):
         if listed.set_id == until:
             yield None, Elsewhere(listed.set_id, listed.fremdrift, frozenset())
@@ -105,9 +107,8 @@ def _unknown(
             continue
         content = client.content(listed.set_id)
         found = Elsewhere(listed.set_id, listed.fremdrift, findings_named(content))
-        open_tags = {sent.tag for sent in log.unfinished() if sent.set_id is None}
         # Of a set that came after it was given up: nobody starts it.
-        if content.ekstern_ref not in known or content.ekstern_ref in open_tags:
+        if content.ekstern_ref not in known or content.ekstern_ref in unheard:
             yield content.ekstern_ref, found
 
 
@@ -130,13 +131,16 @@ def _adopt(log: SentLog, item: Elsewhere, status: EndringssettStatus) -> None:
 
 
 def _registered(status: EndringssettStatus) -> dict[str, tuple[SentObject, ...]]:
-    """Finding → the new objects of a set that are named after it; none of a dry run, which gives no ids."""
+    """Finding → the new objects of a set that are named after it.
+
+    Carried out, a dry run has none: its objects got no ids.
+    """
     found: dict[str, tuple[SentObject, ...]] = {}
-    for name, nvdb_id in status.nvdb_ids.items():
-        key = finding_of_name(name)
-        if key is not None:
-            kind = SKILTPLATE if "#" in name else SKILTPUNKT
-            found[key] = (*found.get(key, ()), SentObject(kind, nvdb_id, name))
+    for item in status.objekter:
+        key = finding_of_name(item.temp_id or "")
+        if key is not None and (item.nvdb_id is not None or not status.accepted):
+            kind = SKILTPLATE if "#" in (item.temp_id or "") else SKILTPUNKT
+            found[key] = (*found.get(key, ()), SentObject(kind, item.nvdb_id, item.temp_id))
     return found
 
 
@@ -161,9 +165,10 @@ def _adopt_receipt(
         state = Sending.UNDER_WAY
     about: dict[str, tuple[SentObject, ...]] = {receipt.sha256: (), **_registered(status)}
     if exported is not None:
-        # Only registrations are named after their findings; the rest of the set goes with each of them.
-        objects = objects_of(exported.sett.endringer, store.rows)
-        about |= dict.fromkeys(exported.listed, _with_ids(objects, status))
+        new = [item for item in objects_of(exported.sett.endringer, store.rows) if item.temp_id is not None]
+        if new:
+            # Until these are shown; what the set changes beside them NVDB takes no second time.
+            about |= dict.fromkeys(exported.listed, _with_ids(new, status))
     file = str((folder / receipt.file).resolve())
     log.adopt(
         [SentFinding(tag, key, state, receipt.set_id, "", objects, file) for key, objects in about.items()]

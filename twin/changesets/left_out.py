@@ -26,7 +26,7 @@ def left_out_sentence(held: Sequence[SentFinding], elsewhere: Collection[str] = 
         _part(len(done), "carried out before", [one.set_id for one in done]),
         _part(len(under_way), "under way", [one.set_id for one in under_way]),
         _part(len(elsewhere), "under way from another copy of this store", elsewhere),
-        _part(outdated, "not accepted as exported: match, decide and export again", ()),
+        _part(outdated, "not accepted in this store as exported: match, decide and export again", ()),
     ]
     told = ", ".join(part for part in parts if part)
     return told and f"{n} finding{'s are' if n > 1 else ' is'} left out ({told})"

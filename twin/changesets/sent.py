@@ -22,11 +22,10 @@ from urllib.parse import urlsplit
 
 import sqlalchemy as sa
 
-from nvdb.endringssett import Endring
-from nvdb.objects import point_from_wkt
 from nvdb.skriv import SKRIV_URL
 from twin.changesets.kontekst import digest_of
 from twin.changesets.operations import Group
+from twin.changesets.sent_objects import SentObject, Shown, objects_of
 from twin.decisions.log import Ask, asking, position
 from twin.errors import RefusedError
 from twin.matching.sites import SKILTPUNKT
@@ -53,45 +52,6 @@ def target_of(api_url: str) -> str:
     path = "/".join(part for part in parts.path.split("/") if part)
     url = f"{parts.scheme}://{host}{port}" + (f"/{path}" if path else "")
     return _SAME_API.get(url, url)
-
-
-@dataclass(frozen=True, slots=True)
-class SentObject:
-    """One object that an operation is about.
-
-    Attributes
-    ----------
-    type_id : int
-    nvdb_id : int or None
-        None for a new one that NVDB has given no id yet.
-    temp_id : str or None
-        Name of a new object in its set.
-    before : (version, time of change) or None
-        As the mirror had it when it was sent; None for a new one.
-    place : (east, north) or None
-        EPSG:25833, of a new Skiltpunkt.
-    removed : bool
-        Whether the operation takes it away.
-    """
-
-    type_id: int
-    nvdb_id: int | None
-    temp_id: str | None = None
-    before: tuple[int | None, str | None] | None = None
-    place: tuple[float, float] | None = None
-    removed: bool = False
-
-    @classmethod
-    def from_json(cls, document: Row) -> SentObject:
-        """Take it back from the store."""
-        before, place = document["before"], document["place"]
-        return cls(
-            **{
-                **document,
-                "before": None if before is None else (before[0], before[1]),
-                "place": None if place is None else (place[0], place[1]),
-            }
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,10 +281,13 @@ class SentLog:
         ]
 
     def _held(self, ask: Ask) -> list[SentFinding]:
+        every = self._every(ask)
+        done = [one for one in every if one.state == Sending.CARRIED_OUT]
+        shown = Shown.of([item for one in done for item in one.objects], ask)
         return [
             one
-            for one in self._every(ask)
-            if one.state in OPEN or (one.state == Sending.CARRIED_OUT and not is_shown(one.objects, ask))
+            for one in every
+            if one.state in OPEN or (one.state == Sending.CARRIED_OUT and not shown.of_set(one.objects))
         ]
 
     def _add(self, connection: sa.Connection, findings: Sequence[SentFinding]) -> None:
@@ -338,50 +301,3 @@ class SentLog:
         t = schema.sent.c
         which = [t.tag == tag, t.api == self.api, *([] if change_id is None else [t.change_id == change_id])]
         connection.execute(sa.update(schema.sent).where(*which).values(**values, at=utc_now()))
-
-
-def objects_of(endringer: Iterable[Endring], ask: Ask) -> tuple[SentObject, ...]:
-    """Say what operations are about, and how the mirror has it now."""
-    return tuple(
-        SentObject(
-            type_id=endring.type_id,
-            nvdb_id=endring.nvdb_id,
-            temp_id=endring.temp_id,
-            before=None if endring.nvdb_id is None else _state(ask, endring.type_id, endring.nvdb_id),
-            place=_place(endring) if endring.operasjon == "registrer" else None,
-            removed=endring.operasjon == "fjern",
-        )
-        for endring in endringer
-    )
-
-
-def is_shown(objects: Sequence[SentObject], ask: Ask) -> bool:
-    """Whether the mirror shows what a set did that was carried out."""
-    return bool(objects) and all(_is_shown(item, ask) for item in objects)
-
-
-def _is_shown(item: SentObject, ask: Ask) -> bool:
-    """A new object has been in the mirror; a changed one is not there as it was."""
-    if item.removed or item.nvdb_id is None:
-        return False
-    if item.before is not None:
-        return _state(ask, item.type_id, item.nvdb_id) != item.before
-    tables = schema.MIRROR[item.type_id]
-    return any(
-        ask(sa.select(table.c.nvdb_id).where(table.c.nvdb_id == item.nvdb_id).limit(1))
-        for table in (tables.visible, tables.history)
-    )
-
-
-def _state(ask: Ask, type_id: int, nvdb_id: int) -> tuple[int | None, str | None]:
-    """Version and time of change in the mirror; neither where it has no such object."""
-    t = schema.MIRROR[type_id].visible.c
-    rows = ask(sa.select(t.version, t.last_modified).where(t.nvdb_id == nvdb_id))
-    return (rows[0]["version"], rows[0]["last_modified"]) if rows else (None, None)
-
-
-def _place(endring: Endring) -> tuple[float, float] | None:
-    geometri = next((item.geometri for item in endring.egenskaper if item.geometri is not None), None)
-    if geometri is None or endring.type_id != SKILTPUNKT:
-        return None
-    return point_from_wkt(geometri.wkt)[:2]

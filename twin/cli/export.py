@@ -98,7 +98,10 @@ def _print_change_sets(change_sets: ChangeSets, folder: Path) -> None:
 
     if change_sets.sent:
         told = left_out_sentence(list(change_sets.sent.values()))
-        note(f"Of the change sets {told}; to export for another API, name it with --api-url.")
+        note(
+            f"Of the change sets {told}. `twin submit --go` finishes what is under way; "
+            "--api-url names another API to export for."
+        )
     for item in change_sets.left_out:
         warn(item.sentence)
     for number, sett in enumerate(change_sets.setts, start=1):

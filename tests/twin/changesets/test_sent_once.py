@@ -161,7 +161,7 @@ def test_set_that_was_not_started_is_cancelled_where_it_is_no_longer_accepted(
     decisions(new_sign, new="dismiss")
     answer = twin("submit", out, "--go", "--api-url", server.url)
     assert answer.code == 5
-    assert "1 finding is left out (1 not accepted as exported" in answer.err
+    assert "1 finding is left out (1 not accepted in this store as exported" in answer.err
     assert [path.rpartition("/")[2] for _, path in server.requests if "kanseller" in path] == ["kanseller"]
     decisions(new_sign, new="accept")
     assert twin("submit", out, "--go", "--api-url", server.url).code == 0
@@ -193,7 +193,7 @@ def test_finding_that_is_no_longer_accepted_is_not_sent(
     decisions(store, new="dismiss")
     answer = twin("submit", out, "--go", "--api-url", server.url)
     assert answer.code == 0
-    assert "1 finding is left out (1 not accepted as exported" in answer.err
+    assert "1 finding is left out (1 not accepted in this store as exported" in answer.err
     assert (posts(server), new_signs(server, store)) == (1, 0)
 
 
@@ -206,7 +206,7 @@ def test_folder_of_another_store_is_not_sent(
     other = Path(shutil.copy(matched_store, tmp_path / "other.db"))
     answer = twin("submit", out, "--go", "--api-url", server.url, "--store", other)
     assert answer.code == 5
-    assert "4 not accepted as exported: match, decide and export again" in answer.err
+    assert "4 not accepted in this store as exported: match, decide and export again" in answer.err
     assert posts(server) == 0
 
 
