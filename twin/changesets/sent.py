@@ -22,12 +22,13 @@ from urllib.parse import urlsplit
 
 import sqlalchemy as sa
 
+from nvdb.client.client import LOOPBACK
 from nvdb.skriv import SKRIV_URL
 from twin.changesets.kontekst import digest_of
 from twin.changesets.operations import Group
 from twin.changesets.sent_objects import SentObject, Shown, objects_of
 from twin.decisions.log import Ask, asking, position
-from twin.errors import RefusedError
+from twin.errors import ConfigError, RefusedError
 from twin.matching.sites import SKILTPUNKT
 from twin.store import schema
 from twin.store.kinds import Sending
@@ -44,11 +45,22 @@ OPEN: Final = frozenset({Sending.REGISTERING, Sending.UNDER_WAY})
 
 
 def target_of(api_url: str) -> str:
-    """Name the API Skriv of an address, however that is spelt: case, slashes, the port that is usual."""
-    parts = urlsplit(api_url)
-    host = (parts.hostname or "").rstrip(".")
-    host = "localhost" if host in {"127.0.0.1", "::1"} else host
-    port = "" if parts.port in {None, _DEFAULT_PORT.get(parts.scheme)} else f":{parts.port}"
+    """Name the API Skriv of an address, however that is spelt: case, slashes, the port that is usual.
+
+    Raises
+    ------
+    ConfigError
+        It is no http(s) address.
+    """
+    try:
+        parts = urlsplit(api_url)
+        host, number = (parts.hostname or "").rstrip("."), parts.port
+    except ValueError:
+        host, number = "", None
+    if not host or parts.scheme not in _DEFAULT_PORT:
+        raise ConfigError(f"The API URL {api_url!r} is not an http(s) address: give one such as {SKRIV_URL}.")
+    host = "localhost" if host in LOOPBACK else host
+    port = "" if number in {None, _DEFAULT_PORT[parts.scheme]} else f":{number}"
     path = "/".join(part for part in parts.path.split("/") if part)
     url = f"{parts.scheme}://{host}{port}" + (f"/{path}" if path else "")
     return _SAME_API.get(url, url)
@@ -130,9 +142,10 @@ class SentSet:
 
 @dataclass(frozen=True, slots=True)
 class Basis:
-    """What a set was made from: the last match, and how far the log of decisions had come."""
+    """What a set was made from: the last match, and the states of drives, mirror and decisions."""
 
     match: Mapping[str, Any] | None
+    revision: int
     log_position: int
 
 
@@ -203,7 +216,8 @@ class SentLog:
 
     def basis(self) -> Basis:
         """What sets would be made from now; read it before them."""
-        return Basis(self._store.fact("last_match"), position(self._store.rows))
+        store = self._store
+        return Basis(store.fact("last_match"), store.revision(), position(store.rows))
 
     def begin(self, tag: str, groups: Sequence[Group], file: Path, basis: Basis | None) -> None:
         """Keep that a set is about to be registered.
@@ -223,7 +237,8 @@ class SentLog:
         """
         with self._store.transaction() as connection:
             ask = asking(connection)
-            now = Basis(self._store.fact_in(connection, "last_match"), position(ask))
+            store = self._store
+            now = Basis(store.fact_in(connection, "last_match"), store.revision_in(connection), position(ask))
             wanted = {key for group in groups for key in group.change_ids}
             is_stale = basis is not None and basis != now
             if is_stale or any(one.change_id in wanted for one in self._held(ask)):

@@ -137,6 +137,8 @@ class _Submission:
             raise RefusedError(
                 f"{path}: {told}, so nothing is left to send: sync, match, and export what is accepted then."
             )
+        if told and not left:
+            self.say(f"{path}: {told}")
         for number, found in enumerate(left):
             done = self._sent(found, basis)
             more = (f"{path}: {told}.",) if told and number == 0 else ()

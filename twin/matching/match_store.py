@@ -94,6 +94,8 @@ def match(
         raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
     with store.snapshot() as view:
         say("grouping estimates into poles")
+        # Of what is matched: a sync or an ingest that lands meanwhile makes these findings stale.
+        revision = view.revision()
         drives = _drives(view, method)
         # What is no sign has nothing to be compared with in a mirror of signs.
         is_sign = schema.estimate.c.nvdb_type.is_(None)
@@ -135,7 +137,7 @@ def match(
     settings = _settings(method, config, drives, estimates) | {"road_network": has_network}
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
-    save_changes(store, findings, keys, run)
+    save_changes(store, findings, keys, {**run, "revision": revision})
     return MatchReport(
         method=method,
         verdicts=_counts(findings),

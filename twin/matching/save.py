@@ -22,7 +22,7 @@ def save_changes(store: Store, findings: Sequence[Finding], pole_keys: Mapping[s
     findings : sequence of Finding
     pole_keys : mapping of estimate (``drive:object``) to the key of its pole
     run : JSON object
-        Facts of the match; the store's revision is added to them.
+        Facts of the match, with the store's ``revision`` that it is of; without one it is that of now.
     """
     with store.transaction() as connection:
         connection.execute(sa.delete(schema.change))
@@ -34,4 +34,4 @@ def save_changes(store: Store, findings: Sequence[Finding], pole_keys: Mapping[s
                 [{"member": member, "pole": pole} for member, pole in pole_keys.items()],
             )
         reopen_changed(connection, utc_now())
-        store.put_fact(connection, "last_match", {**run, "revision": store.revision_in(connection)})
+        store.put_fact(connection, "last_match", {"revision": store.revision_in(connection), **run})

@@ -42,6 +42,10 @@ class Snapshot:
         """Run a query and return its rows as mappings."""
         return [dict(row) for row in self._connection.execute(statement).mappings()]
 
+    def revision(self) -> int:
+        """As :meth:`Store.revision`, of this state."""
+        return int((Store.fact_in(self._connection, _REVISION) or {"n": 0})["n"])
+
     def columns(self, statement: sa.Select[Any]) -> dict[str, list[Any]]:
         """Run a query and return its columns: much faster than rows where there are many."""
         result = self._connection.execute(statement)

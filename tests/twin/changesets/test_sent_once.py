@@ -21,6 +21,7 @@ from nvdb.skriv import SKRIV_TEST_URL, SKRIV_URL, OidcLogin, SkrivClient
 from twin.changesets.receipts import RECEIPTS
 from twin.changesets.sent import SentLog, target_of
 from twin.cli import run
+from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.store import Store
 
@@ -52,6 +53,9 @@ def test_target_of_an_address_is_the_api_and_not_its_spelling() -> None:
         assert target_of(url) == SKRIV_URL
     assert target_of(SKRIV_TEST_URL) == SKRIV_TEST_URL != SKRIV_URL
     assert target_of("http://[::1]:80/") == target_of("http://127.0.0.1") == "http://localhost"
+    for url in ("", "nvdb", "ftp://nvdb", "http://nvdb:eighty", "http://[::1"):
+        with pytest.raises(ConfigError, match="is not an http"):
+            target_of(url)
     assert target_of("http://127.0.0.1:8080/a") != target_of("http://127.0.0.1:8081/a")
 
 

@@ -16,8 +16,9 @@ from command_line import Twin
 from drive_damage import frames_later
 
 from geoloc.locate.single_frame import ErrorBudget
-from twin.errors import ConfigError
+from twin.errors import ConfigError, RefusedError
 from twin.ingest.ingest import ingest_drive
+from twin.matching import match_store
 from twin.matching.config import MatchConfig
 from twin.matching.match_store import match
 from twin.store import schema
@@ -261,6 +262,27 @@ def test_export_refuses_findings_of_an_older_state(
     answer = twin("export", tmp_path / "out", "--store", store)
     assert answer.code == 5
     assert "twin match" in answer.err
+
+
+@pytest.mark.parametrize("step", ["may_be_one", "assign", "judge"])
+def test_findings_are_stale_where_nvdb_was_read_while_they_were_found(
+    opened: Store, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    """A sync that lands while a match computes: the findings are of the state before it, and are told so."""
+    work = getattr(match_store, step)
+
+    def overtaken(*arguments: object, **options: object) -> object:
+        with opened.transaction() as connection:
+            opened.touch(connection)
+        return work(*arguments, **options)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(match_store, step, overtaken)
+        match(opened)
+    with pytest.raises(RefusedError, match="has changed since the last match"):
+        opened.matched()
+    match(opened)
+    assert opened.matched()["revision"] == opened.revision()
 
 
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
