@@ -252,19 +252,22 @@ class History:
         return f"copy {source} to {to}"
 
     def submit(self) -> str:
-        """Send a folder or a lone set: alone, two at once, killed on the way, or with answers lost."""
+        """Send a folder or a lone set: alone, two at once, killed, answers lost, from two stores."""
         names = [name for name in (*FOLDERS, "lone.xml") if (self.folder / name).exists()]
         if not names:
             return "submit: nothing there"
         path = self.folder / self.draw.choice(names)
-        how = self.draw.choice(["alone", "alone", "twice", "killed", "killed", "lost"])
+        how = self.draw.choice(["alone", "alone", "twice", "killed", "killed", "lost", "copied"])
+        copied = self.folder / "copied.db"
+        if how == "copied":
+            shutil.copy(self.store_path, copied)
         if how == "twice":
             threads = [threading.Thread(target=self.send, args=(path,)) for _ in range(2)]
             for thread in threads:
                 thread.start()
             for thread in threads:
                 thread.join()
-        elif how == "killed":
+        elif how == "killed" or (how == "copied" and self.draw.random() < 0.5):
             with suppress(KilledError), INSTANTS.armed(self.draw.randrange(MOST_INSTANTS)):
                 self.send(path)
         else:
@@ -273,14 +276,16 @@ class History:
                 self.country.skriv.lose.append(self.draw.choice(ends))
             self.send(path)
             self.country.skriv.lose.clear()
+        if how == "copied":
+            self.send(path, copied)
         return f"submit {path.name}, {how}"
 
-    def send(self, path: Path) -> int:
+    def send(self, path: Path, store_path: Path | None = None) -> int:
         """Run ``twin submit --go``; how many sets were accepted, -1 where it was refused."""
         server = self.country.skriv
         with (
             suppress(TwinError, NvdbError),
-            Store.open(self.store_path) as store,
+            Store.open(store_path or self.store_path) as store,
             NvdbClient(server.url, sleep=lambda _s: None) as http,
         ):
             client = SkrivClient(http, OidcLogin(http, lambda: (USER, SECRET)), sleep=lambda _s: None)
@@ -339,14 +344,12 @@ class History:
 
     def end(self) -> list[str]:
         """Let everything settle: what is accepted gets to NVDB, and nothing is left on the way."""
-        for _ in range(3):
-            self.sync()
-            self.match()
-            out = self.folder / f"end-{_}"
-            self.send(self.folder / next((n for n in FOLDERS if (self.folder / n).exists()), "end-0"))
-            with suppress(TwinError):
-                self.export_to(out)
-            self.send(out)
+        self.sync()
+        self.match()
+        self.send(next(self.folder / name for name in FOLDERS if (self.folder / name).exists()))
+        with suppress(TwinError):
+            self.export_to(self.folder / "end")
+        self.send(self.folder / "end")
         self.sync()
         self.match()
         with Store.open(self.store_path) as store:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+import signal
+import subprocess
+import sys
 import threading
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import sqlalchemy as sa
@@ -373,3 +377,33 @@ def earlier_version_sends(stack: ExitStack, url: str, out: Path, *, start: bool)
     sha256 = hashlib.sha256(to_xml(sett)).hexdigest()
     (out / RECEIPTS).write_text(json.dumps({f"{url}/": {sha256: receipt}}))
     return set_id
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no SIGKILL here")
+@pytest.mark.parametrize("end", ["/rest/v3/endringssett", "/start"])
+def test_process_that_is_killed_is_finished_by_the_next(
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, end: str
+) -> None:
+    """Killed when API Skriv has done what was asked and before the answer is heard: registered once."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    answer = server.answer
+
+    def last(method: str, path: str, *rest: Any) -> Any:
+        given = answer(method, path, *rest)
+        if path.endswith(end) and method == "POST":
+            child.kill()
+            child.wait()
+        return given
+
+    server.answer = last  # type: ignore[method-assign]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "twin", "submit", str(out), "--go", "--api-url", server.url],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    assert child.wait(timeout=60) == -signal.SIGKILL
+    server.answer = answer  # type: ignore[method-assign]
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 5
