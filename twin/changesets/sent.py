@@ -13,6 +13,7 @@ Each API has findings of its own: what went to the test environment did not go t
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -38,6 +39,8 @@ from twin.store.store import Row, Store, utc_now
 SAME_PLACE_M: Final = 1.0
 """Two poles that NVDB does not know are one within this distance: a drive that is ingested anew moves them
 by centimetres, and no two poles stand so close."""
+Place = tuple[float, float]
+"""EPSG:25833 east and north."""
 _DEFAULT_PORT: Final = {"https": 443, "http": 80}
 _SAME_API: Final = {"https://www.vegvesen.no/nvdb/apiskriv": SKRIV_URL}
 """The address in API Skriv's documentation, and that of the same API today."""
@@ -203,13 +206,12 @@ class SentLog:
     def holding(self, findings: Iterable[Finding]) -> dict[str, SentFinding]:
         """Of these findings, those that are held, also where they are called otherwise by now."""
         held = self.held()
-        poles = [(item.place, one) for one in held.values() for item in one.objects if item.place is not None]
+        poles = _Poles(held.values())
         found = {}
         for finding in findings:
             one = held.get(finding.change_id)
             if one is None and finding.nvdb_id is None and finding.nvdb_type == SKILTPUNKT:
-                here = finding.east_m, finding.north_m
-                one = next((said for place, said in poles if math.dist(place, here) <= SAME_PLACE_M), None)
+                one = poles.at((finding.east_m, finding.north_m))
             if one is not None:
                 found[finding.change_id] = one
         return found
@@ -316,3 +318,25 @@ class SentLog:
         t = schema.sent.c
         which = [t.tag == tag, t.api == self.api, *([] if change_id is None else [t.change_id == change_id])]
         connection.execute(sa.update(schema.sent).where(*which).values(**values, at=utc_now()))
+
+
+class _Poles:
+    """Poles that were sent, by the square of `SAME_PLACE_M` that they stand in."""
+
+    def __init__(self, findings: Iterable[SentFinding]) -> None:
+        self._squares: dict[tuple[int, int], list[tuple[Place, SentFinding]]] = {}
+        for one in findings:
+            for item in one.objects:
+                if item.place is not None:
+                    self._squares.setdefault(_square(item.place), []).append((item.place, one))
+
+    def at(self, place: Place) -> SentFinding | None:
+        """Find one that stands there; None if there is none."""
+        column, row = _square(place)
+        near = itertools.product((column - 1, column, column + 1), (row - 1, row, row + 1))
+        candidates = (pair for square in near for pair in self._squares.get(square, ()))
+        return next((one for at, one in candidates if math.dist(at, place) <= SAME_PLACE_M), None)
+
+
+def _square(place: Place) -> tuple[int, int]:
+    return math.floor(place[0] / SAME_PLACE_M), math.floor(place[1] / SAME_PLACE_M)

@@ -275,10 +275,11 @@ def test_two_copies_of_the_store_at_once_send_once(
     assert new_signs(server, new_sign) == 1
 
 
+@pytest.mark.parametrize(("moved_m", "is_left_out"), [(0.3, True), (-0.9, True), (3.0, False)])
 def test_renumbered_pole_is_not_sent_again(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, moved_m: float, is_left_out: bool
 ) -> None:
-    """Ingested anew under another id before the next sync, it stands at the same place and is left out."""
+    """Ingested anew under another id before the next sync, it is left out; another pole near it is not."""
     server, out = skriv(stack, new_sign), tmp_path / "out"
     assert twin("export", out).code == 0
     assert twin("submit", out, "--go", "--api-url", server.url).code == 0
@@ -286,11 +287,12 @@ def test_renumbered_pole_is_not_sent_again(
         t = schema.change.c
         is_new = t.verdict == "new"
         connection.execute(
-            sa.update(schema.change).where(is_new).values(change_id="abcabcabcabc", east_m=t.east_m + 0.3)
+            sa.update(schema.change).where(is_new).values(change_id="abcabcabcabc", east_m=t.east_m + moved_m)
         )
     decisions(new_sign, new="accept")
     answer = twin("export", out, "--api-url", server.url)
-    assert "1 finding is left out (1 carried out before in " in answer.err
+    assert ("1 finding is left out (1 carried out before in " in answer.err) == is_left_out
+    assert (out / "endringssett-1.xml").exists() != is_left_out
 
 
 def test_undone_sign_may_be_sent_again(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> None:
