@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import copy
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import sqlalchemy as sa
 
+from nvdb.area import Area
 from nvdb.datakatalog import snapshot
 from nvdb.objects import point_from_wkt
 from nvdb.replay import ReplayServer, ReplayWorld
 from nvdb.replay.skriv import ReplayObject, SkrivReplayServer
+from twin.matching import match
 from twin.mirror.raw import raw_object
+from twin.mirror.sync import sync_nvdb
 from twin.store import schema
 from twin.store.store import Store
 
+AREA = Area(kommuner=(5001,))
 UNKNOWN = (1042500108, 1042500109, 1042500114)
 """Poles of the sample that are taken out of NVDB, so that there are several new signs."""
 
@@ -128,3 +133,21 @@ class Country:
             if item.type_id == 95 and item.sluttdato is None and geometri is not None:
                 found.append(point_from_wkt(geometri.wkt)[:2])
         return found
+
+
+def base_store(matched_road: Path, path: Path) -> Path:
+    """A store whose mirror lacks some poles, matched: several new signs."""
+    shutil.copy(matched_road, path)
+    raws = without_poles(path)
+    world = world_to_read(raws)
+    with ReplayServer(world) as server, Store.open(path) as store:
+        sync_nvdb(
+            store,
+            AREA,
+            api_url=server.url,
+            replace=True,
+            fresh=True,
+            confirm_deletions=True,
+        )
+        match(store)
+    return path

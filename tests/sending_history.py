@@ -19,10 +19,9 @@ from typing import Any
 from unittest import mock
 
 import sqlalchemy as sa
-from sending_country import Country, without_poles, world_to_read
+from sending_country import AREA, Country, without_poles
 from skriv_of_store import SECRET, USER, world_of
 
-from nvdb.area import Area
 from nvdb.client import NvdbClient
 from nvdb.endringssett import Endringssett
 from nvdb.errors import NvdbError
@@ -36,12 +35,11 @@ from twin.changesets.receipts import refuse_if_pending
 from twin.changesets.sent import SentLog
 from twin.changesets.submit import submit
 from twin.decisions import decide
-from twin.decisions.findings import findings
 from twin.errors import TwinError
 from twin.matching import match
 from twin.mirror.sync import sync_nvdb
 from twin.store import schema
-from twin.store.kinds import QUIET, Decision
+from twin.store.kinds import QUIET, Decision, Verdict
 from twin.store.store import Store
 
 FOLDERS = ("out", "other", "third")
@@ -180,11 +178,19 @@ class History:
     def with_decision(self, decision: str | None = None, *, only_new: bool = False) -> list[str]:
         """Findings of the last match that ask for a decision, with this one."""
         with Store.open(self.store_path) as store:
-            rows = findings(store.rows, decision)
+            change, said = schema.change.c, schema.decision.c
+            decided = sa.func.coalesce(said.decision, Decision.OPEN).label("decision")
+            rows = store.rows(
+                sa.select(change.change_id, change.verdict, decided)
+                .select_from(schema.change.outerjoin(schema.decision, said.change_id == change.change_id))
+                .order_by(change.change_id)
+            )
         return [
             row["change_id"]
             for row in rows
-            if row["verdict"] not in {*QUIET, "review"} and (row["verdict"] == "new" or not only_new)
+            if row["verdict"] not in {*QUIET, Verdict.REVIEW}
+            and decision in {None, row["decision"]}
+            and (row["verdict"] == Verdict.NEW or not only_new)
         ]
 
     # -- steps ---------------------------------------------------------------------------------------------
@@ -312,7 +318,7 @@ class History:
         """Read NVDB as the reading side has it."""
         with Store.open(self.store_path) as store:
             before = store.revision()
-            sync_nvdb(store, Area(kommuner=(5001,)), api_url=self.country.les.url, confirm_deletions=True)
+            sync_nvdb(store, AREA, api_url=self.country.les.url, confirm_deletions=True)
             self.is_stale |= store.revision() != before
         self.read |= self.written
         return "sync"
@@ -377,24 +383,6 @@ def run_history(base: Path, folder: Path, seed: int) -> tuple[list[str], list[st
             if wrong := history.check():
                 return steps, wrong
         return steps, history.end()
-
-
-def base_store(matched_road: Path, path: Path) -> Path:
-    """A store whose mirror lacks some poles, matched: several new signs."""
-    shutil.copy(matched_road, path)
-    raws = without_poles(path)
-    world = world_to_read(raws)
-    with ReplayServer(world) as server, Store.open(path) as store:
-        sync_nvdb(
-            store,
-            Area(kommuner=(5001,)),
-            api_url=server.url,
-            replace=True,
-            fresh=True,
-            confirm_deletions=True,
-        )
-        match(store)
-    return path
 
 
 def story(seed: int, steps: list[str], wrong: list[str]) -> str:

@@ -10,7 +10,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from sending_history import base_store, run_history, story
+from sending_country import base_store
+from sending_history import run_history, story
 
 HISTORIES = int(os.environ.get("TWIN_HISTORIES", "24"))
 PARTS = 4
