@@ -77,7 +77,7 @@ def export(
         )
     else:
         _print_export(report.files, folder)
-        _print_change_sets(report.change_sets, folder)
+        _print_change_sets(report.change_sets, folder, api_url)
     if any(sett.errors for sett in report.change_sets.setts):
         raise typer.Exit(EXIT_DATA)
 
@@ -92,14 +92,14 @@ def _print_export(files: Sequence[Path], folder: Path) -> None:
         note(geoid.how)
 
 
-def _print_change_sets(change_sets: ChangeSets, folder: Path) -> None:
+def _print_change_sets(change_sets: ChangeSets, folder: Path, api_url: str) -> None:
     """Say what became of the findings: sets, warnings, what was left out."""
     from twin.changesets.left_out import left_out_sentence
 
     if change_sets.sent:
         told = left_out_sentence(list(change_sets.sent.values()))
         note(
-            f"Of the change sets {told}. `twin submit --go` finishes what is under way; "
+            f"Of the change sets for {api_url}, {told}. `twin submit --go` finishes what is under way; "
             "--api-url names another API to export for."
         )
     for item in change_sets.left_out:
