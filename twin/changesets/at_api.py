@@ -72,11 +72,24 @@ def rival_of(
     """
     is_earlier = True
     for _, item in _unknown(store, log, client, until=set_id):
-        is_earlier = is_earlier and item.set_id != set_id
+        if item.set_id == set_id:
+            is_earlier = False
+            continue
+        may_go_before = is_earlier or item.fremdrift != IKKE_STARTET
         is_about_them = not item.change_ids.isdisjoint(change_ids)
-        if item.set_id != set_id and is_about_them and (is_earlier or item.fremdrift != IKKE_STARTET):
+        if may_go_before and is_about_them and not _held_by(client, item).isdisjoint(change_ids):
             return item
     return None
+
+
+def _held_by(client: SkrivClient, item: Elsewhere) -> frozenset[str]:
+    """Findings that no other set may bring in now.
+
+    Of a set that has ended only what it registered: NVDB guards the rest, and a dry run has done nothing.
+    """
+    if item.fremdrift not in FINAL:
+        return item.change_ids
+    return frozenset(_registered(client.status(item.set_id)))
 
 
 def adopt_receipts(

@@ -254,6 +254,17 @@ def test_copy_of_the_store_sends_nothing_that_the_other_has_sent(
     assert new_signs(server, new_sign) == 1
 
 
+def test_dry_run_of_a_set_holds_nothing(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> None:
+    """Somebody tried the set from Python, and nothing was written: it is still to be sent."""
+    server, out = skriv(stack, new_sign), tmp_path / "out"
+    assert twin("export", out).code == 0
+    client = client_of(stack, server.url)
+    assert client.submit(from_xml((out / "endringssett-1.xml").read_bytes()), dry_run=True).accepted
+    assert new_signs(server, new_sign) == 0
+    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert new_signs(server, new_sign) == 1
+
+
 def test_two_copies_of_the_store_at_once_send_once(
     twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -362,10 +373,15 @@ def test_receipt_of_an_earlier_version_is_taken_over(
     assert not list(out.glob("endringssett-?.xml"))
 
 
+def client_of(stack: ExitStack, url: str) -> SkrivClient:
+    """A user of the local server, in Python."""
+    http = stack.enter_context(NvdbClient(url))
+    return SkrivClient(http, OidcLogin(http, lambda: (USER, SECRET)))
+
+
 def earlier_version_sends(stack: ExitStack, url: str, out: Path, *, start: bool) -> str:
     """Send a set as twin did before the store knew what was sent, and leave its receipt."""
-    http = stack.enter_context(NvdbClient(url))
-    client = SkrivClient(http, OidcLogin(http, lambda: (USER, SECRET)))
+    client = client_of(stack, url)
     path, provenance = out / "endringssett-1.xml", out / "proveniens.json"
     sett = replace(from_xml(path.read_bytes()), kontekst=None)
     path.write_bytes(to_xml(sett))
