@@ -28,7 +28,8 @@ from nvdb.skriv import SKRIV_URL
 from twin.changesets.kontekst import digest_of
 from twin.changesets.operations import Group
 from twin.changesets.sent_objects import SentObject, Shown, objects_of
-from twin.decisions.log import Ask, asking, position
+from twin.decisions.evidence import Ask
+from twin.decisions.log import asking, position
 from twin.errors import ConfigError, RefusedError
 from twin.matching.sites import SKILTPUNKT
 from twin.store import schema

@@ -9,7 +9,7 @@ import sqlalchemy as sa
 
 from nvdb.endringssett import Endring
 from nvdb.objects import point_from_wkt
-from twin.decisions.log import Ask
+from twin.decisions.evidence import Ask
 from twin.matching.sites import SKILTPUNKT
 from twin.store import schema
 from twin.store.store import Row
