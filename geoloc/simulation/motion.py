@@ -71,6 +71,10 @@ class TrueMotion:
         at, start = _smooth_steps(time, speed, time_s), _smooth_steps(time, speed, np.zeros(1))
         return at[0], at[1], at[2] - start[2]
 
+    def station_m(self, time_s: FloatArray) -> FloatArray:
+        """Where along the road the rig's origin is at times ``(n,)``."""
+        return np.asarray(np.interp(self.speed_mps(time_s)[2], self._travelled, self._station))
+
     def at(self, time_s: FloatArray) -> BodyState:
         """State of the body at times ``(n,)`` in seconds since the first frame.
 
@@ -89,7 +93,7 @@ class TrueMotion:
         station = np.interp(distance, self._travelled, self._station)
         offset, offset_slope = self._offset(station)
         curvature = self.road.curvature_per_m(station)
-        sideways = speed**2 * curvature
+        sideways = speed**2 * self._path_curvature_per_m(station, offset)
         yaw = self.road.yaw_rad(station) + np.arctan2(offset_slope, 1.0 - curvature * offset)
         # The path's tangent is the course; the body points further into the bend by the rear tyres' slip.
         yaw = yaw + np.radians(self._slip_deg_per_mps2 * sideways)
@@ -129,6 +133,13 @@ class TrueMotion:
         omega = 2.0 * np.pi / self.spec.wander_length_m
         offset = self.spec.lane_offset_m + self.spec.wander_m * np.sin(omega * station)
         return offset, self.spec.wander_m * omega * np.cos(omega * station)
+
+    def _path_curvature_per_m(self, station: FloatArray, offset: FloatArray) -> FloatArray:
+        """Curvature of the way that the rear axle takes: the road's, and the driver's wander in the lane."""
+        curvature = self.road.curvature_per_m(station)
+        omega = 2.0 * np.pi / self.spec.wander_length_m
+        wander = -self.spec.wander_m * omega**2 * np.sin(omega * station)
+        return np.asarray(curvature / (1.0 - curvature * offset) + wander)
 
     def _body_noise(self, seed: int, name: str) -> FloatArray:
         return damped_oscillation(

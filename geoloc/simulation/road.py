@@ -15,6 +15,7 @@ STEP_M = 0.05
 """Grid of the integrated centre line: at a radius of 50 m the chord lies 6 µm inside the arc."""
 MARGIN_M = 80.0
 """Road before station 0 and after the last station, for run-in and for signs ahead of the last frame."""
+CROSSFALL_SECTION_M = 200.0
 ROUGHNESS_WAVES = 60
 REFERENCE_CYCLES_PER_M = 0.1
 
@@ -52,6 +53,8 @@ class RoadSpec:
     crossfall_spread: float = 0.3
     """One sigma of that from road to road, as a share of it: 3 ± 0.9 %. What was laid in another decade, or
     has settled and rutted since, has 1 to 5 %."""
+    crossfall_wander_percent: float = 0.0
+    """One sigma of what each 200 m of road, as they were laid or have settled, depart from that."""
     superelevation_percent: float = 0.0
     """In its sharpest bend the whole road falls this much to the inside; in proportion where it bends less.
     N100 asks for up to 8 % on open roads."""
@@ -77,6 +80,7 @@ class Road:
         self._east, self._north = east - east[start], north - north[start]
         spread = float(stream(seed, "crossfall").normal()) * spec.crossfall_spread
         self._crossfall = spec.crossfall_percent * (1.0 + spread) / 100.0
+        self._crossfall_wander = _crossfall_wander(spec, seed)
         self._sharpest_per_m = float(np.abs(knots[:, 1]).max())
         self._wave_per_m, self._wave_m, self._wave_phase = _roughness(spec.roughness_m3, seed)
 
@@ -126,7 +130,8 @@ class Road:
 
     def across_slope(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
         """Rise to the left, metres per metre: away from the crown, or to the inside of a bend."""
-        crown = -np.sign(offset_m) * self._crossfall
+        fall = self._crossfall + np.interp(station_m, *self._crossfall_wander)
+        crown = -np.sign(offset_m) * fall
         if self.spec.superelevation_percent == 0.0 or self._sharpest_per_m == 0.0:
             return np.asarray(crown)
         bend = self.curvature_per_m(station_m) / self._sharpest_per_m
@@ -140,6 +145,13 @@ class Road:
         verge = rng.normal(size=station_m.size) * self.spec.verge_sigma_m
         up = self.surface_m(station_m, offset_m) + np.where(behind_kerb, self.spec.kerb_height_m, 0.0) + verge
         return np.concatenate([self.plan_m(station_m, offset_m), up[:, None]], axis=-1)
+
+
+def _crossfall_wander(spec: RoadSpec, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Stations and what the crossfall there departs from the road's own, metres per metre."""
+    station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + CROSSFALL_SECTION_M, CROSSFALL_SECTION_M)
+    depart = stream(seed, "crossfall sections").normal(size=station.size)
+    return station, depart * spec.crossfall_wander_percent / 100.0
 
 
 def _cumulative(values: FloatArray, step: float) -> FloatArray:

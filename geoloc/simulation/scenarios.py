@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 from geoloc.errors import GeolocError
+from geoloc.simulation.long_roads import LONG_ROADS, RoadCharacter, long_road
 from geoloc.simulation.motion import MotionSpec
 from geoloc.simulation.noise import NoiseSpec, stream
 from geoloc.simulation.road import RoadSpec
@@ -63,7 +64,9 @@ class Scenario:
     start_utc_ns: int = START_UTC_NS
 
 
-def scenario(name: str, speed_kmh: float | None = None, seed: int = 0) -> Scenario:
+def scenario(
+    name: str, speed_kmh: float | None = None, seed: int = 0, minutes: float | None = None
+) -> Scenario:
     """Return one of the ready-made worlds.
 
     Parameters
@@ -76,11 +79,14 @@ def scenario(name: str, speed_kmh: float | None = None, seed: int = 0) -> Scenar
         Default: the scenario's own (sample 40, approach 15, urban 25, highway 60). Ignored for ``still``.
     seed : int
         Places the poles of ``urban`` and ``highway``; the others are fixed.
+    minutes : float, optional
+        ``urban`` and ``highway`` only: so long a drive on a road that does not repeat, whose bends, hills and
+        crossfall follow from the seed (`geoloc.simulation.long_roads`).
 
     Raises
     ------
     GeolocError
-        If there is no such scenario, or the speed is not between 1 and 130 km/h.
+        If there is no such scenario, the speed is not between 1 and 130 km/h, or it has a length of its own.
     """
     if name not in SCENARIOS:
         raise GeolocError(f"there is no scenario {name!r}: choose one of {', '.join(SCENARIOS)}")
@@ -88,7 +94,26 @@ def scenario(name: str, speed_kmh: float | None = None, seed: int = 0) -> Scenar
     speed = own_speed if speed_kmh is None else speed_kmh
     if not 1.0 <= speed <= MAX_SPEED_KMH:
         raise GeolocError(f"a simulated car drives 1 to {MAX_SPEED_KMH:.0f} km/h, not {speed:g}")
-    return build(speed / 3.6, seed)
+    if minutes is None:
+        return build(speed / 3.6, seed)
+    if name not in LONG_ROADS:
+        raise GeolocError(
+            f"scenario {name!r} has a length of its own: minutes go with {', '.join(LONG_ROADS)}"
+        )
+    return _long_drive(build(speed / 3.6, seed), LONG_ROADS[name], speed / 3.6, 60.0 * minutes, seed)
+
+
+def _long_drive(
+    short: Scenario, character: RoadCharacter, speed_mps: float, duration_s: float, seed: int
+) -> Scenario:
+    """Drive on a longer road of the same kind, with as many poles a metre."""
+    length_m = duration_s * speed_mps + 40.0
+    road = long_road(short.road, character, length_m, seed)
+    offsets = (4.3, 6.5) if short.name == "urban" else (5.2, 7.5)
+    count = round(length_m * len(short.poles) / short.road.length_m)
+    poles = _scattered(count, 35.0, length_m - 40.0, offsets, seed)
+    motion = replace(short.motion, duration_s=round(duration_s, 1))
+    return replace(short, road=road, motion=motion, poles=poles)
 
 
 def _sample(speed_mps: float, _seed: int) -> Scenario:

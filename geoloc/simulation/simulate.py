@@ -44,6 +44,8 @@ __all__ = [
 
 
 NS = 1_000_000_000
+REACH_SHARE = 2.0
+"""Along the road a foot is farther away than straight ahead, by less than this in bends that cars take."""
 GNSS_BEFORE_S = 1.0
 """Fixes start one second before the first frame and end one after the last, as loggers start in turn."""
 
@@ -318,13 +320,30 @@ def _all_sightings(
     )
 
 
+def _in_reach(
+    motion: TrueMotion, frames: IntArray, frame_s: FloatArray, world: Scenario
+) -> tuple[IntArray, IntArray]:
+    """Pairs of a frame and a foot that may be within the range, in the order of frames.
+
+    Along the road: a long one crosses itself, but the heights there are those of two roads.
+    """
+    reach_m = REACH_SHARE * world.range_m[1]
+    here = motion.station_m(frame_s[frames])
+    pole = np.array([one.station_m for one in world.poles])
+    order = np.argsort(pole, kind="stable")
+    low, high = (np.searchsorted(pole[order], here + side * reach_m) for side in (-1.0, 1.0))
+    near = [np.sort(order[a:b]) for a, b in zip(low, high, strict=True)]
+    index = np.concatenate([np.empty(0, dtype=np.int64), *near])
+    return np.repeat(frames, high - low), index
+
+
 def _sightings(
     world: Scenario, camera: RigCamera, motion: TrueMotion, feet_m: FloatArray, frame_s: FloatArray, seed: int
 ) -> SimulatedSightings:
     """What one camera sees of all feet in every annotated frame."""
     first = int(np.ceil(world.annotate_from_s * world.motion.frame_rate_hz - 1e-6))
     annotated = np.arange(first, frame_s.size, world.annotate_every)
-    frame, index = (grid.ravel() for grid in np.meshgrid(annotated, np.arange(len(feet_m)), indexing="ij"))
+    frame, index = _in_reach(motion, annotated, frame_s, world)
     distance = horizontal_range_m(camera, motion, feet_m[index], frame_s[frame])
     near = (distance >= world.range_m[0]) & (distance <= world.range_m[1])
     frame, index, distance = frame[near], index[near], distance[near]
