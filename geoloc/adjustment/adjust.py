@@ -23,7 +23,7 @@ from geoloc.adjustment.covariance import Spread, spread
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.scene import bodies_at, rays_of, sigma_px_of
 from geoloc.adjustment.solve import Solution, solve
-from geoloc.adjustment.unknowns import READOUT, TIME
+from geoloc.adjustment.unknowns import BESIDE_ROAD, READOUT, TIME
 from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import geographic_from_enu
@@ -393,6 +393,7 @@ def _merged(by_source: dict[str, FloatArray]) -> dict[str, FloatArray]:
     for technical in ("anywhere", "face beside foot"):
         if technical in plane:
             plane["pixels"] = plane["pixels"] + plane.pop(technical)
+    plane["ground"] = plane["ground"] + plane.pop(BESIDE_ROAD)
     return plane
 
 

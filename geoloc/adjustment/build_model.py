@@ -27,11 +27,13 @@ from geoloc.earth.terrain import Terrain
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
+from geoloc.trajectory.poses import LastingRoll
 from geoloc.trajectory.trajectory import Trajectory
 
 # The road under the car says less about the ground beside it than about the road ahead: crossfall ends at
 # the edge, verges and pavements rise or fall.
 _VERGE_SLOPE = 0.01
+_LEVEL = 0.005
 # Most of a fix's error outlasts the passage of a sign and moves everything with the car.
 _CHANGING_SHARE = 0.5
 # A heading's error changes slowly, but for the noise of single fixes.
@@ -123,15 +125,20 @@ def model_of(
     beside_ns = _beside(scene, trajectory, feet)
     beside, _ = bodies_at(trajectory, beside_ns)
     nodes = nodes_of(np.concatenate([scene.epoch_ns, beside_ns]))
-    sigma = np.concatenate([_slow_sigma(scene.body), _slow_sigma(beside)])
+    sigma = np.concatenate(
+        [_slow_sigma(body, _falls(body, budget.ground_fall)) for body in (scene.body, beside)]
+    )
     n = scene.row.size
     layout = Layout(len(scene.cameras), len(scene.object), nodes.epoch_ns.size, scene.instant_ns.size)
     slope = min(np.tan(np.radians(budget.ground_slope_deg)), changes_of_slope(trajectory))
+    origin = origin_from_anchor(beside, scene.anchor_deg[feet])
+    to_foot = np.einsum("nji,nj->ni", beside.enu_R_rig, scene.start_m[feet] - origin)
     ground = Ground(
         feet,
         beside,
-        origin := origin_from_anchor(beside, scene.anchor_deg[feet]),
-        _ground_sigma(scene, beside, origin, feet, slope, budget.ground_height_m),
+        origin,
+        _ground_sigma(to_foot, slope, budget.ground_height_m),
+        np.maximum(to_foot[:, 1:2] * [1.0, -1.0], 0.0),
         nodes.left[n:],
         nodes.share[n:],
     )
@@ -151,9 +158,12 @@ def model_of(
         ground,
     )
     links = links_of(scene.object, scene.is_foot, _side_by_side(scene))
+    sigma[:, 0] = _without(trajectory.lasting_roll, sigma[:, 0], scene.body, beside)
     node_sigma = _at_nodes(nodes, sigma)
     fast = _fast_sigma(scene, budget)
-    return model, prior_of(layout, budget, ages_s, node_sigma, scene.instant_ns, fast, links)
+    roll = trajectory.lasting_roll
+    fall = float(np.sqrt(np.mean(_falls(scene.body, budget.ground_fall) ** 2)))
+    return model, prior_of(layout, budget, ages_s, node_sigma, roll, fall, scene.instant_ns, fast, links)
 
 
 def on_terrain(model: Model, terrain: Terrain, budget: ErrorBudget) -> Model:
@@ -189,6 +199,7 @@ def on_terrain(model: Model, terrain: Terrain, budget: ErrorBudget) -> Model:
             rows_of(ground.body, ~known),
             ground.origin_m[~known],
             ground.sigma_m[~known],
+            ground.beside_m[~known],
             ground.left[~known],
             ground.share[~known],
         ),
@@ -206,14 +217,12 @@ def _beside(scene: Scene, trajectory: Trajectory, feet: IntArray) -> IntArray:
     return nearest_knots(trajectory, scene.anchor_deg[feet], first[feet], last[feet])
 
 
-def _ground_sigma(
-    scene: Scene, beside: Bodies, origin_m: FloatArray, feet: IntArray, slope: float, height_m: float
-) -> FloatArray:
-    """How well the road's plane tells the height of each foot: kerb at once, slopes with the distance."""
-    to_foot = scene.start_m[feet] - origin_m
-    in_rig = np.einsum("nji,nj->ni", beside.enu_R_rig, to_foot)
-    ahead = slope * in_rig[:, 0]
-    aside = _VERGE_SLOPE * in_rig[:, 1]
+def _ground_sigma(to_foot_m: FloatArray, slope: float, height_m: float) -> FloatArray:
+    """How well the road's plane tells the height of each foot: kerb at once, slopes with the distance.
+
+    `to_foot_m` (f, 3) is from the rig's origin, in its axes.
+    """
+    ahead, aside = slope * to_foot_m[:, 0], _VERGE_SLOPE * to_foot_m[:, 1]
     return np.asarray(np.sqrt(height_m**2 + ahead**2 + aside**2))
 
 
@@ -254,8 +263,24 @@ def _fast_sigma(scene: Scene, budget: ErrorBudget) -> FloatArray:
     return np.column_stack([liveliness[:, None] * jitter, trembling])
 
 
-def _slow_sigma(body: Bodies) -> FloatArray:
-    """Sigmas (n, 6) of the corrections at a node: attitude, and that part of the place that changes."""
+def _without(roll: LastingRoll, sigma_rad: FloatArray, *bodies: Bodies) -> FloatArray:
+    """Sigma of the roll (n,) without what lasts the whole drive."""
+    lateral = np.concatenate([body.lateral_mps2 for body in bodies])
+    lasting = np.radians(roll.sigma_deg) ** 2 + (np.radians(roll.sigma_deg_per_mps2) * lateral) ** 2
+    return np.asarray(np.sqrt(np.maximum(sigma_rad**2 - lasting, _MIN_SIGMA_RAD**2)))
+
+
+def _falls(body: Bodies, at_most: float) -> FloatArray:
+    """One sigma (n,) of the ground's rise a metre to a side, above the car's plane.
+
+    Beyond a crown the road falls the other way by as much as it leans here, and verges lie level: where the
+    car stands level, so does what lies beside it.
+    """
+    return np.minimum(np.hypot(body.enu_R_rig[:, 2, 1], _LEVEL), at_most)
+
+
+def _slow_sigma(body: Bodies, fall: FloatArray) -> FloatArray:
+    """Sigmas (n, 8) at a node: attitude, that part of the place that changes, the ground's falls."""
     across = _CHANGING_SHARE * np.maximum(body.sigma_horizontal_m, _MIN_SIGMA_M)
     up = _CHANGING_SHARE * np.maximum(body.sigma_vertical_m, _MIN_SIGMA_M)
-    return np.column_stack([np.maximum(body.sigma_rad, _MIN_SIGMA_RAD), across, across, up])
+    return np.column_stack([np.maximum(body.sigma_rad, _MIN_SIGMA_RAD), across, across, up, fall, fall])

@@ -8,11 +8,24 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.adjustment.scene import Bodies, Scene
-from geoloc.adjustment.unknowns import READOUT, SLIP, TIME, Layout
+from geoloc.adjustment.unknowns import (
+    AXLES,
+    FALL_LEFT,
+    FALL_RIGHT,
+    LEAN,
+    READOUT,
+    RISE,
+    ROLL,
+    SLIP,
+    TIME,
+    Layout,
+)
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.terrain import Terrain
 
 _SLOPE_STEP_M = 1.0
+# A node's first unknowns are those of the pose.
+_POSE = 6
 
 
 class Linear(NamedTuple):
@@ -53,6 +66,8 @@ class Ground:
     origin_m : float64 (f, 3)
         The rig's origin then, in the point's local frame.
     sigma_m : float64 (f,)
+    beside_m : float64 (f, 2)
+        How far to the left and to the right of the car each foot stands; one of the two is 0.
     left, share : int64, float64 (f,)
         Node before that epoch, and how far on the way to the next.
     """
@@ -61,6 +76,7 @@ class Ground:
     body: Bodies
     origin_m: FloatArray
     sigma_m: FloatArray
+    beside_m: FloatArray
     left: IntArray
     share: FloatArray
 
@@ -187,6 +203,9 @@ class Model:
                 by_time,
                 by_time * scene.readout[:, None, None],
                 by_attitude[:, :, 2:] * body.lateral_mps2[:, None, None],
+                by_node[:, :, :1],
+                by_node[:, :, :1] * body.lateral_mps2[:, None, None],
+                by_node[:, :, 1:2] * body.pitch_per_m[:, None, None],
                 by_beta,
                 -by_q,
             ],
@@ -201,7 +220,7 @@ class Model:
         A rotation vector about the rig's axes (rad), and a shift of its origin east, north and up (m).
         """
         body, late = self.scene.body, self._late(x)
-        slow = self._slow(x, self.left, self.share)
+        slow = self._slow(x, self.left, self.share, self.scene.body)
         turn = self._attitude(x, slow)
         turn[:, 2] += late * body.yaw_rate_radps
         return np.concatenate(
@@ -214,10 +233,10 @@ class Model:
         return np.concatenate(
             [
                 layout.point(scene.point),
-                layout.node(self.left),
-                layout.node(self.left + 1),
+                layout.node(self.left)[:, :_POSE],
+                layout.node(self.left + 1)[:, :_POSE],
                 layout.bounce(scene.instant),
-                np.broadcast_to([TIME, READOUT, SLIP], (scene.point.size, 3)),
+                np.broadcast_to([TIME, READOUT, SLIP, ROLL, LEAN, AXLES], (scene.point.size, 6)),
                 layout.boresight(scene.camera),
                 layout.camera_position(scene.camera),
             ],
@@ -233,7 +252,7 @@ class Model:
         """From the unknowns to the unit ray on which each point should be seen."""
         scene, layout, body = self.scene, self.layout, self.scene.body
         late = self._late(x)
-        slow = self._slow(x, self.left, self.share)
+        slow = self._slow(x, self.left, self.share, self.scene.body)
         origin = self.origin_m + late[:, None] * body.velocity_mps + self._shift(slow, body.enu_R_rig)
         delta = self.points_m(x)[scene.point] - origin
         sight = delta[:, :2] - self.eye_m
@@ -265,9 +284,9 @@ class Model:
         )
 
     def heights(self, x: FloatArray) -> Linear:
-        """Height of each foot above the plane of the road (without the body's bounce), over its sigma."""
+        """Height of each foot above the plane of the road and its falls to the sides, over its sigma."""
         g = self.ground
-        slow = self._slow(x, g.left, g.share)
+        slow = self._slow(x, g.left, g.share, g.body)
         delta = self.points_m(x)[g.point] - g.origin_m - self._shift(slow, g.body.enu_R_rig)
         in_rig = _into(g.body.enu_R_rig, delta)
         attitude = slow[:, :3]
@@ -275,14 +294,33 @@ class Model:
         by_point = np.einsum("nj,nij->ni", _rotation_matrix_back(attitude)[:, 2], g.body.enu_R_rig)
         by_swing = np.einsum("ni,nij->nj", by_point, self._swing(g.body.enu_R_rig))
         by_attitude = _rotation_derivative(q, attitude)[:, 2] - by_swing
-        by_node = np.concatenate([by_attitude, -by_point], axis=1)
+        beside = g.beside_m
+        fall = self._between(x, g.left, g.share)[:, _POSE:] + x[[FALL_LEFT, FALL_RIGHT]]
+        above = q[:, 2] - (beside * fall).sum(axis=1) - x[RISE]
+        by_node = np.concatenate([by_attitude, -by_point, -beside], axis=1)
         derivative = np.concatenate(
-            [by_point, by_node * (1.0 - g.share)[:, None], by_node * g.share[:, None]], axis=1
+            [
+                by_point,
+                by_node * (1.0 - g.share)[:, None],
+                by_node * g.share[:, None],
+                by_attitude[:, :1],
+                by_attitude[:, :1] * g.body.lateral_mps2[:, None],
+                by_attitude[:, 1:2] * g.body.pitch_per_m[:, None],
+                -beside,
+                -np.ones((g.point.size, 1)),
+            ],
+            axis=1,
         )
         column = np.concatenate(
-            [self.layout.point(g.point), self.layout.node(g.left), self.layout.node(g.left + 1)], axis=1
+            [
+                self.layout.point(g.point),
+                self.layout.node(g.left),
+                self.layout.node(g.left + 1),
+                np.broadcast_to([ROLL, LEAN, AXLES, FALL_LEFT, FALL_RIGHT, RISE], (g.point.size, 6)),
+            ],
+            axis=1,
         )
-        return Linear(q[:, 2] / g.sigma_m, derivative / g.sigma_m[:, None], column)
+        return Linear(above / g.sigma_m, derivative / g.sigma_m[:, None], column)
 
     def terrain_heights(self, x: FloatArray) -> Linear | None:
         """Height of each foot above the terrain, over its sigma; None without a terrain."""
@@ -317,8 +355,15 @@ class Model:
         """Move of the rig's origin, east, north and up, by a turn about the antennas (n, 3, 3)."""
         return np.asarray(enu_R_rig @ _cross_matrix(self.measured_at_m[None])[0])
 
-    def _slow(self, x: FloatArray, left: IntArray, share: FloatArray) -> FloatArray:
-        """Corrections (n, 6) between nodes: a rotation vector about the rig's axes, and a shift."""
+    def _slow(self, x: FloatArray, left: IntArray, share: FloatArray, body: Bodies) -> FloatArray:
+        """Corrections (n, 6) of the pose: a rotation vector about the rig's axes, and a shift."""
+        slow = self._between(x, left, share)[:, :_POSE]
+        slow[:, 0] += x[ROLL] + x[LEAN] * body.lateral_mps2
+        slow[:, 1] += x[AXLES] * body.pitch_per_m
+        return slow
+
+    def _between(self, x: FloatArray, left: IntArray, share: FloatArray) -> FloatArray:
+        """Unknowns of nodes (n, 8) in between."""
         before, after = x[self.layout.node(left)], x[self.layout.node(left + 1)]
         return np.asarray(before + share[:, None] * (after - before))
 

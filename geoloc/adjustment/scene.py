@@ -22,6 +22,9 @@ from geoloc.trajectory.trajectory import Trajectory
 # Rates are differences over twice this: longer than most errors of the trajectory last, shorter than a bend.
 # Over a tenth of a second they are the slopes of those errors, which look like a clock that is wrong.
 _RATE_STEP_NS = 500_000_000
+# The acceleration that tyres slip by is smoothed over more: its noise goes with that of the heading.
+_TURN_STEP_NS = 1_000_000_000
+_CRAWLING_MPS = 1.0
 # Frames of cameras that are triggered together carry stamps of their own, a fraction of a frame apart.
 _SAME_INSTANT_NS = 8_000_000
 # A pass over the ground beside an object this long before or after it was seen still tells its height: the
@@ -45,6 +48,8 @@ class Bodies(NamedTuple):
     """Counter-clockwise about the rig's z."""
     lateral_mps2: FloatArray
     """Acceleration to the left that the bend asks for."""
+    pitch_per_m: FloatArray
+    """How the pitch changes along the way, rad/m; 0 where the car stands."""
     sigma_rad: FloatArray
     """Of roll, pitch and heading: float64 (n, 3)."""
     sigma_horizontal_m: FloatArray
@@ -146,23 +151,37 @@ def rays_of(rig: Rig, sightings: Sightings) -> Rays:
     return Rays(ray, np.linalg.solve(gram, np.swapaxes(slope, 1, 2)), readout, rejected)
 
 
+class _Ends(NamedTuple):
+    """Poses shortly before and after others, and the time between; where there is none, those themselves."""
+
+    before: Poses
+    here: Poses
+    after: Poses
+    span_s: FloatArray
+
+    @classmethod
+    def about(cls, trajectory: Trajectory, poses: Poses, step_ns: int) -> _Ends:
+        before, after = (trajectory.poses_at(poses.epoch_ns + step) for step in (-step_ns, step_ns))
+        steps = before.valid.astype(np.float64) + after.valid
+        return cls(before, poses, after, steps * step_ns / NANOSECONDS)
+
+    def rate(self, name: str, *, angle: bool = False) -> FloatArray:
+        here = getattr(self.here, name)
+        first, last = (np.where(p.valid, getattr(p, name), here) for p in (self.before, self.after))
+        change = wrap_deg(last - first) if angle else last - first
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self.span_s > 0, change / self.span_s, 0.0)
+
+
 def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses]:
     """Poses at epochs with velocity and yaw rate from the trajectory itself."""
     poses = trajectory.poses_at(epoch_ns)
-    before, after = (trajectory.poses_at(epoch_ns + step) for step in (-_RATE_STEP_NS, _RATE_STEP_NS))
-    ends = [(p, np.where(p.valid, step, 0)) for p, step in ((before, -1.0), (after, 1.0))]
-    span_s = (ends[1][1] - ends[0][1]) * _RATE_STEP_NS / NANOSECONDS
     east, north = metres_per_degree(poses.latitude_deg, poses.height_m)
 
-    def rate(name: str, scale: FloatArray | float, *, angle: bool = False) -> FloatArray:
-        here = getattr(poses, name)
-        first, last = (np.where(p.valid, getattr(p, name), here) for p, _ in ends)
-        change = wrap_deg(last - first) if angle else last - first
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(span_s > 0, change * scale / span_s, 0.0)
-
-    yaw_rate = -rate("heading_deg", np.radians(1.0), angle=True)
-    velocity = [rate("longitude_deg", east), rate("latitude_deg", north), rate("height_m", 1.0)]
+    near, wide = (_Ends.about(trajectory, poses, step) for step in (_RATE_STEP_NS, _TURN_STEP_NS))
+    yaw_rate, smooth_rate = (-np.radians(ends.rate("heading_deg", angle=True)) for ends in (near, wide))
+    velocity = [near.rate("longitude_deg") * east, near.rate("latitude_deg") * north, near.rate("height_m")]
+    speed = np.hypot(velocity[0], velocity[1])
     sigma = np.radians(np.stack([poses.sigma_roll_deg, poses.sigma_pitch_deg, poses.sigma_heading_deg], 1))
     lean = lean_m(float(trajectory.measured_at_m[2]), poses.sigma_roll_deg, poses.sigma_pitch_deg)
     return (
@@ -173,7 +192,8 @@ def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses
             rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg),
             np.stack(velocity, axis=1),
             yaw_rate,
-            yaw_rate * np.hypot(velocity[0], velocity[1]),
+            smooth_rate * speed,
+            np.radians(near.rate("pitch_deg")) / np.maximum(speed, _CRAWLING_MPS),
             sigma,
             np.sqrt(np.maximum(poses.sigma_horizontal_m**2 - lean**2, 0.0)),
             poses.sigma_vertical_m,

@@ -12,21 +12,36 @@ from numpy.typing import NDArray
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.trajectory.interpolation import NANOSECONDS
+from geoloc.trajectory.poses import LastingRoll
 
-TIME, READOUT, SLIP, FIRST_CAMERA = 0, 1, 2, 3
-"""Places of the camera clock's offset (s), of the readout time (s) and of the rear tyres' slip (rad s²/m);
-each camera then has six: boresight about its own x, y, z (rad) and position in the rig (m)."""
+TIME, READOUT, SLIP, ROLL, LEAN, AXLES, FALL_LEFT, FALL_RIGHT, RISE, FIRST_CAMERA = range(10)
+"""Places of what a whole drive shares.
+
+The camera clock's offset (s), the readout time (s) and the rear tyres' slip (rad s²/m); what the trajectory's
+roll is off (rad), and what it is off a lateral acceleration (rad s²/m); how much further ahead the road tilts
+the car than the trajectory takes it (m); how much the ground rises above the car's plane a metre to the left
+and to the right, and feet above that (m). Each camera then has six: boresight about its own x, y, z (rad) and
+position in the rig (m).
+"""
 PER_CAMERA = 6
-PER_NODE = 6
+PER_NODE = 8
 
 NODE_STEP_NS = 1_000_000_000
+# Crossfall, verges and superelevation change with the road's sections, so that falls beside it do too.
+_FALL_TAU_S = 15.0
 # How long an error of the trajectory's attitude lasts: roll is the crossfall of the road, pitch what a
 # climb over about a second does not show, heading the slip in a bend and noise of fixes over a second,
 # place the noise of fixes and reflections that change as the car moves.
-SLOW_TAU_S = (6.0, 1.0, 8.0, 2.0, 2.0, 2.0)
+SLOW_TAU_S = (6.0, 1.0, 8.0, 2.0, 2.0, 2.0, _FALL_TAU_S, _FALL_TAU_S)
+# Half a wheelbase is 1.25 to 1.55 m in cars, and 1.9 m in vans.
+_AXLES_SIGMA_M = 0.2
 # A car body on its springs swings at 1.2 to 1.5 Hz and is damped within a swing: after a tenth of a second
 # half of its angle is still there.
 BOUNCE_TAU_S = 0.15
+BESIDE_ROAD = "ground beside the road"
+"""Source of what the ground under all feet of a drive has in common."""
+_NODE_SOURCES = ("body", "body", "heading", "gnss", "gnss", "gnss", BESIDE_ROAD, BESIDE_ROAD)
+_CERTAIN_RAD = 1e-6
 # Keeps a bearing without parallax solvable; far wider than anything that is kept.
 _ANYWHERE_M = 200.0
 # The rear axle drifts out of a bend by 2 to 3 degrees per g; the trajectory's own guess is off by some of it.
@@ -43,8 +58,8 @@ class Layout:
     ----------
     n_cameras, n_points, n_nodes, n_instants : int
         A node is a second of the drive at which the trajectory's roll, pitch, heading and place (east, north,
-        up) are corrected, linear in between; an instant has the body's bounce in roll and pitch, and what
-        the trajectory's heading trembles.
+        up) and the ground's rises to the left and right are corrected, linear in between; an instant has the
+        body's bounce in roll and pitch, and what the trajectory's heading trembles.
     """
 
     n_cameras: int
@@ -85,7 +100,7 @@ class Layout:
         return np.asarray(self.first_point + 3 * point[..., None] + np.arange(3))
 
     def node(self, node: IntArray) -> IntArray:
-        """Places ``(..., 6)`` of nodes: roll, pitch, heading (rad), east, north, up (m)."""
+        """Places ``(..., 8)`` of nodes: roll, pitch, heading (rad), east, north, up (m), rise left, right."""
         return np.asarray(self.first_node + PER_NODE * node[..., None] + np.arange(PER_NODE))
 
     def bounce(self, instant: IntArray) -> IntArray:
@@ -158,6 +173,8 @@ def prior_of(
     budget: ErrorBudget,
     node_age_s: FloatArray,
     node_sigma: FloatArray,
+    roll: LastingRoll,
+    fall: float,
     instant_ns: IntArray,
     instant_sigma: FloatArray,
     links: FloatArray,
@@ -168,8 +185,12 @@ def prior_of(
     ----------
     node_age_s : float64 (nodes,)
         When, on a clock that runs as the car moves: what is wrong with the pose of a standing car stays.
-    node_sigma : float64 (nodes, 6)
+    node_sigma : float64 (nodes, 8)
         Of each node's corrections, in their order.
+    roll : LastingRoll
+        What lasts of the trajectory's roll error, beyond those.
+    fall : float
+        Of the ground's rise a metre to either side, what lasts of it.
     instant_ns : int64 (instants,)
     instant_sigma : float64 (instants, 3)
     links : float64 (k, 4)
@@ -181,6 +202,12 @@ def prior_of(
         ("time", TIME, 1e-3 * budget.time_ms),
         ("rolling shutter", READOUT, 1e-3 * budget.readout_ms),
         ("heading", SLIP, np.radians(_SLIP_DEG_PER_MPS2)),
+        ("body", ROLL, max(np.radians(roll.sigma_deg), _CERTAIN_RAD)),
+        ("body", LEAN, max(np.radians(roll.sigma_deg_per_mps2), _CERTAIN_RAD)),
+        ("body", AXLES, _AXLES_SIGMA_M),
+        (BESIDE_ROAD, FALL_LEFT, fall),
+        (BESIDE_ROAD, FALL_RIGHT, fall),
+        (BESIDE_ROAD, RISE, budget.ground_height_m),
     ):
         rows.add(source, np.array([[place]]), np.array([[1.0 / sigma]]))
     for source, places, sigma in (
@@ -190,7 +217,7 @@ def prior_of(
         rows.add(source, places.reshape(-1, 1), np.full((places.size, 1), 1.0 / sigma))
     points = layout.point(np.arange(layout.n_points)).reshape(-1, 1)
     rows.add("anywhere", points, np.full(points.shape, 1.0 / _ANYWHERE_M))
-    for axis, source in enumerate(("body", "body", "heading", "gnss", "gnss", "gnss")):
+    for axis, source in enumerate(_NODE_SOURCES):
         places = layout.node(np.arange(layout.n_nodes))[:, axis]
         _add_process(rows, source, places, node_age_s, node_sigma[:, axis], SLOW_TAU_S[axis])
     age_s = (instant_ns - instant_ns[:1]) / NANOSECONDS

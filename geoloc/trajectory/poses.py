@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -144,6 +145,17 @@ class Poses:
     sigma_heading_deg: FloatArray
     valid: BoolArray
     reason: TextArray
+
+
+class LastingRoll(NamedTuple):
+    """One sigma of that part of a trajectory's roll error which is the same for the whole drive.
+
+    Parts of it are the same everywhere, and in proportion to the acceleration to the left: antennas that sit
+    higher than their lever arms say, the road's mean crossfall, superelevation and the body's lean in bends.
+    """
+
+    sigma_deg: float = 0.0
+    sigma_deg_per_mps2: float = 0.0
 
 
 def part(poses: Poses, rows: slice | IntArray) -> Poses:

@@ -23,7 +23,7 @@ from geoloc.trajectory.heading import (
     moving,
 )
 from geoloc.trajectory.interpolation import bracket, hermite, linear, seconds, tangents
-from geoloc.trajectory.poses import GnssFixes, Poses
+from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes, knot_fixes
 from geoloc.trajectory.smoother.plane import (
     AXLE_KNOWN_M,
@@ -72,7 +72,7 @@ class _Pair(NamedTuple):
 
 def rig_poses(
     fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], knot_ns: IntArray, max_gap_s: float
-) -> Poses:
+) -> tuple[Poses, LastingRoll]:
     """Attitude and position of the rig's origin at each knot.
 
     Parameters
@@ -85,8 +85,9 @@ def rig_poses(
 
     Returns
     -------
-    Poses
+    poses : Poses
         Rows without a heading are NaN: the lever arm cannot be taken off.
+    lasting_roll : LastingRoll
 
     Raises
     ------
@@ -108,7 +109,7 @@ def rig_poses(
         line = np.where(np.isfinite(line), line, told)
     track = _start(knots, alone, arms, line)
     drift = np.min([one.velocity_sigma_mps for one in alone], axis=0)
-    tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps)
+    tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
     for iterations in _ITERATIONS:
         tilted = rotation_enu_from_rig(90.0, tilt.pitch_deg, tilt.roll_deg) @ arms.T
         track = smoothed_plane(
@@ -120,10 +121,9 @@ def rig_poses(
             axle_m=axle_m,
             iterations=iterations,
         )
-        tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps)
-    return _poses(
-        knot_ns, knots, arms, track, tilt, Reason.STANDING if pair is None else Reason.STANDING_PAIR
-    )
+        tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
+    still = Reason.STANDING if pair is None else Reason.STANDING_PAIR
+    return _poses(knot_ns, knots, arms, track, tilt, still), tilt.lasting_roll
 
 
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:

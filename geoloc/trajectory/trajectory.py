@@ -16,7 +16,7 @@ from geoloc.trajectory.curves import pose_curves
 from geoloc.trajectory.fix_checks import check_positions, common_epochs, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
-from geoloc.trajectory.poses import GnssFixes, Poses, PoseTrack, without_headings
+from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses, PoseTrack, without_headings
 from geoloc.trajectory.rig_poses import raw_poses, rig_poses
 
 __all__ = [
@@ -55,6 +55,8 @@ class Trajectory:
     measured_at_m : float64 (3,)
         Where on the rig positions were measured: the middle of the antennas. A tilt that is wrong leaves that
         point where it is, and moves the rig's origin below it.
+    lasting_roll : LastingRoll
+        How much of the roll's sigma is an error that lasts.
     """
 
     knots: Poses
@@ -63,6 +65,7 @@ class Trajectory:
     max_gap_s: float
     dropped: tuple[tuple[int, str], ...]
     measured_at_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+    lasting_roll: LastingRoll = field(default_factory=LastingRoll)
 
     @property
     def epoch_ns(self) -> IntArray:
@@ -212,13 +215,15 @@ def trajectory_from_gnss(
     kept, refused = _without_wrong_headings(kept)
     levers = [np.asarray(rig_antennas[f.antenna], dtype=np.float64) for f in kept]
     knot_ns = common_epochs([f.epoch_ns for f in kept], max_gap_s)
+    poses, lasting_roll = rig_poses(kept, levers, knot_ns, max_gap_s)
     return Trajectory(
-        knots=rig_poses(kept, levers, knot_ns, max_gap_s),
+        knots=poses,
         fixes=raw_poses(kept, levers, max_gap_s),
         host_ns=kept[0].host_ns,
         max_gap_s=max_gap_s,
         dropped=(*dropped, *refused),
         measured_at_m=np.mean(levers, axis=0),
+        lasting_roll=lasting_roll,
     )
 
 

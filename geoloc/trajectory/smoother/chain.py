@@ -133,6 +133,10 @@ class Chain:
         shared = np.linalg.inv(self._schur)
         return result + self._by_constants @ shared @ self._by_constants.swapaxes(1, 2), shared
 
+    def by_constants(self) -> FloatArray:
+        """How each state moves with the constants ``(n, size, constants)``, after `solve`."""
+        return -self._by_constants
+
     def _band(self) -> FloatArray:
         """The normal matrix as lower bands: row i - j, column j (Fortran order, as LAPACK wants it)."""
         n, size, _ = self._diagonal.shape

@@ -110,6 +110,16 @@ class KnotFixes:
         """True at the first knot of each stretch without gaps ``(n,)``."""
         return np.concatenate([[True], ~self.tied])
 
+    def running_mean(self, values: FloatArray, over_s: float) -> FloatArray:
+        """Mean ``(n,)`` over so long a time about each knot, within its stretch without gaps."""
+        share, t_s = self.share_s, self.t_s
+        stretch = np.cumsum(self.first)
+        begin, end = np.searchsorted(stretch, stretch), np.searchsorted(stretch, stretch, side="right")
+        low = np.maximum(np.searchsorted(t_s, t_s - 0.5 * over_s), begin)
+        high = np.minimum(np.searchsorted(t_s, t_s + 0.5 * over_s, side="right"), end)
+        weighed, weight = (np.concatenate([[0.0], np.cumsum(one)]) for one in (share * values, share))
+        return np.asarray((weighed[high] - weighed[low]) / (weight[high] - weight[low]))
+
     def geographic(self, plane_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Latitude and longitude of a point near each knot, ``(n, 2)`` in plane coordinates."""
         off = plane_m - self.path_m

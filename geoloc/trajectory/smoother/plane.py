@@ -53,6 +53,7 @@ _CURVATURE_PER_M = 0.1
 _SIDEWAYS_MPS = 0.01
 _SIDEWAYS_RAD = np.radians(0.1)
 _SIDEWAYS_EVERY_S = 0.2
+_SMOOTHED_S = 1.0
 SLIP_RAD_PER_MPS2 = (np.radians(0.25), np.radians(0.15))
 """Slip angle of the rear axle a lateral acceleration, and its sigma: 2 to 3° per g for passenger cars."""
 AXLE_KNOWN_M = (0.0, 1e-3)
@@ -125,6 +126,13 @@ class PlaneTrack:
     def forward_mps(self) -> FloatArray:
         """Speed along the heading ``(n,)``: negative where the car reverses."""
         return np.asarray(np.einsum("nk,nk->n", self.velocity_mps, forward_axis(self.yaw_rad)))
+
+    @property
+    def lateral_mps2(self) -> FloatArray:
+        """Acceleration to the left ``(n,)``."""
+        return np.asarray(
+            np.einsum("nk,nk->n", self.state[:, ACCELERATION], turned(forward_axis(self.yaw_rad)))
+        )
 
 
 def antenna_modes(antennas: int) -> FloatArray:
@@ -321,25 +329,28 @@ class _Fit:
     def _axle(self, chain: Chain, state: FloatArray, constants: FloatArray, drift_mps: FloatArray) -> None:
         """The rear axle does not move sideways but slips in bends; a car that stands does not turn."""
         ahead = forward_axis(state[:, YAW])
-        velocity, rate = state[:, VELOCITY], state[:, YAW_RATE]
+        velocity, acceleration, rate = state[:, VELOCITY], state[:, ACCELERATION], state[:, YAW_RATE]
         slip, axle = constants[-2:]
         forward, left = (np.einsum("nk,nk->n", velocity, axis) for axis in (ahead, turned(ahead)))
-        square = forward * np.abs(forward)
+        # Smoothed, and known while the states move: what trembles in the accelerations has nothing to do with
+        # the heading, so that it would be found to slip by nothing.
+        sideways = self.fixes.running_mean(np.einsum("nk,nk->n", acceleration, turned(ahead)), _SMOOTHED_S)
+        drift = slip * np.abs(forward)
         jacobian = np.zeros((len(state), 2, self.size))
-        jacobian[:, 0, VELOCITY] = turned(ahead) + (2.0 * slip * np.abs(forward) * rate)[:, None] * ahead
-        jacobian[:, 0, YAW] = 2.0 * slip * np.abs(forward) * rate * left - forward
-        jacobian[:, 0, YAW_RATE] = slip * square - axle
+        jacobian[:, 0, VELOCITY] = turned(ahead)
+        jacobian[:, 0, YAW] = -forward
+        jacobian[:, 0, YAW_RATE] = -axle
         jacobian[:, 1, YAW_RATE] = 1.0
         by_constants = np.zeros((len(state), 2, constants.size))
-        by_constants[:, 0, -2], by_constants[:, 0, -1] = square * rate, -rate
-        residual = -np.stack([left + (slip * square - axle) * rate, rate], axis=1)
+        by_constants[:, 0, -2], by_constants[:, 0, -1] = np.abs(forward) * sideways, -rate
+        residual = -np.stack([left + drift * sideways - axle * rate, rate], axis=1)
         share = self.fixes.share_s
         speed = np.abs(forward)
-        sideways = _SIDEWAYS_MPS**2 + (_SIDEWAYS_RAD * speed) ** 2
+        loose = _SIDEWAYS_MPS**2 + (_SIDEWAYS_RAD * speed) ** 2
         turning = (_TURN_STANDING_RADPS + _CURVATURE_PER_M * speed) ** 2
         # Noise in the place of a velocity has a direction too: it must not be taken for the heading.
         real = np.maximum(0.0, 1.0 - (_GATE * drift_mps / np.maximum(speed, 1e-9)) ** 2)
-        weight = np.stack([real * share / _SIDEWAYS_EVERY_S / sideways, share / turning], axis=1)
+        weight = np.stack([real * share / _SIDEWAYS_EVERY_S / loose, share / turning], axis=1)
         chain.observe(jacobian, residual, weight, by_constants)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.trajectory.poses import LastingRoll
 from geoloc.trajectory.smoother.chain import MEDIAN_1D, Chain, Links, robust_weight
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.plane import MULTIPATH_S, antenna_modes
@@ -23,14 +24,22 @@ _CLIMB = np.tan(np.radians(2.5))
 _CLIMB_LASTS_M = 1000.0
 # A road falls to both sides of its crown, by 3 % where it is straight (Statens vegvesen, håndbok N100), so
 # that a car on the right leans to the right. Bends that fall inwards, by up to 8 % and either way, yards and
-# the car's springs make that 2 ± 3 %.
-_CROSSFALL, _LEAN = 0.02, 0.03
+# the car's springs make that 2 ± 3 %. Half of that is the drive's own mean, which no length of road averages
+# out.
+_CROSSFALL, _LEAN, _LASTING_LEAN = 0.02, 0.03, 0.015
 _LEAN_LASTS_M = 300.0
+# By the acceleration to the left, s²/m: roads fall inwards by up to 8 % in a bend, bodies lean outwards by 4
+# degrees per g. Of accelerations as they tremble, a lean would be found that is too small.
+_LEAN_IN_BENDS = 0.06
+_SMOOTHED_S = 2.0
 # Height over the road, m²/s: heave and roughness.
 _HEAVE = 0.003**2
 _RESTLESS = 1e-8
 # What heave adds to a vertical velocity.
 _RISE_FLOOR_MPS = 0.05
+# A car stands on both its axles: its pitch is the road's slope half a wheelbase, 2.5 to 3.1 m, ahead of the
+# rear axle. Taken for the slope below the rear axle, it is 85 ms ahead of its time at 60 km/h.
+_HALF_WHEELBASE_M = 1.4
 _ITERATIONS = 6
 _OWN = 3
 
@@ -45,10 +54,15 @@ class TiltTrack:
     pitch_sigma_deg: FloatArray
     roll_deg: FloatArray
     roll_sigma_deg: FloatArray
+    lasting_roll: LastingRoll
 
 
 def smoothed_tilt(
-    fixes: KnotFixes, levers_m: FloatArray, lever_sigma_m: float, forward_mps: FloatArray
+    fixes: KnotFixes,
+    levers_m: FloatArray,
+    lever_sigma_m: float,
+    forward_mps: FloatArray,
+    lateral_mps2: FloatArray,
 ) -> TiltTrack:
     """Fit heights, climb and crossfall.
 
@@ -60,13 +74,15 @@ def smoothed_tilt(
         One sigma of an antenna's height over the car, against the other antennas.
     forward_mps : float64 (n,)
         Speed along the heading, negative where the car reverses.
+    lateral_mps2 : float64 (n,)
+        Acceleration to the left.
     """
-    fit = _Fit(fixes, levers_m, forward_mps)
+    fit = _Fit(fixes, levers_m, forward_mps, fixes.running_mean(lateral_mps2, _SMOOTHED_S))
     state = np.zeros((len(forward_mps), _OWN + len(levers_m)))
     state[:, 0] = np.where(fixes.seen, fixes.height_m - levers_m[:, 2], 0.0).sum(axis=1) / np.maximum(
         fixes.seen.sum(axis=1), 1
     )
-    constants = np.zeros(len(levers_m) - 1)
+    constants = np.zeros(len(levers_m) + 1)
     weight = fixes.seen.astype(np.float64)
     for i in range(_ITERATIONS):
         chain = fit.equations(state, constants, weight, lever_sigma_m)
@@ -75,20 +91,40 @@ def smoothed_tilt(
         previous, weight = weight, fit.weights(state, constants, power=1 if i < _ITERATIONS // 2 else 2)
         if np.abs(weight - previous).max() < 0.02:
             break
-    covariance, _ = chain.covariances()
-    sigma = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    covariance, shared = chain.covariances()
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    sigma = np.sqrt(variance)
+    # The roll is the state's and the constants' own: how it moves with each of these.
+    by_state = chain.by_constants()[:, 2]
+    by_constants = by_state + np.pad(fit.of_the_drive, ((0, 0), (constants.size - 2, 0)))
+    own = variance[:, 2] - np.einsum("nc,cd,nd->n", by_state, shared, by_state)
+    lasting = np.einsum("nc,cd,nd->n", by_constants, shared, by_constants)
+    part = np.linalg.lstsq(fit.of_the_drive, by_constants)[0]
     return TiltTrack(
         height_m=state[:, 0],
         height_sigma_m=sigma[:, 0],
-        pitch_deg=-np.degrees(np.arctan(state[:, 1])),
+        pitch_deg=-np.degrees(np.arctan(_between_axles(fixes, forward_mps, state[:, 1]))),
         pitch_sigma_deg=np.degrees(sigma[:, 1]),
-        roll_deg=np.degrees(np.arctan(_CROSSFALL + state[:, 2])),
-        roll_sigma_deg=np.degrees(sigma[:, 2]),
+        roll_deg=np.degrees(np.arctan(_CROSSFALL + fit.of_the_drive @ constants[-2:] + state[:, 2])),
+        roll_sigma_deg=np.degrees(np.sqrt(own + lasting)),
+        lasting_roll=LastingRoll(*np.degrees(np.sqrt(np.diagonal(part @ shared @ part.T))).tolist()),
     )
 
 
+def _between_axles(fixes: KnotFixes, forward_mps: FloatArray, climb: FloatArray) -> FloatArray:
+    """Slope (n,) of the road between the axles, from that at the rear axle."""
+    steps_m = np.linalg.norm(np.diff(fixes.path_m, axis=0), axis=1)
+    tied_m = fixes.step_s * 0.5 * np.abs(forward_mps[1:] + forward_mps[:-1])
+    way_m = np.concatenate([[0.0], np.cumsum(np.where(fixes.tied, tied_m, steps_m))])
+    ahead_m = way_m + np.where(forward_mps < 0.0, -_HALF_WHEELBASE_M, _HALF_WHEELBASE_M)
+    return np.asarray(np.interp(ahead_m, way_m, climb))
+
+
 class _Fit:
-    def __init__(self, fixes: KnotFixes, levers_m: FloatArray, forward_mps: FloatArray) -> None:
+    def __init__(
+        self, fixes: KnotFixes, levers_m: FloatArray, forward_mps: FloatArray, lateral_mps2: FloatArray
+    ) -> None:
+        self.of_the_drive = np.stack([np.ones_like(lateral_mps2), lateral_mps2], axis=1)
         self.fixes, self.levers_m, self.forward_mps = fixes, levers_m, forward_mps
         self.modes = antenna_modes(len(levers_m))
         self.size = _OWN + len(levers_m)
@@ -101,7 +137,9 @@ class _Fit:
         self, state: FloatArray, constants: FloatArray, weight: FloatArray, lever_sigma_m: float
     ) -> Chain:
         chain = Chain(len(state), self.size, constants.size)
-        chain.expect_constants(-constants, np.full(constants.size, max(lever_sigma_m, 1e-6)))
+        levers = np.full(len(self.modes), max(lever_sigma_m, 1e-6))
+        sigma = np.append(levers, [_LASTING_LEAN, _LEAN_IN_BENDS])
+        chain.expect_constants(-constants, sigma)
         self._start(chain, state)
         chain.tie(self.links, state)
         for antenna in range(len(self.levers_m)):
@@ -146,11 +184,14 @@ class _Fit:
         jacobian[:, 0, 1] = x + self.fixes.late_s[:, antenna] * self.forward_mps
         jacobian[:, 0, 2] = y
         jacobian[:, 0, _OWN + antenna] = slow
-        upright = z / np.sqrt(1.0 + state[:, 1] ** 2 + (_CROSSFALL + state[:, 2]) ** 2)
-        expected = (jacobian @ state[:, :, None])[:, 0, 0] + y * _CROSSFALL + upright
-        expected += self.modes[:, antenna] @ constants
+        crossfall = _CROSSFALL + self.of_the_drive @ constants[-2:]
+        upright = z / np.sqrt(1.0 + state[:, 1] ** 2 + (crossfall + state[:, 2]) ** 2)
+        expected = (jacobian @ state[:, :, None])[:, 0, 0] + y * crossfall + upright
+        expected += self.modes[:, antenna] @ constants[:-2]
         residual = np.where(self.fixes.seen[:, antenna], self.fixes.height_m[:, antenna] - expected, 0.0)
-        by_constants = np.broadcast_to(self.modes[:, antenna], (len(state), 1, constants.size))
+        by_constants = np.zeros((len(state), 1, constants.size))
+        by_constants[:, 0, :-2] = self.modes[:, antenna]
+        by_constants[:, 0, -2:] = y * self.of_the_drive
         return jacobian, by_constants, residual[:, None]
 
     def _start(self, chain: Chain, state: FloatArray) -> None:

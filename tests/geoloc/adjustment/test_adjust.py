@@ -19,6 +19,7 @@ from geoloc.earth.geodesy import enu_offset
 from geoloc.locate.combine import combine
 from geoloc.locate.records import Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_single_frame
+from geoloc.trajectory.poses import LastingRoll
 from geoloc.trajectory.trajectory import PoseTrack, trajectory_from_poses
 
 
@@ -58,7 +59,7 @@ def test_derivatives_of_rays_and_ground_equal_finite_differences() -> None:
     """Every analytic derivative agrees with a central difference, away from zero corrections too."""
     model, _ = problem(recorded("approach"))
     rng = np.random.default_rng(3)
-    x = rng.normal(size=model.layout.size) * 2e-3
+    x = rng.normal(size=model.layout.size) * 1e-3
     for part in (model.rays, model.heights):
         linear = part(x)
         dense = np.zeros((linear.residual.size, model.layout.size))
@@ -78,7 +79,9 @@ def test_error_that_grows_adds_to_what_was_there() -> None:
         Layout(0, 0, sigma.size, 1),
         ErrorBudget(),
         np.zeros(sigma.size),
-        np.repeat(sigma[:, None], 6, axis=1),
+        np.repeat(sigma[:, None], 8, axis=1),
+        LastingRoll(),
+        0.03,
         np.zeros(1, dtype=np.int64),
         np.ones((1, 3)),
         np.empty((0, 4)),
@@ -251,7 +254,8 @@ def test_radius_of_the_pole_lies_behind_the_foot_that_is_seen() -> None:
     known = recording.errors_m(recording.adjusted(pole_radius_m=0.1))
     unknown = recording.errors_m(recording.adjusted(pole_radius_m=0.0))
     assert length(known)[0] < 0.03
-    assert 0.05 < length(known - unknown)[0] < 0.11
+    # Some of the radius is taken for ground that rises: then nobody knows better.
+    assert 0.04 < length(known - unknown)[0] < 0.11
 
 
 def test_clock_offset_is_found_where_the_car_turns() -> None:

@@ -58,13 +58,13 @@ def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) 
 
 
 def renamed(trip: Path, name: str, new: str, *, both: bool) -> None:
-    """Give an object another id in the second half of its pictures; or in all, beside the first one."""
+    """Give an object another id in the last third of its pictures; or in all, beside the first one."""
 
     def changed(track: str) -> str:
         if f">{name}<" not in track:
             return track
         parts = re.split(r"(?=<points )", track)
-        half = 0 if both else len(parts) // 2
+        half = 0 if both else 2 * len(parts) // 3
         anew = parts[0] + "".join(p.replace(f">{name}<", f">{new}<") for p in parts[1:][half:])
         return (track if both else "".join(parts[: half + 1]) + "</track>") + anew
 
@@ -72,7 +72,7 @@ def renamed(trip: Path, name: str, new: str, *, both: bool) -> None:
 
 
 def test_match_takes_a_track_that_was_begun_anew_for_one_sign(synced: Path, trip: Path) -> None:
-    """A pole of three plates that has another id in half of its pictures has no new plates for that."""
+    """A pole of three plates that has another id in a third of its pictures has no new plates for that."""
     renamed(trip, "P06", "P06b", both=False)
     with Store.open(synced) as store:
         assert ingest_drive(store, trip).n_estimates == 16
