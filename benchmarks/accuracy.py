@@ -55,6 +55,8 @@ class Case:
     """Only this object counts."""
     drives: float = 1.0
     """Times the number of seeds."""
+    minutes: float | None = None
+    """Length of the drive; None for the scenario's own."""
 
 
 CASES = (
@@ -95,7 +97,7 @@ class Recorded(NamedTuple):
 
 def recorded(case: Case, speed_kmh: float | None, seed: int) -> Recorded:
     """Drive once."""
-    drive = simulate_drive(scenario(case.scenario, speed_kmh, seed), seed)
+    drive = simulate_drive(scenario(case.scenario, speed_kmh, seed, case.minutes), seed)
     fixes = drive.gnss[: case.antennas]
     arms = {one.antenna: drive.rig.antennas[one.antenna].rig_t_antenna_m for one in fixes}
     seen = drive.sightings
@@ -121,7 +123,7 @@ def found_by(method: str, recording: Recorded) -> Found:
     if method == "adjusted":
         adjusted = adjusted_of(recording, sightings)
         return Found(
-            _offsets(drive, adjusted.object, adjusted.latitude_deg, adjusted.longitude_deg),
+            offsets(drive, adjusted.object, adjusted.latitude_deg, adjusted.longitude_deg),
             adjusted.covariance_m2,
         )
     if method == "paper":
@@ -136,7 +138,7 @@ def found_by(method: str, recording: Recorded) -> Found:
         located = locate_single_frame(drive.rig, sightings, trajectory.poses_at(epoch))
     combined = combine(located, number)
     return Found(
-        _offsets(drive, combined.group, combined.latitude_deg, combined.longitude_deg), combined.covariance_m2
+        offsets(drive, combined.group, combined.latitude_deg, combined.longitude_deg), combined.covariance_m2
     )
 
 
@@ -176,7 +178,8 @@ def _as_drawn(recording: Recorded) -> ErrorBudget:
     )
 
 
-def _offsets(drive: SimulatedDrive, index: IntArray, lat: FloatArray, lon: FloatArray) -> FloatArray:
+def offsets(drive: SimulatedDrive, index: IntArray, lat: FloatArray, lon: FloatArray) -> FloatArray:
+    """Errors (g, 2) of all objects of a drive, east and north; NaN for those without a position."""
     truth = drive.objects
     offsets = np.full((len(truth.object), 2), np.nan)
     east, north = enu_offset(truth.latitude_deg[index], truth.longitude_deg[index], lat, lon)
