@@ -84,10 +84,11 @@ def recorded(
     silent: bool = False,
     kerbs: bool = True,
     crossfall_percent: float | None = None,
+    minutes: float | None = None,
     **noise: float,
 ) -> Recording:
     """Simulate a drive and bring it into the form that `adjust` takes."""
-    world = scenario(name, speed_kmh, seed)
+    world = scenario(name, speed_kmh, seed, minutes)
     world = without_noise(world) if silent else world
     if not kerbs:
         world = replace(world, road=replace(world.road, kerb_share=0.0, verge_sigma_m=0.0))

@@ -14,6 +14,8 @@ _FIRST_BEND_M = 60.0
 # A road that comes back towards its beginning stays where one plane is level: 3 km from its middle the plumb
 # line is 0.03 degrees off.
 _WITHIN_M = 3000.0
+# Of each range of wavelengths: fewer would bring the same hills again.
+_WAVES = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +51,11 @@ LONG_ROADS = {
 def long_road(like: RoadSpec, character: RoadCharacter, length_m: float, seed: int) -> RoadSpec:
     """Draw bends and hills for a road of this length, with the lanes and verges of `like`."""
     rng = stream(seed, "long road")
-    hills = []
+    hills: list[tuple[float, float]] = []
     for wavelength_m, climb_percent in character.hills:
-        drawn_m = wavelength_m * rng.uniform(0.8, 1.25)
-        hills.append((drawn_m, math.sqrt(2.0) * climb_percent / 100.0 * drawn_m / (2.0 * math.pi)))
+        steepest = math.sqrt(2.0 / _WAVES) * climb_percent / 100.0
+        drawn_m = (wavelength_m * rng.uniform(0.7, 1.4, _WAVES)).tolist()
+        hills += [(one_m, steepest * one_m / (2.0 * math.pi)) for one_m in drawn_m]
     return replace(
         like,
         length_m=length_m,

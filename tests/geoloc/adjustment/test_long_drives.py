@@ -1,0 +1,31 @@
+"""Drives of minutes: what is wrong with them all the way must not come out as certain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recordings import recorded
+
+from geoloc.locate.accuracy import nees
+
+
+@pytest.mark.parametrize(("name", "seed"), [("urban", 13), ("highway", 14)])
+def test_length_makes_no_bias_certain(name: str, seed: int) -> None:
+    """After five minutes clock, boresight and places are as good as their sigmas say.
+
+    A crown, verges, crossfall, the antennas' heights and slip are the same all the way.
+    """
+    recording = recorded(name, seed=seed, minutes=5.0)
+    adjusted = recording.adjusted()
+    assert not adjusted.doubts
+    clock, drawn = adjusted.time_offset_ms, recording.drive.drawn
+    assert abs(clock.value + drawn.frame_offset_ms) < 3.0 * clock.sigma
+    for camera, corrections in adjusted.boresight_deg.items():
+        true = recording.drive.rig.camera(camera).rig_R_camera.T @ drawn.boresight_deg[camera]
+        # The lens's own errors, 0.3 px of its centre, are 0.01 degrees.
+        off = [(c.value - t) / np.hypot(c.sigma, 0.01) for c, t in zip(corrections, true, strict=True)]
+        assert np.abs(off).max() < 3.5
+    error = recording.errors_m(adjusted)
+    inside = nees(error[:, :2], adjusted.covariance_m2) < 5.991
+    assert np.mean(inside) > 0.85
+    assert np.median(np.hypot(*error[:, :2].T)) < 0.2
