@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from rich.progress import track
 
-from geoloc.adjustment.adjust import Adjusted, adjust
+from geoloc.adjustment.adjust import adjust
+from geoloc.adjustment.result import Adjusted
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset
 from geoloc.locate.accuracy import nees

@@ -1,5 +1,5 @@
-from .adjustment.adjust import Adjusted as Adjusted
 from .adjustment.adjust import adjust as adjust
+from .adjustment.result import Adjusted as Adjusted
 from .earth.terrain import Terrain as Terrain
 from .errors import GeolocError as GeolocError
 from .locate.error_budget import ErrorBudget as ErrorBudget

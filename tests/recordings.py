@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjustment.adjust import Adjusted, adjust
+from geoloc.adjustment.adjust import adjust
+from geoloc.adjustment.result import Adjusted
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset
 from geoloc.locate.observations import Observations

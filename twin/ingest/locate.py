@@ -7,7 +7,8 @@ from typing import TypedDict, TypeVar
 
 import numpy as np
 
-from geoloc.adjustment.adjust import Adjusted, adjust
+from geoloc.adjustment.adjust import adjust
+from geoloc.adjustment.result import Adjusted
 from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.doubts import Doubt
 from geoloc.earth.datum import euref89_from_itrf

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoloc.adjustment.adjust import Adjusted, AdjustmentDoubt
+from geoloc.adjustment.result import Adjusted, AdjustmentDoubt
 from geoloc.adjustment.scene import sigma_px_of
 from geoloc.arrays import BoolArray
 from geoloc.doubts import Doubt

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geoloc.adjustment import adjust
-from geoloc.adjustment.adjust import Adjusted
+from geoloc.adjustment import result
+from geoloc.adjustment.result import Adjusted
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
@@ -179,7 +179,7 @@ def corrections_of(adjusted: Adjusted | None) -> Corrections | None:
     if adjusted is None:
         return None
 
-    def kept(correction: adjust.Correction) -> Correction:
+    def kept(correction: result.Correction) -> Correction:
         return Correction(correction.value, finite(correction.sigma))
 
     return Corrections(

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from recordings import FloatArray, Recording, length, recorded
 
-from geoloc.adjustment.adjust import AdjustmentDoubt
 from geoloc.adjustment.build_model import Placed, model_of, scene_of
 from geoloc.adjustment.covariance import spread
 from geoloc.adjustment.model import Model
+from geoloc.adjustment.result import AdjustmentDoubt
 from geoloc.adjustment.scene import bodies_at, rays_of
 from geoloc.adjustment.solve import solve
 from geoloc.adjustment.unknowns import Layout, Prior, prior_of

@@ -7,7 +7,8 @@ import pytest
 from recordings import Recording, length, recorded
 from simulated_raster import rasterised
 
-from geoloc.adjustment.adjust import Adjusted, adjust
+from geoloc.adjustment.adjust import adjust
+from geoloc.adjustment.result import Adjusted
 from geoloc.earth.geodesy import enu_offset
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.records import Kind

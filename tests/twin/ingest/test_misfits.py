@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geoloc.adjustment.adjust import AdjustmentDoubt
+from geoloc.adjustment.result import AdjustmentDoubt
 from geoloc.doubts import Doubt
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.trajectory.trajectory import Trajectory

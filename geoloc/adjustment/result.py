@@ -1,0 +1,266 @@
+"""What an adjustment gives: points brought back to objects, with covariances by source and corrections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from geoloc.adjustment.covariance import Spread
+from geoloc.adjustment.model import Model
+from geoloc.adjustment.solve import Solution
+from geoloc.adjustment.unknowns import BESIDE_ROAD, READOUT, TIME
+from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
+from geoloc.doubts import Doubt
+from geoloc.earth.geodesy import geographic_from_enu
+from geoloc.locate.combine import ellipse
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.reasons import REASON_TYPE, Reason
+from geoloc.trajectory.poses import Poses
+
+# A bearing alone leaves a position open along the ray: what is worse than this is no position.
+_WORST_SIGMA_M = 5.0
+# Logarithm of the ratio between the distances of a point's start and end: a factor of three.
+_LARGEST_LEAP = 1.1
+
+
+class AdjustmentDoubt(StrEnum):
+    """What an adjustment is doubted for."""
+
+    CLOCK = "clock"
+    SHUTTER = "shutter"
+    TERRAIN_UNUSED = "terrain-unused"
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What the adjustment found out about something that all sightings share."""
+
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class Adjusted:
+    """Positions of objects, one row each in increasing order of `object`, and what else was found.
+
+    Attributes
+    ----------
+    object : int64 (g,)
+    latitude_deg, longitude_deg, height_m : float64 (g,)
+        Foot of the object where feet were sighted, else the middle of its face. `height_m` ellipsoidal. NaN
+        where it has no position: `reason` says why.
+    covariance_m2 : float64 (g, 2, 2)
+        East and true north.
+    sigma_height_m : float64 (g,)
+    by_source : mapping source → float64 (g, 2, 2)
+        Where `covariance_m2` comes from: pixels, boresight, camera position, time, rolling shutter, heading,
+        body, ground, gnss, lever arm. They add up to it.
+    reason : str (g,)
+        A `geoloc.reasons.Reason`; "" where there is a position.
+    used : bool (n,)
+        Sightings that took part.
+    rejected : str (n,)
+        Why a sighting did not, a `geoloc.reasons.Reason`; "" where it did.
+    residual_px : float64 (n, 2)
+        Seen minus expected; NaN for sightings that could not be tried.
+    range_m : float64 (n,)
+        Horizontal distance from the camera to the object's place.
+    eye_m : float64 (n, 3)
+        The camera's place when it saw, east and north of the object's place and above the ellipsoid.
+    poses : Poses (n,)
+        The rig's pose at each sighting, as corrected; sigmas are the trajectory's.
+    noise : float
+        Factor on the stated sigma of a pixel that the residuals ask for.
+    time_offset_ms, readout_ms : Correction
+        Added to the camera clock; and the readout itself.
+    boresight_deg : mapping camera → tuple of Correction
+        About the camera's own x (pitch), y (yaw) and z (roll).
+    doubts : tuple of Doubt
+        Of the kinds of `AdjustmentDoubt`: a clock or a shutter that cannot be, terrain not used.
+    """
+
+    object: IntArray
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    height_m: FloatArray
+    covariance_m2: FloatArray
+    sigma_height_m: FloatArray
+    by_source: dict[str, FloatArray]
+    reason: TextArray
+    used: BoolArray
+    rejected: TextArray
+    residual_px: FloatArray
+    range_m: FloatArray
+    eye_m: FloatArray
+    poses: Poses
+    noise: float
+    time_offset_ms: Correction
+    readout_ms: Correction
+    boresight_deg: dict[str, tuple[Correction, ...]]
+    doubts: tuple[Doubt, ...]
+
+
+def adjusted_of(
+    objects: IntArray,
+    rejected: TextArray,
+    poses: Poses,
+    model: Model,
+    solution: Solution,
+    found: Spread,
+    budget: ErrorBudget,
+    track_sigma_m: float,
+    doubts: tuple[Doubt, ...],
+) -> Adjusted:
+    """Bring points back to objects, positions to the ellipsoid, and add what no sighting can show."""
+    scene, n, g = model.scene, rejected.size, objects.size
+    points = model.points_m(solution.x)
+    latitude, longitude = geographic_from_enu(
+        scene.anchor_deg[:, 0], scene.anchor_deg[:, 1], points[:, 0], points[:, 1]
+    )
+    by_source = _every_source(found, model, budget, track_sigma_m)
+    total = np.sum(list(by_source.values()), axis=0)
+    sigma_major, _, _ = ellipse(total)
+    firm = (sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points)
+    index = np.searchsorted(objects, scene.object)
+    chosen = _best_points(index, g, scene.is_foot, firm)
+    reason = np.where(chosen < 0, Reason.NO_POSITION, np.where(firm[chosen], "", Reason.TOO_VAGUE))
+    good = reason == ""
+    lost = scene.row[~good[index[scene.point]]]
+    rejected = np.where(np.isin(np.arange(n), lost) & (rejected == ""), Reason.TOO_VAGUE, rejected)
+
+    def of_objects(values: FloatArray) -> FloatArray:
+        result = np.full((g, *values.shape[1:]), np.nan)
+        result[good] = values[chosen[good]]
+        return result
+
+    residual_px, eye_m = _of_sightings(model, solution, points, n)
+    shared = np.sqrt(np.diag(found.shared))
+    return Adjusted(
+        object=objects,
+        latitude_deg=of_objects(latitude),
+        longitude_deg=of_objects(longitude),
+        height_m=of_objects(points[:, 2]),
+        covariance_m2=of_objects(total),
+        sigma_height_m=of_objects(np.sqrt(found.covariance_m2[:, 2, 2])),
+        by_source={source: of_objects(value) for source, value in by_source.items()},
+        reason=reason,
+        used=rejected == "",
+        rejected=rejected,
+        residual_px=residual_px,
+        range_m=np.hypot(eye_m[:, 0], eye_m[:, 1]),
+        eye_m=eye_m,
+        poses=poses,
+        noise=solution.noise,
+        time_offset_ms=Correction(1e3 * float(solution.x[TIME]), 1e3 * float(shared[TIME])),
+        readout_ms=Correction(
+            1e3 * (model.readout_s + float(solution.x[READOUT])), 1e3 * float(shared[READOUT])
+        ),
+        boresight_deg=_boresight_deg(model, solution, shared),
+        doubts=doubts,
+    )
+
+
+def _best_points(index: IntArray, n_objects: int, is_foot: BoolArray, firm: BoolArray) -> IntArray:
+    """Choose the point (n_objects,) that stands for each object; -1 for none.
+
+    `index`, `is_foot` and `firm` are of the points (m,): the object's, whether it is a foot, and whether its
+    place is firm.
+    """
+    chosen = np.full(n_objects, -1)
+    # What is written last counts: a foot before a face, a firm place before a vague one.
+    for point in np.lexsort((is_foot, firm)):
+        chosen[index[point]] = point
+    return chosen
+
+
+def _of_sightings(
+    model: Model, solution: Solution, points_m: FloatArray, n: int
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals (n, 2) of all sightings, and the camera's place (n, 3) from the point; NaN where unused."""
+    scene = model.scene
+    eye = model.origin_m + np.einsum("nij,nj->ni", scene.body.enu_R_rig, scene.rig_t_camera_m[scene.camera])
+    eye[:, :2] -= points_m[scene.point, :2]
+    residual_px, eye_m = np.full((n, 2), np.nan), np.full((n, 3), np.nan)
+    residual_px[scene.row], eye_m[scene.row] = -solution.residual_px, eye
+    return residual_px, eye_m
+
+
+def _every_source(
+    found: Spread, model: Model, budget: ErrorBudget, track_sigma_m: float
+) -> dict[str, FloatArray]:
+    """Covariance of each source: what the sightings show, and what holds for the whole track."""
+    by_source = _merged(found.by_source)
+    for source, whole in _of_the_track(model, budget, track_sigma_m).items():
+        by_source[source] = by_source.get(source, 0.0) + whole
+    return by_source
+
+
+def _boresight_deg(model: Model, solution: Solution, sigma: FloatArray) -> dict[str, tuple[Correction, ...]]:
+    """Pitch, yaw and roll of each camera; `sigma` is that of the shared unknowns, in radians for angles."""
+    return {
+        name: tuple(
+            Correction(float(np.degrees(solution.x[k])), float(np.degrees(sigma[k])))
+            for k in model.layout.boresight(np.array(i))
+        )
+        for i, name in enumerate(model.scene.cameras)
+    }
+
+
+def _leapt(model: Model, points_m: FloatArray) -> BoolArray:
+    """Points (m,) that ended far from where they began: rays and ground contradict each other."""
+    scene = model.scene
+    _, first = np.unique(scene.point, return_index=True)
+    origin = model.origin_m[first]
+    began = np.linalg.norm((scene.start_m - origin)[:, :2], axis=1)
+    ended = np.linalg.norm((points_m - origin)[:, :2], axis=1)
+    return np.asarray(np.abs(np.log(np.maximum(ended, 0.1) / np.maximum(began, 0.1))) > _LARGEST_LEAP)
+
+
+def _merged(by_source: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    """East and north of each source; what keeps the equations solvable goes to the pixels."""
+    plane = {source: value[:, :2, :2] for source, value in by_source.items()}
+    for technical in ("anywhere", "face beside foot"):
+        if technical in plane:
+            plane["pixels"] = plane["pixels"] + plane.pop(technical)
+    plane["ground"] = plane["ground"] + plane.pop(BESIDE_ROAD)
+    return plane
+
+
+def _of_the_track(model: Model, budget: ErrorBudget, track_sigma_m: float) -> dict[str, FloatArray]:
+    """What moves the car's whole track, and every object with it, so that no sighting can show it."""
+    scene = model.scene
+    count = np.bincount(scene.point)
+    mean = np.bincount(scene.point, weights=scene.body.sigma_horizontal_m**2) / count
+    mean += track_sigma_m**2
+    lever = np.full(count.size, budget.lever_arm_m**2)
+    return {"gnss": mean[:, None, None] * np.eye(2), "lever arm": lever[:, None, None] * np.eye(2)}
+
+
+def nothing_adjusted(objects: IntArray, rejected: TextArray, poses: Poses) -> Adjusted:
+    """The answer where no sighting can be used."""
+    n, g = rejected.size, objects.size
+    nan = np.full(g, np.nan)
+    unknown = Correction(0.0, np.inf)
+    return Adjusted(
+        objects,
+        nan,
+        nan,
+        nan,
+        np.full((g, 2, 2), np.nan),
+        nan,
+        {},
+        np.full(g, Reason.NO_POSITION, dtype=REASON_TYPE),
+        np.zeros(n, dtype=bool),
+        rejected,
+        np.full((n, 2), np.nan),
+        np.full(n, np.nan),
+        np.full((n, 3), np.nan),
+        poses,
+        1.0,
+        unknown,
+        unknown,
+        {},
+        (),
+    )
