@@ -21,6 +21,8 @@ from geoloc.trajectory.poses import Poses
 
 # A bearing alone leaves a position open along the ray: what is worse than this is no position.
 _WORST_SIGMA_M = 5.0
+# What a calibration leaves of a lens's centre: a turn of the camera looks the same, however long it drives.
+_CENTRE_PX = 0.3
 # Logarithm of the ratio between the distances of a point's start and end: a factor of three.
 _LARGEST_LEAP = 1.1
 
@@ -199,13 +201,16 @@ def _every_source(
 
 def _boresight_deg(model: Model, solution: Solution, sigma: FloatArray) -> dict[str, tuple[Correction, ...]]:
     """Pitch, yaw and roll of each camera; `sigma` is that of the shared unknowns, in radians for angles."""
-    return {
-        name: tuple(
-            Correction(float(np.degrees(solution.x[k])), float(np.degrees(sigma[k])))
-            for k in model.layout.boresight(np.array(i))
+    scene, corrections = model.scene, {}
+    for i, name in enumerate(scene.cameras):
+        focal_px = np.median(np.linalg.norm(scene.pixel_from_ray[scene.camera == i], axis=2))
+        places = model.layout.boresight(np.array(i))
+        known = np.hypot(sigma[places], np.array([_CENTRE_PX, _CENTRE_PX, 0.0]) / focal_px)
+        corrections[name] = tuple(
+            Correction(float(x), float(s))
+            for x, s in zip(np.degrees(solution.x[places]), np.degrees(known), strict=True)
         )
-        for i, name in enumerate(model.scene.cameras)
-    }
+    return corrections
 
 
 def _leapt(model: Model, points_m: FloatArray) -> BoolArray:
