@@ -60,6 +60,10 @@ DetectorEveryOption = Annotated[int, typer.Option(min=1, help="Run the detector 
 DetectorThresholdOption = Annotated[
     float, typer.Option(help="Lowest score of a box that counts, between 0 and 1.")
 ]
+ReplaceOption = Annotated[
+    bool,
+    typer.Option("--replace", help="Give up what the store has of this recording's annotations."),
+]
 
 
 @app.command("ingest-drive", epilog="Example: twin ingest-drive data/trip_trondheim")
@@ -72,6 +76,7 @@ def ingest_drive(
     detector: DetectorOption = None,
     detector_every: DetectorEveryOption = 1,
     detector_threshold: DetectorThresholdOption = 0.25,
+    replace: ReplaceOption = False,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -88,6 +93,7 @@ def ingest_drive(
             terrain_heights=terrain_heights,
             labels=labels,
             detector=DetectorOptions(detector, detector_every, detector_threshold) if detector else None,
+            replace=replace,
             progress=progress,
         )
     for warning in report.warnings:

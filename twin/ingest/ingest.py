@@ -86,6 +86,7 @@ def ingest_drive(
     terrain_heights: str | None = None,
     labels: Path | str | None = None,
     detector: DetectorOptions | None = None,
+    replace: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> IngestReport:
     """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
@@ -114,11 +115,15 @@ def ingest_drive(
         What labels mean (:mod:`twin.drives.annotations.labels`), instead of the folder's own ``labels.toml``.
     detector : DetectorOptions, optional
         A network that finds the signs in the drive's pictures; annotations are then left unread.
+    replace : bool
+        Whether a drive without annotations may take the place of one that has some.
 
     Raises
     ------
     ConfigError, DriveError, TerrainError, GeolocError
         The drive cannot be read or located; the store is unchanged.
+    RefusedError
+        It has no annotations, and the store has some of the same recording; the store is unchanged.
     """
     _check_method(method, detector)
     say = progress or (lambda _text: None)
@@ -160,6 +165,8 @@ def ingest_drive(
         corrections_of(sighted.adjusted),
         misfits=[misfit.what for misfit in misfits],
         absence_gap=gap,
+        folder=str(path),
+        replace=replace,
     )
     return _report(drive, trajectory, sighted, positions, row, method, len(estimates))
 

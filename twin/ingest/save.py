@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import sqlalchemy as sa
 
+from twin.errors import RefusedError
 from twin.store import schema
 from twin.store.records import Corrections, Estimate
 from twin.store.store import Row, Store
@@ -21,10 +22,25 @@ def save_drive(
     corrections: Corrections | None = None,
     misfits: Sequence[str] = (),
     absence_gap: str = "",
+    *,
+    folder: str = "",
+    replace: bool = False,
 ) -> None:
     """Replace one drive's record and its sightings and estimates by `method`, in one transaction.
 
     Results of another method from files that were since changed are of another recording: they go too.
+
+    Parameters
+    ----------
+    folder : str
+        Where the drive was read from, for messages.
+    replace : bool
+        Whether a drive without annotations may take the place of one that has some.
+
+    Raises
+    ------
+    RefusedError
+        The drive has no annotations, and the store has some of it; nothing is changed.
     """
     drive_id = drive["drive_id"]
     result = {
@@ -36,6 +52,8 @@ def save_drive(
         "absence_gap": absence_gap,
     }
     with store.transaction() as connection:
+        if not replace:
+            _refuse_emptying(store, connection, drive, folder)
         stored_sha256 = connection.execute(
             sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive_id)
         ).scalar()
@@ -54,3 +72,17 @@ def save_drive(
             if rows:
                 connection.execute(sa.insert(table), [dict(row) for row in rows])
         store.touch(connection)
+
+
+def _refuse_emptying(store: Store, connection: sa.Connection, drive: Row, folder: str) -> None:
+    """Refuse a drive without annotations where the store has some of it."""
+    asked = sa.select(schema.drive.c.name, schema.drive.c.n_annotations)
+    stored = connection.execute(asked.where(schema.drive.c.drive_id == drive["drive_id"])).first()
+    if stored is None or not stored.n_annotations or drive["n_annotations"]:
+        return
+    raise RefusedError(
+        f"{folder or drive['name']} has no annotations that can be used, and the store {store.path} has "
+        f"{stored.n_annotations:,} of the same recording (drive {stored.name}, {drive['drive_id']}), which "
+        "would be lost; nothing was changed: put the annotations into the folder, or give up those in the "
+        "store with --replace."
+    )
