@@ -49,6 +49,7 @@ class _Commands(_LazyGroup):
     modules: ClassVar[Mapping[str, str]] = {
         "sync-nvdb": "mirror",
         "ingest-drive": "drives",
+        "drives": "drives",
         "inspect": "drives",
         "match": "findings",
         "explain": "findings",

@@ -1,9 +1,10 @@
-"""``twin ingest-drive`` and ``twin inspect``: recorded drives."""
+"""``twin ingest-drive``, ``twin drives`` and ``twin inspect``: recorded drives."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ from twin.store.kinds import Method
 if TYPE_CHECKING:
     from twin.drives.inspection.inspect import CameraSeen, Inspection
     from twin.ingest.ingest import IngestReport
+    from twin.store.annotation_sets import AnnotationSet, NamedSet
     from twin.store.store import Store
 
 app = typer.Typer()
@@ -62,7 +64,7 @@ DetectorThresholdOption = Annotated[
 ]
 ReplaceOption = Annotated[
     bool,
-    typer.Option("--replace", help="Give up what the store has of this recording's annotations."),
+    typer.Option("--replace", help="Delete what the store has of other annotations of this recording."),
 ]
 
 
@@ -118,6 +120,67 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
         "sightings located": f"{report.n_located:,} of {report.n_sightings:,}",
         "objects located": f"{report.n_estimates:,} of {report.n_objects:,}",
     }
+
+
+WordsArgument = Annotated[
+    list[str] | None,
+    typer.Argument(help="use, a drive's id or name, and a set's number.", metavar="[use DRIVE N]"),
+]
+
+
+@app.command(
+    "drives", epilog="Example: twin drives.  Let an earlier set count: twin drives use trip_trondheim 1"
+)
+def drives(
+    words: WordsArgument = None, store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False
+) -> None:
+    """List the store's drives and their annotation sets; `use` lets another set of a drive count.
+
+    Annotations of a recording that the store has are a set of their own. The newest one counts in matches,
+    exports and reports; what came of the others is kept.
+    """
+    from twin.errors import ConfigError
+    from twin.store.annotation_sets import all_annotation_sets, use_annotation_set
+    from twin.store.store import Store
+
+    verb, *asked = words or ["list"]
+    if words and (verb != "use" or len(asked) != 2 or not asked[1].isdecimal()):
+        raise ConfigError(
+            "`twin drives` stands alone, or with use, a drive and the number of one of its annotation sets: "
+            "twin drives use trip_trondheim 1."
+        )
+    with Store.open(store, create=False) as opened:
+        changed = use_annotation_set(opened, asked[0], int(asked[1])) if words else None
+        sets = all_annotation_sets(opened)
+    if json_output:
+        print_json([{"drive": one.drive, **asdict(one.annotation_set)} for one in sets])
+        return
+    print_table("Drives and their annotation sets", _SET_COLUMNS, [_set_row(one) for one in sets])
+    if changed is not None:
+        note(_change(*changed))
+
+
+_SET_COLUMNS = (
+    "drive", "id", "folder", "read", "set", "counts", "complete", "annotations", "sightings", "objects",
+)  # fmt: skip
+
+
+def _set_row(named: NamedSet) -> tuple[object, ...]:
+    one = named.annotation_set
+    return (
+        *(named.drive, one.drive_id, one.folder or None, one.read_at, one.number),
+        *("yes" if one.is_current else "no", "yes" if one.is_complete else "no"),
+        *(one.n_annotations, one.n_sightings, one.n_objects),
+    )
+
+
+def _change(before: AnnotationSet, now: AnnotationSet) -> str:
+    if before.number == now.number:
+        return f"Set {now.number} counts already: nothing was changed."
+    return (
+        f"Set {now.number} counts now ({now.n_objects} objects), set {before.number} is kept "
+        f"({before.n_objects} objects): run `twin match` again."
+    )
 
 
 @app.command("inspect", epilog="Example: twin inspect path/to/trip --out timeline.png")

@@ -105,6 +105,9 @@ class Drive:
         same id on every machine, also when it is annotated or calibrated anew.
     content_sha256 : str
         Over name and content of every file that was read.
+    annotations_sha256 : str
+        Over name and content of the annotation files, or over what a detector found; what labels mean is
+        not in it.
     name : str
         The folder's, or ``name`` in ``drive.toml``.
     path : str
@@ -139,6 +142,7 @@ class Drive:
 
     drive_id: str
     content_sha256: str
+    annotations_sha256: str
     name: str
     path: str
     rig: Rig

@@ -44,7 +44,7 @@ import numpy as np
 from geoloc.rig.rig import Rig
 from twin.drives.annotations.frame_numbers import first_frame_warnings
 from twin.drives.annotations.gather import stamped
-from twin.drives.annotations.read import read_annotations
+from twin.drives.annotations.read import label_files, read_annotations
 from twin.drives.detection.read import read_detections
 from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings, read_settings
@@ -102,10 +102,12 @@ def read_drive(
     track = read_track(folder, settings, rig, notes)
     pictures = find_pictures(folder, settings, track.rig)
     if detector is None:
+        before = folder.entered()
         image_frames = {camera: of.frame_of() for camera, of in pictures.items() if of.images}
         annotated = read_annotations(
             folder, settings, track.rig, notes, labels=labels, image_frames=image_frames
         )
+        annotation_files = folder.entered() - before
         cameras = {*annotated.cameras, *(settings.annotations or ())}
         stamps, stamp_files = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
         check_picture_sizes(pictures, annotated.unsized, track.rig)
@@ -116,7 +118,9 @@ def read_drive(
             )
     else:
         stamps, stamp_files = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
+        before = folder.entered()
         annotated = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
+        annotation_files = folder.entered() - before
     annotations, unstamped = stamped(annotated.annotations, stamps, stamp_files)
     notes.skipped += unstamped
     offset_ns = settings.camera_offset_ns
@@ -125,6 +129,7 @@ def read_drive(
     return Drive(
         drive_id=folder.drive_id(),
         content_sha256=folder.content_sha256(),
+        annotations_sha256=folder.content_sha256(annotation_files - label_files(labels)),
         name=settings.name or path.resolve().name,
         path=str(path),
         rig=track.rig,

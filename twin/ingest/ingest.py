@@ -29,7 +29,7 @@ from twin.errors import ConfigError, DriveError
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
 from twin.ingest.rows import Positions, corrections_of, estimates_of, positions_of, sighting_rows
-from twin.ingest.save import save_drive
+from twin.ingest.save import Saved, save_drive
 from twin.store.poses import blob_from_poses
 from twin.store.schema import METHODS
 from twin.store.store import Row, Store
@@ -55,6 +55,8 @@ class IngestReport:
         Objects with a position.
     skipped : dict
         "what: reason" → count, for everything that was left out on the way.
+    annotation_set : int
+        Its number among those of the drive (:mod:`twin.store.annotation_sets`).
     delay_ms : float or None
         Median delay of the GNSS host stamps, the trip's link delay.
     fix_quality : dict
@@ -69,6 +71,7 @@ class IngestReport:
     n_located: int
     n_objects: int
     n_estimates: int
+    annotation_set: int
     length_m: float
     delay_ms: float | None
     fix_quality: dict[str, int]
@@ -91,7 +94,8 @@ def ingest_drive(
 ) -> IngestReport:
     """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
 
-    The same drive ingested twice by the same method replaces itself: nothing is doubled.
+    The same drive ingested twice by the same method replaces itself: nothing is doubled. Other annotations of
+    the same recording are a set of their own (:func:`twin.ingest.save.save_drive`).
 
     The adjustment, by far the most of the work, runs once for the positions. Where the track is worse than
     association takes for granted, it runs before that at most twice to tell objects apart (annotations
@@ -116,7 +120,7 @@ def ingest_drive(
     detector : DetectorOptions, optional
         A network that finds the signs in the drive's pictures; annotations are then left unread.
     replace : bool
-        Whether a drive without annotations may take the place of one that has some.
+        Whether the drive's other annotation sets are deleted, also by a folder without annotations.
 
     Raises
     ------
@@ -155,7 +159,7 @@ def ingest_drive(
         *_absence_warning(drive, n_unplaced, gap),
     )
     row = _drive_row(drive, trajectory, list(dict.fromkeys(map(str, warnings))))
-    save_drive(
+    saved = save_drive(
         store,
         row,
         method,
@@ -165,10 +169,11 @@ def ingest_drive(
         corrections_of(sighted.adjusted),
         misfits=[misfit.what for misfit in misfits],
         absence_gap=gap,
+        annotations_sha256=drive.annotations_sha256,
         folder=str(path),
         replace=replace,
     )
-    return _report(drive, trajectory, sighted, positions, row, method, len(estimates))
+    return _report(drive, trajectory, sighted, positions, row, method, saved)
 
 
 def _report(
@@ -178,7 +183,7 @@ def _report(
     positions: Positions,
     row: Row,
     method: str,
-    n_estimates: int,
+    saved: Saved,
 ) -> IngestReport:
     return IngestReport(
         drive_id=drive.drive_id,
@@ -188,11 +193,13 @@ def _report(
         n_sightings=len(sighted.index),
         n_located=int((sighted.reasons == "").sum()),
         n_objects=len(np.unique(drive.annotations.object)),
-        n_estimates=n_estimates,
+        n_estimates=saved.annotation_set.n_objects,
+        annotation_set=saved.annotation_set.number,
         length_m=row["length_m"],
         delay_ms=row["delay_ms"],
         fix_quality=row["fix_quality"],
-        warnings=tuple(row["warnings"]),
+        # What became of the store's other annotations is of this run, not of the drive.
+        warnings=(*row["warnings"], *filter(None, [saved.sentence()])),
         skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
     )
 

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 8
+VERSION = 9
 """Raised with every change of the tables: a store of another version is upgraded or refused."""
 
 UPGRADES: Mapping[int, tuple[str, ...]] = {
@@ -36,6 +36,55 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "objects JSON NOT NULL, file VARCHAR NOT NULL, at VARCHAR NOT NULL, UNIQUE (tag, change_id))"
         ),
         "CREATE INDEX ix_sent_change_id ON sent (change_id)",
+    ),
+    8: (
+        (
+            "CREATE TABLE annotation_set (drive_id VARCHAR NOT NULL, number INTEGER NOT NULL, "
+            "annotations_sha256 VARCHAR, read_at VARCHAR, folder VARCHAR NOT NULL, is_complete BOOLEAN NOT "
+            "NULL, is_current BOOLEAN NOT NULL, n_annotations INTEGER NOT NULL, n_sightings INTEGER NOT "
+            "NULL, n_objects INTEGER NOT NULL, PRIMARY KEY (drive_id, number))"
+        ),
+        (
+            "CREATE TABLE drive_kept (drive_id VARCHAR NOT NULL, name VARCHAR NOT NULL, started_ns BIGINT "
+            "NOT NULL, ended_ns BIGINT NOT NULL, datum VARCHAR NOT NULL, annotations_complete BOOLEAN NOT "
+            "NULL, n_frames INTEGER NOT NULL, n_annotations INTEGER NOT NULL, length_m FLOAT NOT NULL, "
+            "delay_ms FLOAT, line BLOB NOT NULL, rig BLOB NOT NULL, poses BLOB NOT NULL, content_sha256 "
+            "VARCHAR NOT NULL, fix_quality JSON NOT NULL, cameras JSON NOT NULL, warnings JSON NOT NULL, "
+            "skipped JSON NOT NULL, software VARCHAR NOT NULL, annotation_set INTEGER NOT NULL, PRIMARY "
+            "KEY (drive_id, annotation_set))"
+        ),
+        (
+            "CREATE TABLE drive_method_kept (drive_id VARCHAR NOT NULL, method VARCHAR NOT NULL, "
+            "n_unplaced INTEGER NOT NULL, corrections JSON NOT NULL, misfits JSON NOT NULL, absence_gap "
+            "VARCHAR NOT NULL, annotation_set INTEGER NOT NULL, PRIMARY KEY (drive_id, method, "
+            "annotation_set))"
+        ),
+        (
+            "CREATE TABLE sighting_kept (drive_id VARCHAR NOT NULL, method VARCHAR NOT NULL, number "
+            "INTEGER NOT NULL, object VARCHAR NOT NULL, camera VARCHAR NOT NULL, frame INTEGER NOT NULL, "
+            "epoch_ns BIGINT NOT NULL, kind VARCHAR NOT NULL, u_px FLOAT NOT NULL, v_px FLOAT NOT NULL, "
+            "east_m FLOAT, north_m FLOAT, cov_ee_m2 FLOAT, cov_en_m2 FLOAT, cov_nn_m2 FLOAT, range_m "
+            "FLOAT, speed_mps FLOAT, residual_u_px FLOAT, residual_v_px FLOAT, eye_east_m FLOAT, "
+            "eye_north_m FLOAT, rejected VARCHAR NOT NULL, annotation_set INTEGER NOT NULL, PRIMARY KEY "
+            "(drive_id, method, number, annotation_set))"
+        ),
+        (
+            "CREATE TABLE estimate_kept (estimate_id VARCHAR NOT NULL, drive_id VARCHAR NOT NULL, object "
+            "VARCHAR NOT NULL, label VARCHAR NOT NULL, skiltnummer VARCHAR NOT NULL, method VARCHAR NOT "
+            "NULL, east_m FLOAT NOT NULL, north_m FLOAT NOT NULL, height_m FLOAT NOT NULL, sigma_height_m "
+            "FLOAT, cov_ee_m2 FLOAT NOT NULL, cov_en_m2 FLOAT NOT NULL, cov_nn_m2 FLOAT NOT NULL, "
+            "n_sightings INTEGER NOT NULL, n_frames INTEGER NOT NULL, n_cameras INTEGER NOT NULL, cameras "
+            "JSON NOT NULL, first_ns BIGINT NOT NULL, last_ns BIGINT NOT NULL, range_min_m FLOAT NOT NULL, "
+            "n_rejected INTEGER NOT NULL, flags VARCHAR NOT NULL, budget JSON NOT NULL, nvdb_type INTEGER, "
+            "text VARCHAR, annotation_set INTEGER NOT NULL, PRIMARY KEY (estimate_id, annotation_set))"
+        ),
+        # Which annotations they were is not known of the drives that are there.
+        (
+            "INSERT INTO annotation_set SELECT drive_id, 1, NULL, NULL, '', annotations_complete, 1, "
+            "n_annotations, (SELECT count(DISTINCT s.number) FROM sighting AS s WHERE s.drive_id = "
+            "drive.drive_id AND s.rejected = ''), (SELECT count(DISTINCT e.object) FROM estimate AS e "
+            "WHERE e.drive_id = drive.drive_id) FROM drive"
+        ),
     ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""
@@ -256,6 +305,34 @@ estimate = sa.Table(
     sa.Column("nvdb_type", sa.Integer),  # of an object that is no sign; null for signs
     sa.Column("text", sa.String),  # on its plates, joined as their codes are; null where none was annotated
 )
+
+annotation_set = sa.Table(
+    "annotation_set",
+    metadata,
+    sa.Column("drive_id", sa.String, primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
+    sa.Column("annotations_sha256", sa.String),  # null: read before schema 9, which did not keep it
+    sa.Column("read_at", sa.String),  # UTC, when it was last read; null as above
+    sa.Column("folder", sa.String, nullable=False),
+    sa.Column("is_complete", sa.Boolean, nullable=False),  # declared: every sign in view was annotated
+    sa.Column("is_current", sa.Boolean, nullable=False),  # one of each drive
+    sa.Column("n_annotations", sa.Integer, nullable=False),
+    sa.Column("n_sightings", sa.Integer, nullable=False),  # with a position, of the method read last
+    sa.Column("n_objects", sa.Integer, nullable=False),  # likewise
+)
+"""Each drive's annotations as they were read, a row for each version of them."""
+
+
+def _kept(table: sa.Table) -> sa.Table:
+    columns = (
+        sa.Column(c.name, c.type, primary_key=c.primary_key, nullable=c.nullable) for c in table.columns
+    )
+    number = sa.Column("annotation_set", sa.Integer, primary_key=True)
+    return sa.Table(f"{table.name}_kept", metadata, *columns, number)
+
+
+KEPT = {table: _kept(table) for table in (drive, drive_method, sighting, estimate)}
+"""What came of annotation sets that are not current; the tables themselves hold the current ones alone."""
 
 change = sa.Table(
     "change",

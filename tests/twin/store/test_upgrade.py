@@ -8,17 +8,24 @@ from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
+from store_rows import row
 
 from twin.errors import StoreError
 from twin.store import schema
+from twin.store.annotation_sets import all_annotation_sets
 from twin.store.store import Store
+
+SINCE_9 = ("annotation_set", *(table.name for table in schema.KEPT.values()))
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4, 5, 6 or 7 wrote it, with one decision."""
+    """Make a store as version 4 to 8 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
-        raw.execute("DROP TABLE sent")
+        for table in SINCE_9:
+            raw.execute(f"DROP TABLE {table}")
+        if version < 8:
+            raw.execute("DROP TABLE sent")
         if version < 7:
             raw.execute("ALTER TABLE drive_method DROP COLUMN misfits")
             raw.execute("ALTER TABLE drive_method DROP COLUMN absence_gap")
@@ -35,7 +42,7 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7])
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
@@ -43,13 +50,13 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
         assert store.rows(sa.select(schema.estimate.c.nvdb_type, schema.estimate.c.text)) == []
         assert store.rows(sa.select(schema.change.c.cameras)) == []
         assert store.rows(sa.select(schema.sent)) == []
-        assert [row["decision"] for row in store.rows(sa.select(schema.decision))] == ["accept"]
+        assert [one["decision"] for one in store.rows(sa.select(schema.decision))] == ["accept"]
     with Store.open(path, create=False) as again:
         versions = again.rows(sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version"))
     assert versions == [{"value": str(schema.VERSION)}]
 
 
-@pytest.mark.parametrize("table", ["estimate", "change", "drive_method", "sent"])
+@pytest.mark.parametrize("table", ["estimate", "change", "drive_method", "sent", *SINCE_9])
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
     tables = []
@@ -85,8 +92,23 @@ def test_what_speaks_against_a_drive_moves_out_of_its_corrections(
         raw.execute("INSERT INTO drive_method VALUES (?, ?, ?, ?)", values)
     raw.close()
     with Store.open(path) as store:
-        (row,) = store.rows(sa.select(schema.drive_method))
-    assert (row["corrections"], row["misfits"], row["absence_gap"]) == (noise, misfits, gap)
+        (told,) = store.rows(sa.select(schema.drive_method))
+    assert (told["corrections"], told["misfits"], told["absence_gap"]) == (noise, misfits, gap)
+
+
+def test_drives_of_an_older_store_are_annotation_sets_that_count(tmp_path: Path) -> None:
+    """Set 1 of each drive; which annotations it was made of is not known."""
+    path = older(tmp_path / "twin.db", 8)
+    with sqlite3.connect(path) as raw:
+        for drive in (row(schema.drive, drive_id=d, n_annotations=n) for d, n in (("a", 7), ("b", 0))):
+            marks = ", ".join("?" * len(drive))
+            values = [json.dumps(value) if value == [] else value for value in drive.values()]
+            raw.execute(f"INSERT INTO drive VALUES ({marks})", values)
+    raw.close()
+    with Store.open(path) as store:
+        sets = [named.annotation_set for named in all_annotation_sets(store)]
+    assert [(one.drive_id, one.number, one.n_annotations) for one in sets] == [("a", 1, 7), ("b", 1, 0)]
+    assert all(one.is_current and one.annotations_sha256 is None for one in sets)
 
 
 def test_store_that_cannot_be_upgraded_is_refused_untouched(tmp_path: Path) -> None:

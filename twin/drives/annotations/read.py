@@ -78,11 +78,20 @@ def read_drive_labels(folder: DriveFolder, labels: Path | None = None) -> LabelM
             content = labels.read_bytes()
         except OSError as error:
             raise DriveError(f"{labels} cannot be read ({error.strerror}): check its name.") from error
-        folder.enter(f"--labels {labels.name}", content)
+        folder.enter(_entered(labels), content)
         return read_label_map(content, labels.name)
     if folder.has(LABELS_FILE):
         return read_label_map(folder.content(LABELS_FILE))
     return LabelMap()
+
+
+def label_files(labels: Path | None) -> frozenset[str]:
+    """Names under which the file of labels' meanings may be among those that the drive was read from."""
+    return frozenset({LABELS_FILE} if labels is None else {_entered(labels)})
+
+
+def _entered(labels: Path) -> str:
+    return f"--labels {labels.name}"
 
 
 def _warnings(folder: DriveFolder, files: list[str], read: AnnotationsRead) -> tuple[Doubt, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import unicodedata
+from collections.abc import Collection
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import BinaryIO
 
@@ -220,14 +221,14 @@ class DriveFolder:
         """
         return hashlib.sha256(b"".join(sorted(self._tracks))).hexdigest()[:12]
 
-    def content_sha256(self) -> str:
-        """SHA-256 over name and content of every file read so far, as hex digits.
+    def content_sha256(self, names: Collection[str] | None = None) -> str:
+        """SHA-256 over name and content of every file read so far, or of some of them, as hex digits.
 
         Names are relative, in Unicode NFC and sorted: neither the folder's place and name nor the file
         system's way with accents changes it.
         """
         whole = hashlib.sha256()
-        for name in sorted(self._digests):
+        for name in sorted(self._digests if names is None else names):
             whole.update(name.encode() + b"\0" + self._digests[name])
         return whole.hexdigest()
 
