@@ -124,7 +124,7 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
 
 WordsArgument = Annotated[
     list[str] | None,
-    typer.Argument(help="use, a drive's id or name, and a set's number.", metavar="[use DRIVE N]"),
+    typer.Argument(help="use, a drive's id or name, and a set's number.", metavar="use DRIVE N"),
 ]
 
 
@@ -136,8 +136,8 @@ def drives(
 ) -> None:
     """List the store's drives and their annotation sets; `use` lets another set of a drive count.
 
-    Annotations of a recording that the store has are a set of their own. The newest one counts in matches,
-    exports and reports; what came of the others is kept.
+    Other annotations of a recording that the store has are a set of their own. The newest complete one counts
+    in matches, exports and reports; what came of the others is kept.
     """
     from twin.errors import ConfigError
     from twin.store.annotation_sets import all_annotation_sets, use_annotation_set

@@ -128,7 +128,7 @@ def use_annotation_set(store: Store, drive: str, number: int) -> tuple[Annotatio
     Parameters
     ----------
     drive : str
-        Its id, or its name where no other drive has it.
+        Its id, or the name of one of its folders where no other drive has it.
     number : int
 
     Returns
@@ -155,9 +155,9 @@ def use_annotation_set(store: Store, drive: str, number: int) -> tuple[Annotatio
 
 
 def _drive_id(connection: sa.Connection, drive: str) -> str:
-    column = schema.drive.c
-    asked = sa.select(column.drive_id).where((column.drive_id == drive) | (column.name == drive))
-    ids = sorted(connection.execute(asked).scalars())
+    tables = (schema.drive.c, schema.KEPT[schema.drive].c)  # a copy of the folder may have another name
+    named = [sa.select(t.drive_id).where((t.drive_id == drive) | (t.name == drive)) for t in tables]
+    ids = sorted(connection.execute(sa.union(*named)).scalars())
     if not ids:
         raise ConfigError(f"The store has no drive {drive}: `twin drives` lists its drives.")
     if len(ids) > 1:
