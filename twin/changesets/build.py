@@ -14,12 +14,12 @@ from twin.changesets.nvdb_side import earlier_states, mirrored_near
 from twin.changesets.operations import Basis, Group, LeftOut, known_pole, new_pole
 from twin.changesets.places import RoadPlaces
 from twin.changesets.sent import SentFinding, SentLog
-from twin.decisions.findings import findings
-from twin.decisions.log import standing
+from twin.decisions.findings import latest_findings
+from twin.decisions.log import Entry, last_entries
 from twin.matching.sites import SKILTPUNKT, Site
-from twin.store.kinds import QUIET, Decision, Verdict
+from twin.store.kinds import Decision, Verdict
 from twin.store.records import Finding
-from twin.store.store import Row, Snapshot, Store
+from twin.store.store import Snapshot, Store
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ class ChangeSets:
     findings: Mapping[str, Finding] = field(default_factory=dict)
     seen: Mapping[str, Seen] = field(default_factory=dict)
     read: Mapping[str, str] = field(default_factory=dict)
-    decided: Mapping[str, Row] = field(default_factory=dict)
+    decided: Mapping[str, Entry] = field(default_factory=dict)
     match: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -117,14 +117,14 @@ def groups_from_store(
     katalog = katalog_from_document(fact) if fact else snapshot()
     with store.snapshot() as view:
         chosen = [
-            Finding.from_row(row) for row in findings(view.rows, decision) if row["verdict"] not in QUIET
+            one.finding for one in latest_findings(view.rows) if one.decision == decision and not one.is_quiet
         ]
         held = {} if log is None else log.holding(chosen)
         held = {key: one for key, one in held.items() if key not in again}
         chosen = [finding for finding in chosen if finding.change_id not in held]
         if not chosen:
             return ChangeSets(decision, sent=held)
-        said = standing(view.rows)
+        said = last_entries(view.rows)
         seen = seen_of(view, chosen, last["method"])
         mirrored = mirrored_near(view, chosen)
         basis = Basis(mirrored, seen, RoadPlaces(store), katalog)

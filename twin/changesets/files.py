@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
 from typing import Any, Final
 
 import twin
@@ -13,6 +12,7 @@ from nvdb.endringssett import to_json, to_xml
 from twin.changesets.build import ChangeSets, Sett
 from twin.changesets.datafangst import datafangst
 from twin.changesets.drive_side import height_of
+from twin.decisions.log import Entry
 from twin.store.kinds import Verdict
 
 PROVENANCE: Final = "proveniens.json"
@@ -119,10 +119,10 @@ def _changes(made: ChangeSets) -> list[dict[str, Any]]:
     ]
 
 
-def _decision(entry: Mapping[str, Any] | None) -> dict[str, Any] | None:
+def _decision(entry: Entry | None) -> dict[str, Any] | None:
     if entry is None:
         return None
-    return {name: entry[name] for name in ("decision", "by", "at", "reason")}
+    return {name: getattr(entry, name) for name in ("decision", "by", "at", "reason")}
 
 
 def _evidence(made: ChangeSets, key: str) -> dict[str, Any]:
