@@ -1,4 +1,4 @@
-# The commands of README, for people with make. Windows: README shows the same in plain commands.
+# For people with make; without it, README has the plain commands.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin

@@ -212,7 +212,7 @@ def main() -> None:
     """Print one row a case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=20, help="drives a case (default 20)")
-    parser.add_argument("--markdown", action="store_true", help="print a table for README")
+    parser.add_argument("--markdown", action="store_true", help="print a table for docs/accuracy.md")
     options = parser.parse_args()
     rows: list[tuple[object, ...]] = []
     squares: dict[str, list[FloatArray]] = {method: [] for method in METHODS}

@@ -1,4 +1,4 @@
-"""Draws README's figures of error against distance and speed: simulated drives, every method in each.
+"""Draws the figures of docs/accuracy.md: error against distance and speed in simulated drives, every method.
 
 Usage: python benchmarks/figures.py [--out docs/images]
 

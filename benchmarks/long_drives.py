@@ -104,7 +104,7 @@ def main() -> None:
         default=4,
         help="drives of 20 minutes and more; four and eight times as many shorter ones",
     )
-    parser.add_argument("--markdown", action="store_true", help="print a table for README")
+    parser.add_argument("--markdown", action="store_true", help="print a table for docs/accuracy.md")
     options = parser.parse_args()
     rows = [
         Row(kind, minutes, max(1, options.drives * (8 if minutes <= 1.0 else 4 if minutes <= 5.0 else 1)))

@@ -1,6 +1,6 @@
 """How accurate the adjustment is on real drives with surveyed objects.
 
-The bars are those that README states; `benchmarks/real.py` prints the whole table.
+The bars are those that docs/accuracy.md states; `benchmarks/real.py` prints the whole table.
 """
 
 from __future__ import annotations

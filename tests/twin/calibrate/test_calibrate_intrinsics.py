@@ -26,7 +26,7 @@ from twin.cli import run as run_twin
 
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """README's pictures, fewer of them."""
+    """The pictures of docs/calibration.md, fewer of them."""
     folder = tmp_path_factory.mktemp("example") / "board"
     assert run_twin(["calibrate", "example", str(folder), "--pictures", "8"]) == 0
     return folder
@@ -34,7 +34,7 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def calibrated(example: Path) -> Path:
-    """What README's command writes of them."""
+    """What the command of docs/calibration.md writes of them."""
     out = example.parent / "calibrated"
     options = ["--board", EXAMPLE_BOARD, "--camera", EXAMPLE_CAMERA, "--out", str(out)]
     assert run_twin(["calibrate", "intrinsics", str(example / "pictures"), *options]) == 0
