@@ -6,6 +6,7 @@ import logging
 import os
 import socketserver
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler
@@ -58,15 +59,16 @@ class LoopbackHandler(BaseHTTPRequestHandler):
         self.wfile.write(answer.body)
 
 
-class Loopback:
+class Loopback(ABC):
     """A server's thread, started and ended by a ``with`` block."""
 
     _host = "127.0.0.1"
     _server: LoopbackServer | None = None
     _thread: threading.Thread | None = None
 
+    @abstractmethod
     def _make_server(self) -> LoopbackServer:
-        raise NotImplementedError
+        """Bind the address; from here on connections wait."""
 
     @property
     def url(self) -> str:
