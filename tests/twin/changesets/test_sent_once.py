@@ -10,17 +10,18 @@ import subprocess
 import sys
 import threading
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
-from command_line import Twin
+from command_line import Answer, Twin
 from skriv_of_store import SECRET, USER, decisions, new_signs, posts, skriv
 
 from nvdb.client import NvdbClient
 from nvdb.endringssett import from_xml, to_xml
+from nvdb.replay.skriv import SkrivReplayServer
 from nvdb.skriv import SKRIV_TEST_URL, SKRIV_URL, OidcLogin, SkrivClient
 from twin.changesets.receipts import RECEIPTS
 from twin.changesets.sent import SentLog, target_of
@@ -32,19 +33,41 @@ from twin.store.store import Store
 pytestmark = pytest.mark.usefixtures("user", "no_waiting")
 
 
-@pytest.mark.parametrize("spelling", ["{}/", "{}//", "HTTP://127.0.0.1:{port}", "http://localhost:{port}"])
-def test_another_spelling_of_the_address_is_the_same_api(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, spelling: str
-) -> None:
-    """A slash behind it, letters of the other case, another name of this machine: sent before."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
+@dataclass(frozen=True)
+class Sender:
+    """A store with one accepted finding, its export, and a local API Skriv with the mirror's objects."""
+
+    twin: Twin
+    store: Path
+    server: SkrivReplayServer
+    out: Path
+
+    def go(self, path: Path | None = None, *options: object) -> Answer:
+        """`twin submit --go` of the export, or of another folder or set."""
+        return self.twin("submit", path or self.out, "--go", "--api-url", self.server.url, *options)
+
+    def counts(self) -> tuple[int, int]:
+        """How many sets were registered, and how many new signs there are."""
+        return posts(self.server), new_signs(self.server, self.store)
+
+
+@pytest.fixture
+def sender(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> Sender:
+    """Everything is ready to be sent."""
+    out = tmp_path / "out"
     assert twin("export", out).code == 0
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    url = spelling.format(server.url, port=server.url.rpartition(":")[2])
-    answer = twin("submit", out, "--go", "--api-url", url)
+    return Sender(twin, new_sign, skriv(stack, new_sign), out)
+
+
+@pytest.mark.parametrize("spelling", ["{}/", "{}//", "HTTP://127.0.0.1:{port}", "http://localhost:{port}"])
+def test_another_spelling_of_the_address_is_the_same_api(sender: Sender, twin: Twin, spelling: str) -> None:
+    """A slash behind it, letters of the other case, another name of this machine: sent before."""
+    assert sender.go().code == 0
+    url = spelling.format(sender.server.url, port=sender.server.url.rpartition(":")[2])
+    answer = twin("submit", sender.out, "--go", "--api-url", url)
     assert answer.code == 5
     assert "1 finding is left out (1 carried out before in " in answer.err
-    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+    assert sender.counts() == (1, 1)
 
 
 def test_target_of_an_address_is_the_api_and_not_its_spelling() -> None:
@@ -75,63 +98,50 @@ def test_what_went_to_one_api_did_not_go_to_another(
     assert [new_signs(server, new_sign) for server in (trial, real)] == [1, 1]
 
 
-def test_export_to_another_folder_is_not_sent_again(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
-) -> None:
+def test_export_to_another_folder_is_not_sent_again(sender: Sender, twin: Twin, tmp_path: Path) -> None:
     """Before the next sync a finding is left out of an export, and of what is sent."""
-    server, out, other = skriv(stack, new_sign), tmp_path / "out", tmp_path / "other"
-    assert twin("export", out).code == 0
+    other = tmp_path / "other"
     assert twin("export", other).code == 0
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    assert twin("submit", other, "--go", "--api-url", server.url).code == 5
-    answer = twin("export", tmp_path / "third", "--api-url", server.url)
+    assert sender.go().code == 0
+    assert sender.go(other).code == 5
+    answer = twin("export", tmp_path / "third", "--api-url", sender.server.url)
     assert answer.code == 0
     assert "1 finding is left out (1 carried out before in " in answer.err
     assert not list((tmp_path / "third").glob("endringssett-*"))
-    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+    assert sender.counts() == (1, 1)
 
 
-def test_copy_of_a_folder_is_not_sent_again(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
-) -> None:
+def test_copy_of_a_folder_is_not_sent_again(sender: Sender, tmp_path: Path) -> None:
     """Neither the copied folder nor one file out of it."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    copy = Path(shutil.copytree(out, tmp_path / "copy"))
-    lone = Path(shutil.copy(out / "endringssett-1.xml", tmp_path / "lone.xml"))
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    copy = Path(shutil.copytree(sender.out, tmp_path / "copy"))
+    lone = Path(shutil.copy(sender.out / "endringssett-1.xml", tmp_path / "lone.xml"))
+    assert sender.go().code == 0
     for path in (copy, lone):
-        assert twin("submit", path, "--go", "--api-url", server.url).code == 5
-    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+        assert sender.go(path).code == 5
+    assert sender.counts() == (1, 1)
 
 
-def test_second_finding_goes_without_the_first(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
-) -> None:
+def test_second_finding_goes_without_the_first(sender: Sender, twin: Twin) -> None:
     """One is sent, another accepted; exported without a sync, for another API first, only that is sent."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
+    assert sender.go().code == 0
     assert twin("decide", "accept", "--verdict", "missing", "--by", "kari").code == 0
-    assert twin("export", out, "--api-url", SKRIV_TEST_URL).code == 0
-    assert len(json.loads((out / "proveniens.json").read_text())["changes"]) == 2
-    answer = twin("submit", out, "--go", "--api-url", server.url)
+    assert twin("export", sender.out, "--api-url", SKRIV_TEST_URL).code == 0
+    assert len(json.loads((sender.out / "proveniens.json").read_text())["changes"]) == 2
+    answer = sender.go()
     assert answer.code == 0
     assert "1 finding is left out (1 carried out before in " in answer.err
-    assert (posts(server), new_signs(server, new_sign)) == (2, 1)
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 5
+    assert sender.counts() == (2, 1)
+    assert sender.go().code == 5
 
 
-def test_two_at_once_send_once(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> None:
+def test_two_at_once_send_once(sender: Sender) -> None:
     """One of them sends, the others are told who is at work, or that all is done."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
     codes: list[int] = []
     start = threading.Barrier(4)
 
     def submit() -> None:
         start.wait()
-        codes.append(run(["submit", str(out), "--go", "--api-url", server.url]))
+        codes.append(run(["submit", str(sender.out), "--go", "--api-url", sender.server.url]))
 
     threads = [threading.Thread(target=submit) for _ in range(4)]
     for thread in threads:
@@ -139,57 +149,48 @@ def test_two_at_once_send_once(twin: Twin, new_sign: Path, tmp_path: Path, stack
     for thread in threads:
         thread.join()
     assert sorted(codes) == [0, 5, 5, 5]
-    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+    assert sender.counts() == (1, 1)
 
 
-def test_answer_that_is_lost_does_not_register_again(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
-) -> None:
+def test_answer_that_is_lost_does_not_register_again(sender: Sender, twin: Twin, tmp_path: Path) -> None:
     """The set is registered, its id was never heard of: the next call finds it at the API and starts it."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    server.lose.append("POST /rest/v3/endringssett")
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 3
-    assert new_signs(server, new_sign) == 0
-    answer = twin("export", tmp_path / "other", "--api-url", server.url)
+    sender.server.lose.append("POST /rest/v3/endringssett")
+    assert sender.go().code == 3
+    assert sender.counts()[1] == 0
+    answer = twin("export", tmp_path / "other", "--api-url", sender.server.url)
     assert "1 finding is left out (1 under way)" in answer.err
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
-    assert list(out.glob("endringssett-1-angre-*.xml"))
+    assert sender.go().code == 0
+    assert sender.counts() == (1, 1)
+    assert list(sender.out.glob("endringssett-1-angre-*.xml"))
 
 
-def test_set_that_was_not_started_is_cancelled_where_it_is_no_longer_accepted(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
-) -> None:
+def test_set_that_was_not_started_is_cancelled_where_it_is_no_longer_accepted(sender: Sender) -> None:
     """Its answer was lost, then somebody dismissed the sign: nothing goes to NVDB, now or later."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    server.lose.append("POST /rest/v3/endringssett")
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 3
-    decisions(new_sign, new="dismiss")
-    answer = twin("submit", out, "--go", "--api-url", server.url)
+    sender.server.lose.append("POST /rest/v3/endringssett")
+    assert sender.go().code == 3
+    decisions(sender.store, new="dismiss")
+    answer = sender.go()
     assert answer.code == 5
     assert "1 finding is left out (1 not accepted in this store as exported" in answer.err
-    assert [path.rpartition("/")[2] for _, path in server.requests if "kanseller" in path] == ["kanseller"]
-    decisions(new_sign, new="accept")
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    assert new_signs(server, new_sign) == 1
+    assert [path.rpartition("/")[2] for _, path in sender.server.requests if "kanseller" in path] == [
+        "kanseller"
+    ]
+    decisions(sender.store, new="accept")
+    assert sender.go().code == 0
+    assert sender.counts()[1] == 1
 
 
-def test_set_is_taken_up_from_any_folder(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
-) -> None:
+def test_set_is_taken_up_from_any_folder(sender: Sender, twin: Twin, tmp_path: Path) -> None:
     """The folder that it was sent from is gone: it is finished all the same, without an undo set."""
-    server, out, other = skriv(stack, new_sign), tmp_path / "out", tmp_path / "other"
-    assert twin("export", out).code == 0
-    server.lose.append("POST /rest/v3/endringssett")
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 3
-    shutil.rmtree(out)
-    assert twin("export", other, "--api-url", server.url).code == 0
-    answer = twin("submit", other, "--go", "--api-url", server.url)
+    other = tmp_path / "other"
+    sender.server.lose.append("POST /rest/v3/endringssett")
+    assert sender.go().code == 3
+    shutil.rmtree(sender.out)
+    assert twin("export", other, "--api-url", sender.server.url).code == 0
+    answer = sender.go(other)
     assert answer.code == 0
     assert "no set to undo it" in answer.err
-    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
+    assert sender.counts() == (1, 1)
 
 
 def test_finding_that_is_no_longer_accepted_is_not_sent(
@@ -219,115 +220,103 @@ def test_folder_of_another_store_is_not_sent(
 
 
 def test_set_that_names_no_findings_is_sent_only_if_it_registers_nothing(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+    sender: Sender, tmp_path: Path
 ) -> None:
     """As earlier versions of twin exported it: nobody could tell whether it was sent before."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    text = (out / "endringssett-1.xml").read_text(encoding="utf-8")
+    text = (sender.out / "endringssett-1.xml").read_text(encoding="utf-8")
     head, _, rest = text.partition("<kontekst>")
     lone = tmp_path / "lone.xml"
     lone.write_text(head + rest.partition("</kontekst>")[2], encoding="utf-8")
     assert from_xml(lone.read_bytes()).kontekst is None
-    answer = twin("submit", lone, "--go", "--api-url", server.url)
+    answer = sender.go(lone)
     assert answer.code == 5
     assert "does not say which findings" in answer.err
-    assert posts(server) == 0
+    assert sender.counts()[0] == 0
 
 
 @pytest.mark.parametrize("is_started", [True, False])
 def test_copy_of_the_store_sends_nothing_that_the_other_has_sent(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, is_started: bool
+    sender: Sender, tmp_path: Path, is_started: bool
 ) -> None:
     """The API is asked for sets of ours: one that is carried out or on the way keeps the copy from it."""
-    server, out, late = skriv(stack, new_sign), tmp_path / "out", tmp_path / "late.db"
-    assert twin("export", out).code == 0
-    shutil.copy(new_sign, late)
+    late = tmp_path / "late.db"
+    shutil.copy(sender.store, late)
     if not is_started:
-        server.lose.append("POST /rest/v3/endringssett")
-    assert twin("submit", out, "--go", "--api-url", server.url).code == (0 if is_started else 3)
-    answer = twin("submit", out, "--go", "--api-url", server.url, "--store", late)
+        sender.server.lose.append("POST /rest/v3/endringssett")
+    assert sender.go().code == (0 if is_started else 3)
+    answer = sender.go(sender.out, "--store", late)
     assert answer.code == 5
     assert ("carried out before" if is_started else "from another copy of this store") in answer.err
-    assert posts(server) == 1
-    assert twin("submit", out, "--go", "--api-url", server.url).code == (5 if is_started else 0)
-    assert new_signs(server, new_sign) == 1
+    assert sender.counts()[0] == 1
+    assert sender.go().code == (5 if is_started else 0)
+    assert sender.counts()[1] == 1
 
 
-def test_dry_run_of_a_set_holds_nothing(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> None:
+def test_dry_run_of_a_set_holds_nothing(sender: Sender, stack: ExitStack) -> None:
     """Somebody tried the set from Python, and nothing was written: it is still to be sent."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    client = client_of(stack, server.url)
-    assert client.submit(from_xml((out / "endringssett-1.xml").read_bytes()), dry_run=True).accepted
-    assert new_signs(server, new_sign) == 0
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    assert new_signs(server, new_sign) == 1
+    client = client_of(stack, sender.server.url)
+    assert client.submit(from_xml((sender.out / "endringssett-1.xml").read_bytes()), dry_run=True).accepted
+    assert sender.counts()[1] == 0
+    assert sender.go().code == 0
+    assert sender.counts()[1] == 1
 
 
 def test_two_copies_of_the_store_at_once_send_once(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+    sender: Sender, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Both have asked, and found nothing, before either registered: the later one cancels its own."""
-    server, out, late = skriv(stack, new_sign), tmp_path / "out", tmp_path / "late.db"
-    assert twin("export", out).code == 0
-    shutil.copy(new_sign, late)
+    late = tmp_path / "late.db"
+    shutil.copy(sender.store, late)
     send, codes = SkrivClient.send, []
 
     def overtaken(client: SkrivClient, *arguments: object, **options: object) -> str:
         monkeypatch.setattr(SkrivClient, "send", send)
-        codes.append(run(["submit", str(out), "--go", "--api-url", server.url, "--store", str(late)]))
+        codes.append(
+            run(["submit", str(sender.out), "--go", "--api-url", sender.server.url, "--store", str(late)])
+        )
         return send(client, *arguments, **options)
 
     monkeypatch.setattr(SkrivClient, "send", overtaken)
-    answer = twin("submit", out, "--go", "--api-url", server.url)
+    answer = sender.go()
     assert (codes, answer.code) == ([0], 4)
     assert "another copy of this store" in answer.err
-    assert new_signs(server, new_sign) == 1
+    assert sender.counts()[1] == 1
 
 
 @pytest.mark.parametrize(("moved_m", "is_left_out"), [(0.3, True), (-0.9, True), (3.0, False)])
 def test_renumbered_pole_is_not_sent_again(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, moved_m: float, is_left_out: bool
+    sender: Sender, twin: Twin, moved_m: float, is_left_out: bool
 ) -> None:
     """Ingested anew under another id before the next sync, it is left out; another pole near it is not."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    with Store.open(new_sign) as store, store.transaction() as connection:
+    assert sender.go().code == 0
+    with Store.open(sender.store) as store, store.transaction() as connection:
         t = schema.change.c
         is_new = t.verdict == "new"
         connection.execute(
             sa.update(schema.change).where(is_new).values(change_id="abcabcabcabc", east_m=t.east_m + moved_m)
         )
-    decisions(new_sign, new="accept")
-    answer = twin("export", out, "--api-url", server.url)
+    decisions(sender.store, new="accept")
+    answer = twin("export", sender.out, "--api-url", sender.server.url)
     assert ("1 finding is left out (1 carried out before in " in answer.err) == is_left_out
-    assert (out / "endringssett-1.xml").exists() != is_left_out
+    assert (sender.out / "endringssett-1.xml").exists() != is_left_out
 
 
-def test_undone_sign_may_be_sent_again(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> None:
+def test_undone_sign_may_be_sent_again(sender: Sender) -> None:
     """The undo set removed it: a new export has it again, once; the same undo set is not sent twice."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    answer = twin("submit", out, "--go", "--api-url", server.url, "--json")
-    undo = out / answer.json["sets"][0]["undo"]
-    assert twin("submit", undo, "--go", "--api-url", server.url).code == 0
-    assert new_signs(server, new_sign) == 0
-    assert twin("submit", undo, "--go", "--api-url", server.url).code == 5
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    assert new_signs(server, new_sign) == 1
+    answer = sender.go(sender.out, "--json")
+    undo = sender.out / answer.json["sets"][0]["undo"]
+    assert sender.go(undo).code == 0
+    assert sender.counts()[1] == 0
+    assert sender.go(undo).code == 5
+    assert sender.go().code == 0
+    assert sender.counts()[1] == 1
 
 
-def test_carried_out_is_held_until_the_mirror_shows_it(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
-) -> None:
+def test_carried_out_is_held_until_the_mirror_shows_it(sender: Sender) -> None:
     """Then match has the say, also when the sign is gone from the mirror again."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    with Store.open(new_sign) as store:
-        log = SentLog(store, server.url)
+    assert sender.go().code == 0
+    with Store.open(sender.store) as store:
+        log = SentLog(store, sender.server.url)
         (held,) = log.held().values()
         assert not SentLog(store, SKRIV_URL).held()
         for item in held.objects:
@@ -399,13 +388,9 @@ def earlier_version_sends(stack: ExitStack, url: str, out: Path, *, start: bool)
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no SIGKILL here")
 @pytest.mark.parametrize("end", ["/rest/v3/endringssett", "/start"])
-def test_process_that_is_killed_is_finished_by_the_next(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, end: str
-) -> None:
+def test_process_that_is_killed_is_finished_by_the_next(sender: Sender, end: str) -> None:
     """Killed when API Skriv has done what was asked and before the answer is heard: registered once."""
-    server, out = skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out).code == 0
-    answer = server.answer
+    answer = sender.server.answer
 
     def last(method: str, path: str, *rest: Any) -> Any:
         given = answer(method, path, *rest)
@@ -414,14 +399,14 @@ def test_process_that_is_killed_is_finished_by_the_next(
             child.wait()
         return given
 
-    server.answer = last  # type: ignore[method-assign]
+    sender.server.answer = last  # type: ignore[method-assign]
     child = subprocess.Popen(
-        [sys.executable, "-m", "twin", "submit", str(out), "--go", "--api-url", server.url],
+        [sys.executable, "-m", "twin", "submit", str(sender.out), "--go", "--api-url", sender.server.url],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
     assert child.wait(timeout=60) == -signal.SIGKILL
-    server.answer = answer  # type: ignore[method-assign]
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    assert (posts(server), new_signs(server, new_sign)) == (1, 1)
-    assert twin("submit", out, "--go", "--api-url", server.url).code == 5
+    sender.server.answer = answer  # type: ignore[method-assign]
+    assert sender.go().code == 0
+    assert sender.counts() == (1, 1)
+    assert sender.go().code == 5
