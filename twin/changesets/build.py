@@ -112,10 +112,10 @@ def groups_from_store(
     StoreError, RefusedError
         As :meth:`twin.store.store.Store.matched`.
     """
-    last = store.matched()
-    fact = store.fact("datakatalog")
-    katalog = katalog_from_document(fact) if fact else snapshot()
     with store.snapshot() as view:
+        last = view.matched()
+        fact = view.fact("datakatalog")
+        katalog = katalog_from_document(fact) if fact else snapshot()
         chosen = [
             one.finding for one in latest_findings(view.rows) if one.decision == decision and not one.is_quiet
         ]

@@ -35,7 +35,7 @@ from twin.matching.sites import SKILTPUNKT
 from twin.store import schema
 from twin.store.kinds import Sending
 from twin.store.records import Finding
-from twin.store.store import Row, Store, utc_now
+from twin.store.store import Row, Snapshot, Store, utc_now
 
 SAME_PLACE_M: Final = 1.0
 """Two poles that NVDB does not know are one within this distance: a drive that is ingested anew moves them
@@ -219,8 +219,8 @@ class SentLog:
 
     def basis(self) -> Basis:
         """What sets would be made from now; read it before them."""
-        store = self._store
-        return Basis(store.fact("last_match"), store.revision(), position(store.rows))
+        with self._store.snapshot() as view:
+            return _basis_of(view)
 
     def begin(self, tag: str, groups: Sequence[Group], file: Path, basis: Basis | None) -> None:
         """Keep that a set is about to be registered.
@@ -239,9 +239,9 @@ class SentLog:
             Meanwhile one of the findings was sent, or decided anew, or the store was matched again.
         """
         with self._store.transaction() as connection:
-            ask = asking(connection)
-            store = self._store
-            now = Basis(store.fact_in(connection, "last_match"), store.revision_in(connection), position(ask))
+            view = self._store.view(connection)
+            ask = view.rows
+            now = _basis_of(view)
             wanted = {key for group in groups for key in group.change_ids}
             is_stale = basis is not None and basis != now
             if is_stale or any(one.change_id in wanted for one in self._held(ask)):
@@ -319,6 +319,10 @@ class SentLog:
         t = schema.sent.c
         which = [t.tag == tag, t.api == self.api, *([] if change_id is None else [t.change_id == change_id])]
         connection.execute(sa.update(schema.sent).where(*which).values(**values, at=utc_now()))
+
+
+def _basis_of(view: Snapshot) -> Basis:
+    return Basis(view.fact("last_match"), view.revision(), position(view.rows))
 
 
 class _Poles:

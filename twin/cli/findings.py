@@ -216,8 +216,9 @@ def _refuse(wrong: bool, cure: str) -> None:
 def _selected(store: Store, selection: Selection) -> list[FindingStatus]:
     from twin.decisions.findings import select
 
-    store.matched()
-    selected = select(store.rows, selection)
+    with store.snapshot() as view:
+        view.matched()
+        selected = select(view.rows, selection)
     if not selected:
         raise RefusedError(
             f"No {selection.decision} finding fits what was selected, so nothing was decided: "
@@ -231,7 +232,6 @@ def _decide(
 ) -> _Outcome:
     from twin.decisions.record import decide
 
-    store.matched()
     done = decide(store, change_ids, decision, by=by, reason=reason, dry_run=dry_run)
     findings = _findings(done.change_ids)
     if dry_run:

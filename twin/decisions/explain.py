@@ -86,8 +86,8 @@ def explain_change(store: Store, change_id: str) -> ChangeExplained:
     StoreError, RefusedError
         As :meth:`twin.store.store.Store.matched`.
     """
-    store.matched()
     with store.snapshot() as view:
+        view.matched()
         changes = {change.change_id: change for change in latest_findings(view.rows)}
         (change_id,) = whole_ids([change_id], {*changes, *last_entries(view.rows)})
         change = changes.get(change_id)

@@ -98,20 +98,8 @@ class Selection:
 
 def latest_findings(ask: Ask) -> list[FindingStatus]:
     """Return the findings of the last match in the order of their ids, each with its decision."""
-    return [FindingStatus(Finding.from_row(row), Decision(row["decision"])) for row in findings(ask)]
-
-
-def findings(ask: Ask, decision: str | None = None) -> list[Row]:
-    """Return the rows of the ``change`` table in the order of their ids, with their ``decision``.
-
-    The reason of a finding that is open again says what changed since it was decided. With `decision` only
-    those that are so decided.
-    """
-    statement = findings_statement(*schema.change.columns)
-    if decision is not None:
-        statement = statement.where(sa.func.coalesce(schema.decision.c.decision, Decision.OPEN) == decision)
-    rows = ask(statement)
-    return [_told(dict(row)) for row in rows]
+    rows = ask(findings_statement(*schema.change.columns))
+    return [FindingStatus(Finding.from_row(_told(row)), Decision(row["decision"])) for row in rows]
 
 
 def whole_ids(given: Collection[str], existing: Collection[str]) -> list[str]:
@@ -219,9 +207,8 @@ def read_area(path: Path) -> BaseGeometry:
     return shapely.union_all([shapely.make_valid(polygon) for polygon in polygons])
 
 
-def _told(row: dict[str, Any]) -> Row:
-    kind, note = row.pop("kind"), row.pop("note")
-    return {**row, "reason": told_reason(row["reason"], kind, note)}
+def _told(row: Row) -> Row:
+    return {**row, "reason": told_reason(row["reason"], row["kind"], row["note"])}
 
 
 def _has_class(finding: Finding, classes: Collection[str]) -> bool:

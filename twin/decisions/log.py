@@ -77,14 +77,9 @@ def append(connection: sa.Connection, entries: Sequence[Entry]) -> None:
     connection.execute(sa.insert(log), rows)
 
 
-def standing(ask: Ask) -> dict[str, Row]:
-    """Return the row of the last entry of every change that has one, by ``change_id``."""
-    return {row["change_id"]: row for row in ask(sa.select(schema.decision))}
-
-
 def last_entries(ask: Ask) -> dict[str, Entry]:
     """Return the last entry of every change that has one, by ``change_id``."""
-    return {change_id: Entry.from_row(row) for change_id, row in standing(ask).items()}
+    return {row["change_id"]: Entry.from_row(row) for row in ask(sa.select(schema.decision))}
 
 
 def last_entries_by_people(ask: Ask) -> dict[str, Entry]:

@@ -94,8 +94,8 @@ def decide(
         As :meth:`twin.store.store.Store.matched`.
     """
     _check(decision, by)
-    store.matched()
     with store.transaction() as connection:
+        store.view(connection).matched()
         ask = asking(connection)
         evidence, standing = present_evidence(ask), last_entries(ask)
         change_ids = whole_ids(change_ids, evidence)

@@ -102,7 +102,7 @@ def match(
         asked = sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign)
         estimates = [Estimate.from_row(row) for row in view.rows(asked)]
         known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
-        has_network = store.fact(VEGNETT) is not None
+        has_network = view.fact(VEGNETT) is not None
         directions = seen_from(view, estimates, method) if has_network else {}
         pairs = may_be_one(estimates, config)
         once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))

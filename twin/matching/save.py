@@ -34,4 +34,4 @@ def save_changes(store: Store, findings: Sequence[Finding], pole_keys: Mapping[s
                 [{"member": member, "pole": pole} for member, pole in pole_keys.items()],
             )
         reopen_changed(connection, utc_now())
-        store.put_fact(connection, "last_match", {"revision": store.revision_in(connection), **run})
+        store.put_fact(connection, "last_match", {"revision": store.view(connection).revision(), **run})

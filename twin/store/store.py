@@ -33,18 +33,45 @@ _REVISION = "revision"
 
 
 class Snapshot:
-    """One state of a store, for several queries that must agree."""
+    """One state of a store, for several queries that must agree: what one transaction sees.
 
-    def __init__(self, connection: sa.Connection) -> None:
+    Parameters
+    ----------
+    connection : sqlalchemy.Connection
+        Inside a transaction.
+    path : Path
+        Of the store, for messages.
+    """
+
+    def __init__(self, connection: sa.Connection, path: Path) -> None:
         self._connection = connection
+        self._path = path
 
     def rows(self, statement: sa.Select[Any]) -> list[Row]:
         """Run a query and return its rows as mappings."""
         return [dict(row) for row in self._connection.execute(statement).mappings()]
 
+    def fact(self, key: str) -> dict[str, Any] | None:
+        """As :meth:`Store.fact`, of this state."""
+        asked = sa.select(schema.meta.c.value).where(schema.meta.c.key == key)
+        value = self._connection.execute(asked).scalar()
+        return None if value is None else json.loads(value)
+
     def revision(self) -> int:
         """As :meth:`Store.revision`, of this state."""
-        return int((Store.fact_in(self._connection, _REVISION) or {"n": 0})["n"])
+        return int((self.fact(_REVISION) or {"n": 0})["n"])
+
+    def matched(self) -> dict[str, Any]:
+        """As :meth:`Store.matched`, of this state."""
+        last = self.fact("last_match")
+        if last is None:
+            raise StoreError(f"The store {self._path} has no findings yet: run `twin match` first.")
+        if last["revision"] != self.revision():
+            raise RefusedError(
+                f"The store {self._path} has changed since the last match (sync or ingest): "
+                "run `twin match` again first."
+            )
+        return last
 
     def columns(self, statement: sa.Select[Any]) -> dict[str, list[Any]]:
         """Run a query and return its columns: much faster than rows where there are many."""
@@ -141,7 +168,11 @@ class Store:
     def snapshot(self) -> Iterator[Snapshot]:
         """Give a view of one and the same state, however many queries are asked of it."""
         with store_errors(self.path), self._engine.connect() as connection, connection.begin():
-            yield Snapshot(connection)
+            yield Snapshot(connection, self.path)
+
+    def view(self, connection: sa.Connection) -> Snapshot:
+        """Return the state that the caller's transaction sees."""
+        return Snapshot(connection, self.path)
 
     def methods(self) -> list[str]:
         """Return the geolocation methods by which drives were ingested, in alphabetical order."""
@@ -158,40 +189,24 @@ class Store:
         RefusedError
             Drives or mirror have changed since.
         """
-        last = self.fact("last_match")
-        if last is None:
-            raise StoreError(f"The store {self.path} has no findings yet: run `twin match` first.")
-        if last["revision"] != self.revision():
-            raise RefusedError(
-                f"The store {self.path} has changed since the last match (sync or ingest): "
-                "run `twin match` again first."
-            )
-        return last
+        with self.snapshot() as view:
+            return view.matched()
 
     # -- small facts ---------------------------------------------------------------------------------------
 
     def fact(self, key: str) -> dict[str, Any] | None:
         """Return a JSON object kept under `key` (``mirror``, ``last_match``), or None."""
-        with store_errors(self.path), self._engine.connect() as connection:
-            return self.fact_in(connection, key)
+        with self.snapshot() as view:
+            return view.fact(key)
 
     def revision(self) -> int:
         """Return how often drives or the mirror have changed: findings of an older revision are stale."""
-        return int((self.fact(_REVISION) or {"n": 0})["n"])
-
-    def revision_in(self, connection: sa.Connection) -> int:
-        """As `revision`, inside the caller's transaction."""
-        return int((self.fact_in(connection, _REVISION) or {"n": 0})["n"])
+        with self.snapshot() as view:
+            return view.revision()
 
     def touch(self, connection: sa.Connection) -> None:
         """Count a change of drives or mirror, inside the caller's transaction."""
-        self.put_fact(connection, _REVISION, {"n": self.revision_in(connection) + 1})
-
-    @staticmethod
-    def fact_in(connection: sa.Connection, key: str) -> dict[str, Any] | None:
-        """Return a JSON object kept under `key`, inside the caller's transaction; None if there is none."""
-        value = connection.execute(sa.select(schema.meta.c.value).where(schema.meta.c.key == key)).scalar()
-        return None if value is None else json.loads(value)
+        self.put_fact(connection, _REVISION, {"n": self.view(connection).revision() + 1})
 
     def put_fact(self, connection: sa.Connection, key: str, value: Row) -> None:
         """Keep a JSON object under `key` inside the caller's transaction."""
