@@ -28,8 +28,9 @@ lint: $(VENV)/.installed          ## style, types and the walls between the pack
 
 check: lint test
 
-real: $(VENV)/.installed          ## real recordings (../shared/real): errors on KITTI and Argoverse
+real: $(VENV)/.installed          ## real recordings (../shared/real): errors on KITTI and Argoverse, and between key frames
 	$(BIN)/python benchmarks/real.py
+	$(BIN)/python benchmarks/interpolated.py
 
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 	$(BIN)/python -m twin.samples.sample data

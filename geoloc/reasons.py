@@ -38,6 +38,7 @@ class Reason(StrEnum):
     NO_POSITION = "no-position"
     TOO_VAGUE = "too-vague"
     OUTLIER = "outlier"
+    INTERPOLATED = "interpolated"
 
 
 REASON_TYPE = f"U{max(map(len, Reason))}"
@@ -71,6 +72,7 @@ _SENTENCES = {
     Reason.NO_POSITION: "no usable sighting, or its rays meet nowhere",
     Reason.TOO_VAGUE: "seen under too small an angle: one sigma is more than 5 m",
     Reason.OUTLIER: "does not fit the other sightings of its object",
+    Reason.INTERPOLATED: "interpolated between key frames: seen, but not measured",
 }
 
 

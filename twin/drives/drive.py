@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ class Annotation(NamedTuple):
     pixel_px: tuple[float, float]
     box_px: tuple[float, float, float, float]
     file: str
+    is_measured: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,8 @@ class Annotations:
         left, top, right, bottom in the same convention; NaN for points.
     file : str (n,)
         Where it stands: a file, or a folder of files of one image each.
+    is_measured : bool (n,)
+        Whether somebody put it there; False where the annotation tool interpolated it between key frames.
     """
 
     camera: NDArray[np.str_]
@@ -79,12 +82,15 @@ class Annotations:
     pixel_px: FloatArray
     box_px: FloatArray
     file: NDArray[np.str_]
+    is_measured: NDArray[np.bool_]
 
     @classmethod
     def of(cls, rows: Sequence[Annotation]) -> Self:
         """Return rows as columns."""
         shapes = {"pixel_px": (-1, 2), "box_px": (-1, 4)}
-        kinds = {"frame": np.int64, "has_id": np.bool_, "pixel_px": np.float64, "box_px": np.float64}
+        floats, truths = ("pixel_px", "box_px"), ("has_id", "is_measured")
+        kinds: dict[str, Any] = {"frame": np.int64, **dict.fromkeys(floats, np.float64)}
+        kinds |= dict.fromkeys(truths, np.bool_)
         columns = zip(*rows, strict=True) if rows else ((),) * len(Annotation._fields)
         return cls(
             **{
@@ -121,6 +127,10 @@ class Drive:
     frame_epoch_ns : mapping camera → int64 (frames,)
         UTC host stamp of each frame, by frame number; `stamp_files.NO_STAMP` where it has none.
     annotations : Annotations
+        Those that were measured: positions come of them alone.
+    interpolated : Annotations
+        What an annotation tool put between two key frames: they say that the object was in view in these
+        pictures, and nothing of where it stands (:mod:`twin.drives.annotations.key_frames`).
     annotations_complete : bool
         Whether every sign in view was annotated: only then can a sign be missing.
     datum : str
@@ -160,9 +170,20 @@ class Drive:
     skipped: tuple[Skipped, ...]
     pictures: Mapping[str, Pictures] = field(default_factory=dict)
     other_objects: Mapping[str, int] = field(default_factory=dict)
+    interpolated: Annotations = field(default_factory=lambda: Annotations.of(()))
 
-    def is_sign(self) -> NDArray[np.bool_]:
-        """Whether each annotation is of a sign, (n,): what has a sign code is one whatever its label."""
-        coded = (self.annotations.skiltnummer != "").tolist()
-        rows = zip(self.annotations.label.tolist(), coded, strict=True)
+    def annotated_cameras(self) -> set[str]:
+        """Cameras of which something was annotated."""
+        return {str(camera) for of in (self.annotations, self.interpolated) for camera in of.camera}
+
+    def is_sign(self, annotations: Annotations | None = None) -> NDArray[np.bool_]:
+        """Whether each annotation is of a sign, (n,): what has a sign code is one whatever its label.
+
+        Parameters
+        ----------
+        annotations : Annotations (n,), optional
+            Of this drive. Default: those that were measured.
+        """
+        of = self.annotations if annotations is None else annotations
+        rows = zip(of.label.tolist(), (of.skiltnummer != "").tolist(), strict=True)
         return np.array([has_code or label not in self.other_objects for label, has_code in rows], np.bool_)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import inverse
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.annotations.gather import epochs_of
+from twin.drives.annotations.key_frames import CURE
 from twin.drives.drive import Annotations, Drive
 from twin.drives.epochs import clock_hint, stamps_hint, utc_text
 from twin.drives.folder.drive_toml import SETTINGS_FILE
@@ -24,6 +25,7 @@ _NORWAY_LAT_DEG, _NORWAY_LON_DEG = (57.0, 81.5), (3.0, 35.0)
 _MOVING_MPS = 2.0
 _HEADING_WARN_DEG, _HEADING_REFUSE_DEG = 10.0, 30.0
 _NS_PER_S = 1e9
+_ENOUGH_KEY_FRAMES = 3
 _ANOTHER_DRIVE_S = 3600.0
 """A receiver that died is not back an hour later on the same drive."""
 
@@ -109,13 +111,15 @@ def _check_headings(drive: Drive) -> tuple[str, ...]:
     return (f"{text}.",) if median > _HEADING_WARN_DEG else ()
 
 
-def annotation_warnings(drive: Drive, n_located: int) -> tuple[Doubt, ...]:
+def annotation_warnings(drive: Drive, n_located: int, placed: Collection[str]) -> tuple[Doubt, ...]:
     """Warn of annotations that give less than their annotator thinks.
 
     Parameters
     ----------
     n_located : int
         Annotations that got a position.
+    placed : collection of str
+        Objects that got one.
     """
     annotations = drive.annotations
     warnings = []
@@ -134,6 +138,7 @@ def annotation_warnings(drive: Drive, n_located: int) -> tuple[Doubt, ...]:
             f"{n_without_code} of {len(objects)} annotated objects have no sign code, so their type cannot "
             "be compared: give the attribute skiltnummer (362.50), or a label that begins with a code."
         )
+    warnings += _few_key_frames(drive, dict(zip(objects.tolist(), counts.tolist(), strict=True)), placed)
     once = int((counts == 1).sum())
     if len(objects) >= 10 and once > 0.5 * len(objects):
         warnings.append(
@@ -147,6 +152,19 @@ def annotation_warnings(drive: Drive, n_located: int) -> tuple[Doubt, ...]:
             f"Only {n_located:,} of {n_all:,} annotations could be located: see what was left out, and why."
         )
     return doubts(DriveDoubt.ANNOTATIONS, *warnings)
+
+
+def _few_key_frames(drive: Drive, counts: Mapping[str, int], placed: Collection[str]) -> list[str]:
+    """Tell of tracks whose key frames are too few to place them."""
+    tracks = set(drive.interpolated.object.tolist()) - set(placed)
+    few = sorted(name for name in tracks if 0 < counts.get(name, 0) < _ENOUGH_KEY_FRAMES)
+    if not few:
+        return []
+    sentence = (
+        f"Annotated objects without a position for want of key frames: {len(few):,} (such as {few[0]:.60}),"
+        f" each with one or two, as what was interpolated is not measured: {CURE}."
+    )
+    return [sentence]
 
 
 Span = tuple[int, int]

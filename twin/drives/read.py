@@ -44,6 +44,7 @@ import numpy as np
 from geoloc.rig.rig import Rig
 from twin.drives.annotations.frame_numbers import first_frame_warnings
 from twin.drives.annotations.gather import stamped
+from twin.drives.annotations.key_frames import key_frames
 from twin.drives.annotations.read import label_files, read_annotations
 from twin.drives.detection.read import read_detections
 from twin.drives.drive import Drive
@@ -121,11 +122,12 @@ def read_drive(
         before = folder.entered()
         annotated = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
         annotation_files = folder.entered() - before
-    annotations, unstamped = stamped(annotated.annotations, stamps, stamp_files)
+    in_view, unstamped = stamped(annotated.annotations, stamps, stamp_files)
     notes.skipped += unstamped
     offset_ns = settings.camera_offset_ns
-    notes.warn(DriveDoubt.CLOCK, *check_span(annotations, stamps, stamp_files, offset_ns, track))
-    notes.warn(DriveDoubt.RIG, *_unplaced(track.rig, np.unique(annotations.camera).tolist()))
+    notes.warn(DriveDoubt.CLOCK, *check_span(in_view, stamps, stamp_files, offset_ns, track))
+    notes.warn(DriveDoubt.RIG, *_unplaced(track.rig, np.unique(in_view.camera).tolist()))
+    annotations, interpolated = key_frames(in_view, notes)
     return Drive(
         drive_id=folder.drive_id(),
         content_sha256=folder.content_sha256(),
@@ -149,6 +151,7 @@ def read_drive(
         skipped=tuple(notes.skipped),
         pictures=pictures,
         other_objects=annotated.other_objects,
+        interpolated=interpolated,
     )
 
 

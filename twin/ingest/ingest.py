@@ -20,6 +20,8 @@ from geoloc.reasons import Reason, sentence_of, stands_far_away
 from geoloc.trajectory.fix_checks import quality_counts
 from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin import __version__
+from twin.drives.annotations.gather import only
+from twin.drives.annotations.key_frames import never_measured
 from twin.drives.drive import Drive
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.objects.identify import id_warnings, with_objects
@@ -145,7 +147,8 @@ def ingest_drive(
     )
     positions = positions_of(sighted)
     estimates = estimates_of(drive, sighted, positions, method)
-    n_unplaced = _unplaced(drive, sighted, {estimate.object for estimate in estimates})
+    placed = {estimate.object for estimate in estimates}
+    n_unplaced = _unplaced(drive, sighted, placed)
     id_doubts = () if detector is not None else _id_doubts(drive, trajectory, sighted, say)
     misfits = misfits_of(drive, sighted, budget or ErrorBudget(), id_doubts)
     gap = absence_gap(drive, sighted)
@@ -155,7 +158,7 @@ def ingest_drive(
         *(sighted.adjusted.doubts if sighted.adjusted else ()),
         *id_doubts,
         *(misfit.sentence for misfit in misfits),
-        *annotation_warnings(drive, int((sighted.reasons == "").sum())),
+        *annotation_warnings(drive, int((sighted.reasons == "").sum()), placed),
         *_absence_warning(drive, n_unplaced, gap),
     )
     row = _drive_row(drive, trajectory, list(dict.fromkeys(map(str, warnings))))
@@ -277,7 +280,7 @@ def _drive_row(drive: Drive, trajectory: Trajectory, warnings: list[str]) -> dic
         "delay_ms": _delay_ms(drive, trajectory),
         "rig": zlib.compress(drive.rig_document.encode()),
         "poses": blob_from_poses(_view_poses(drive, trajectory)),
-        "cameras": sorted({str(c) for c in drive.annotations.camera} or drive.frame_epoch_ns),
+        "cameras": sorted(drive.annotated_cameras() or drive.frame_epoch_ns),
         "skipped": [s.as_row() for s in drive.skipped],
         "software": f"nvdb-twin {__version__}",
         "content_sha256": drive.content_sha256,
@@ -291,14 +294,16 @@ def _drive_row(drive: Drive, trajectory: Trajectory, warnings: list[str]) -> dic
 def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
     """Count annotated signs without a position that may stand near the car.
 
-    One whose every ray ends beyond flat ground's reach, or above the horizon, stands far away; a box, or a
-    foot that was rejected for any other reason, may be any sign that the car passed.
+    One whose every ray ends beyond flat ground's reach, or above the horizon, stands far away; a box, a foot
+    that was rejected for any other reason, or what has no key frame may be any sign that the car passed.
     """
     far = stands_far_away(sighted.located.rejected)
     is_sign = drive.is_sign()
     near = set(drive.annotations.object[is_sign & (drive.annotations.kind == Kind.BOX)].tolist())
     in_reach = sighted.index[~far]
     near |= set(drive.annotations.object[in_reach[is_sign[in_reach]]].tolist())
+    seen = drive.interpolated
+    near |= never_measured(drive.annotations, only(seen, drive.is_sign(seen)))
     return len(near - placed)
 
 
@@ -342,7 +347,7 @@ def _delay_ms(drive: Drive, trajectory: Trajectory) -> float | None:
 
 def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
     """Poses at the annotated cameras' frames, thinned to steps of 0.3 m."""
-    cameras = {str(c) for c in drive.annotations.camera} or set(drive.frame_epoch_ns)
+    cameras = drive.annotated_cameras() or set(drive.frame_epoch_ns)
     stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
     stamped = [s[s != NO_STAMP] for s in stamps]
     epoch = np.unique(np.concatenate([np.empty(0, np.int64), *stamped])) + drive.camera_offset_ns

@@ -185,7 +185,7 @@ def _left_out(drive: Drive) -> str:
         # Repeats, slips and shapes of other kinds are no sign that was not read.
         if skipped.kind is SkipKind.UNUSABLE:
             lost[skipped.where] += skipped.count
-    kept = Counter(drive.annotations.file.tolist())
+    kept = Counter(drive.annotations.file.tolist()) + Counter(drive.interpolated.file.tolist())
     for file, count in sorted(lost.items()):
         if count > _MOST_LOST * (kept[file] + count):
             return f"{count:,} of {kept[file] + count:,} annotations in {file} were left out"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +15,9 @@ from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.locate.combine import combine
-from geoloc.reasons import Reason, sentences_of
+from geoloc.reasons import Reason, sentence_of, sentences_of
 from geoloc.trajectory.trajectory import Trajectory
+from twin.drives.annotations.gather import epochs_of
 from twin.drives.drive import Drive
 from twin.ingest.locate import SightedObjects
 from twin.store.kinds import Method
@@ -130,7 +131,10 @@ def estimates_of(drive: Drive, sighted: SightedObjects, positions: Positions, me
 def sighting_rows(
     drive: Drive, sighted: SightedObjects, trajectory: Trajectory, method: str
 ) -> list[dict[str, Any]]:
-    """One row a sighting, with the position that it alone gives, and what the adjustment says of it."""
+    """One row a sighting, with the position that it alone gives, and what the adjustment says of it.
+
+    Then one a row that was interpolated: in which picture the object was seen, and no more.
+    """
     located, notes, index = sighted.located, drive.annotations, sighted.index
     east, north = utm33_from_geographic(located.latitude_deg, located.longitude_deg)
     covariance = utm33_covariance_from_enu(located.covariance_m2, located.latitude_deg, located.longitude_deg)
@@ -154,14 +158,30 @@ def sighting_rows(
         "epoch_ns": sighted.epoch_ns.tolist(),
         "kind": notes.kind[index].tolist(),
         "rejected": _why_rejected(sighted, trajectory),
+        "is_measured": [True] * index.size,
         **{name: _none_for_nan(values) for name, values in numbers.items()},
     }
     names = tuple(columns)
     shared = {"drive_id": drive.drive_id, "method": method}
-    return [
+    rows = [
         {**shared, "number": k, **dict(zip(names, values, strict=True))}
         for k, values in enumerate(zip(*columns.values(), strict=True))
     ]
+    return rows + [
+        {**dict.fromkeys(names), **shared, "number": len(rows) + k, **row}
+        for k, row in enumerate(_interpolated_rows(drive))
+    ]
+
+
+def _interpolated_rows(drive: Drive) -> Iterator[dict[str, Any]]:
+    """In which pictures an object was seen and not measured."""
+    notes = drive.interpolated
+    epoch_ns = epochs_of(notes, drive.frame_epoch_ns) + drive.camera_offset_ns
+    why = sentence_of(Reason.INTERPOLATED, max_range_m=MAX_RANGE_M, span_ns=(0, 0))
+    columns = (notes.object, notes.camera, notes.frame, epoch_ns, notes.kind, *notes.pixel_px.T)
+    names = ("object", "camera", "frame", "epoch_ns", "kind", "u_px", "v_px")
+    for values in zip(*(column.tolist() for column in columns), strict=True):
+        yield {**dict(zip(names, values, strict=True)), "rejected": why, "is_measured": False}
 
 
 def _why_rejected(sighted: SightedObjects, trajectory: Trajectory) -> list[str]:

@@ -149,7 +149,7 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
         (of_method,) = view.rows(_of(schema.drive_method, estimate))
         sightings = view.rows(
             _of(schema.sighting, estimate)
-            .where(schema.sighting.c.object == estimate.object)
+            .where(schema.sighting.c.object == estimate.object, schema.sighting.c.is_measured)
             .order_by(schema.sighting.c.epoch_ns, schema.sighting.c.number)
         )
         also = view.rows(_same_object(estimate))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,84 +10,8 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 9
-"""Raised with every change of the tables: a store of another version is upgraded or refused."""
-
-UPGRADES: Mapping[int, tuple[str, ...]] = {
-    4: ("ALTER TABLE estimate ADD COLUMN nvdb_type INTEGER",),
-    5: (
-        "ALTER TABLE estimate ADD COLUMN text VARCHAR",
-        "ALTER TABLE change ADD COLUMN cameras VARCHAR",
-    ),
-    6: (
-        "ALTER TABLE drive_method ADD COLUMN misfits JSON NOT NULL DEFAULT '[]'",
-        "ALTER TABLE drive_method ADD COLUMN absence_gap VARCHAR NOT NULL DEFAULT ''",
-        # They lay in a corner of the corrections.
-        (
-            "UPDATE drive_method SET misfits = coalesce(json_extract(corrections, '$.misfits'), '[]'), "
-            "absence_gap = coalesce(json_extract(corrections, '$.absence_gap'), ''), "
-            "corrections = json_remove(corrections, '$.misfits', '$.absence_gap')"
-        ),
-    ),
-    7: (
-        (
-            "CREATE TABLE sent (id INTEGER NOT NULL PRIMARY KEY, tag VARCHAR NOT NULL, api VARCHAR NOT NULL, "
-            "change_id VARCHAR NOT NULL, state VARCHAR NOT NULL, set_id VARCHAR, digest VARCHAR NOT NULL, "
-            "objects JSON NOT NULL, file VARCHAR NOT NULL, at VARCHAR NOT NULL, UNIQUE (tag, change_id))"
-        ),
-        "CREATE INDEX ix_sent_change_id ON sent (change_id)",
-    ),
-    8: (
-        (
-            "CREATE TABLE annotation_set (drive_id VARCHAR NOT NULL, number INTEGER NOT NULL, "
-            "annotations_sha256 VARCHAR, read_at VARCHAR, folder VARCHAR NOT NULL, is_complete BOOLEAN NOT "
-            "NULL, is_current BOOLEAN NOT NULL, n_annotations INTEGER NOT NULL, n_sightings INTEGER NOT "
-            "NULL, n_objects INTEGER NOT NULL, PRIMARY KEY (drive_id, number))"
-        ),
-        (
-            "CREATE TABLE drive_kept (drive_id VARCHAR NOT NULL, name VARCHAR NOT NULL, started_ns BIGINT "
-            "NOT NULL, ended_ns BIGINT NOT NULL, datum VARCHAR NOT NULL, annotations_complete BOOLEAN NOT "
-            "NULL, n_frames INTEGER NOT NULL, n_annotations INTEGER NOT NULL, length_m FLOAT NOT NULL, "
-            "delay_ms FLOAT, line BLOB NOT NULL, rig BLOB NOT NULL, poses BLOB NOT NULL, content_sha256 "
-            "VARCHAR NOT NULL, fix_quality JSON NOT NULL, cameras JSON NOT NULL, warnings JSON NOT NULL, "
-            "skipped JSON NOT NULL, software VARCHAR NOT NULL, annotation_set INTEGER NOT NULL, PRIMARY "
-            "KEY (drive_id, annotation_set))"
-        ),
-        (
-            "CREATE TABLE drive_method_kept (drive_id VARCHAR NOT NULL, method VARCHAR NOT NULL, "
-            "n_unplaced INTEGER NOT NULL, corrections JSON NOT NULL, misfits JSON NOT NULL, absence_gap "
-            "VARCHAR NOT NULL, annotation_set INTEGER NOT NULL, PRIMARY KEY (drive_id, method, "
-            "annotation_set))"
-        ),
-        (
-            "CREATE TABLE sighting_kept (drive_id VARCHAR NOT NULL, method VARCHAR NOT NULL, number "
-            "INTEGER NOT NULL, object VARCHAR NOT NULL, camera VARCHAR NOT NULL, frame INTEGER NOT NULL, "
-            "epoch_ns BIGINT NOT NULL, kind VARCHAR NOT NULL, u_px FLOAT NOT NULL, v_px FLOAT NOT NULL, "
-            "east_m FLOAT, north_m FLOAT, cov_ee_m2 FLOAT, cov_en_m2 FLOAT, cov_nn_m2 FLOAT, range_m "
-            "FLOAT, speed_mps FLOAT, residual_u_px FLOAT, residual_v_px FLOAT, eye_east_m FLOAT, "
-            "eye_north_m FLOAT, rejected VARCHAR NOT NULL, annotation_set INTEGER NOT NULL, PRIMARY KEY "
-            "(drive_id, method, number, annotation_set))"
-        ),
-        (
-            "CREATE TABLE estimate_kept (estimate_id VARCHAR NOT NULL, drive_id VARCHAR NOT NULL, object "
-            "VARCHAR NOT NULL, label VARCHAR NOT NULL, skiltnummer VARCHAR NOT NULL, method VARCHAR NOT "
-            "NULL, east_m FLOAT NOT NULL, north_m FLOAT NOT NULL, height_m FLOAT NOT NULL, sigma_height_m "
-            "FLOAT, cov_ee_m2 FLOAT NOT NULL, cov_en_m2 FLOAT NOT NULL, cov_nn_m2 FLOAT NOT NULL, "
-            "n_sightings INTEGER NOT NULL, n_frames INTEGER NOT NULL, n_cameras INTEGER NOT NULL, cameras "
-            "JSON NOT NULL, first_ns BIGINT NOT NULL, last_ns BIGINT NOT NULL, range_min_m FLOAT NOT NULL, "
-            "n_rejected INTEGER NOT NULL, flags VARCHAR NOT NULL, budget JSON NOT NULL, nvdb_type INTEGER, "
-            "text VARCHAR, annotation_set INTEGER NOT NULL, PRIMARY KEY (estimate_id, annotation_set))"
-        ),
-        # Which annotations they were is not known of the drives that are there.
-        (
-            "INSERT INTO annotation_set SELECT drive_id, 1, NULL, NULL, '', annotations_complete, 1, "
-            "n_annotations, (SELECT count(DISTINCT s.number) FROM sighting AS s WHERE s.drive_id = "
-            "drive.drive_id AND s.rejected = ''), (SELECT count(DISTINCT e.object) FROM estimate AS e "
-            "WHERE e.drive_id = drive.drive_id) FROM drive"
-        ),
-    ),
-}
-"""What makes a store of one version one of the next; without an entry it is refused."""
+VERSION = 10
+"""Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
 metadata = sa.MetaData()
 
@@ -274,6 +198,8 @@ sighting = sa.Table(
     sa.Column("eye_east_m", sa.Float),  # the camera's place, EPSG:25833
     sa.Column("eye_north_m", sa.Float),
     sa.Column("rejected", sa.String, nullable=False),
+    # False: the annotation tool interpolated it; the object was in view, and the reason stands in `rejected`.
+    sa.Column("is_measured", sa.Boolean, nullable=False),
 )
 
 estimate = sa.Table(

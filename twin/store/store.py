@@ -18,6 +18,7 @@ import sqlalchemy as sa
 
 from twin.errors import RefusedError, StoreError
 from twin.store import schema
+from twin.store.upgrades import UPGRADES
 
 Row = Mapping[str, Any]
 
@@ -305,7 +306,7 @@ def _upgrade(engine: sa.Engine, path: Path, version_found: int) -> None:
     StoreError
         The store is older than any that can be upgraded, or cannot be written.
     """
-    if any(version not in schema.UPGRADES for version in range(version_found, schema.VERSION)):
+    if any(version not in UPGRADES for version in range(version_found, schema.VERSION)):
         raise StoreError(
             f"The store {path} was written by an older twin (schema {version_found}; this twin needs "
             f"{schema.VERSION}): sync and ingest into a new --store."
@@ -315,7 +316,7 @@ def _upgrade(engine: sa.Engine, path: Path, version_found: int) -> None:
         # Asked again inside the transaction: another process may have upgraded it meanwhile.
         current = int(connection.execute(sa.select(schema.meta.c.value).where(is_version)).scalar_one())
         for version in range(current, schema.VERSION):
-            for statement in schema.UPGRADES[version]:
+            for statement in UPGRADES[version]:
                 connection.exec_driver_sql(statement)
         connection.execute(sa.update(schema.meta).where(is_version).values(value=str(schema.VERSION)))
 

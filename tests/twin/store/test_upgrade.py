@@ -19,10 +19,12 @@ SINCE_9 = ("annotation_set", *(table.name for table in schema.KEPT.values()))
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 to 8 wrote it, with one decision."""
+    """Make a store as version 4 to 9 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
-        for table in SINCE_9:
+        for table in ("sighting", "sighting_kept"):
+            raw.execute(f"ALTER TABLE {table} DROP COLUMN is_measured")
+        for table in SINCE_9 if version < 9 else ():
             raw.execute(f"DROP TABLE {table}")
         if version < 8:
             raw.execute("DROP TABLE sent")
@@ -42,7 +44,7 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7, 8])
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
@@ -56,7 +58,7 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
     assert versions == [{"value": str(schema.VERSION)}]
 
 
-@pytest.mark.parametrize("table", ["estimate", "change", "drive_method", "sent", *SINCE_9])
+@pytest.mark.parametrize("table", ["estimate", "change", "drive_method", "sent", "sighting", *SINCE_9])
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
     tables = []
@@ -109,6 +111,23 @@ def test_drives_of_an_older_store_are_annotation_sets_that_count(tmp_path: Path)
         sets = [named.annotation_set for named in all_annotation_sets(store)]
     assert [(one.drive_id, one.number, one.n_annotations) for one in sets] == [("a", 1, 7), ("b", 1, 0)]
     assert all(one.is_current and one.annotations_sha256 is None for one in sets)
+
+
+def test_sightings_of_a_store_of_version_9_were_all_measured(tmp_path: Path) -> None:
+    """Those that count and those that are kept beside them, with all that was known of them."""
+    path = older(tmp_path / "twin.db", 9)
+    of_one = {c.name: 0 for c in schema.sighting.columns if c.name != "is_measured"}
+    with sqlite3.connect(path) as raw:
+        for table, one in (("sighting", of_one), ("sighting_kept", {**of_one, "annotation_set": 1})):
+            raw.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(one))})", list(one.values()))
+    raw.close()
+    with Store.open(path) as store:
+        for table, more in (
+            (schema.sighting, {}),
+            (schema.KEPT[schema.sighting], {"annotation_set": 1}),
+        ):
+            (read,) = store.rows(sa.select(*(sa.cast(c, sa.Integer).label(c.name) for c in table.columns)))
+            assert read == of_one | {"is_measured": 1} | more
 
 
 def test_store_that_cannot_be_upgraded_is_refused_untouched(tmp_path: Path) -> None:

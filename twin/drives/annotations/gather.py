@@ -131,8 +131,9 @@ def gather(
         skipped += left_out(context, file.where)
         cameras |= chooser.chosen
     named = _named(rows)
-    # Points carry math.nan itself as their box, so that equal rows compare equal.
-    unique = list({row._replace(file=""): row for row in reversed(named)}.values())[::-1]
+    # Points carry math.nan itself as their box, so that equal rows compare equal. Another export of the same
+    # row may lack the word that it was interpolated: such rows stand first.
+    unique = list({row._replace(file="", is_measured=True): row for row in reversed(named)}.values())[::-1]
     if len(unique) < len(named):
         where = ", ".join(sorted({row.file for row in named}))
         skipped.append(skipped_annotations(SkipKind.REPEATED, where, len(named) - len(unique)))
@@ -235,6 +236,7 @@ def _rows(
             shape.pixel_px,
             shape.box_px,
             file.where,
+            shape.is_measured,
         )
         yield row, track
 
@@ -313,7 +315,7 @@ def _named(rows: Sequence[tuple[Annotation, str]]) -> list[Annotation]:
         return f"{row.camera}:{track}"
 
     named = [row._replace(object=name(row, track)) for row, track in rows]
-    return sorted(named, key=lambda r: (r.camera, r.frame, r.object, r.kind, r.pixel_px))
+    return sorted(named, key=lambda r: (r.camera, r.frame, r.object, r.kind, r.pixel_px, r.is_measured))
 
 
 def _without_suffix(file: str) -> str:

@@ -37,6 +37,7 @@ class SkipKind(StrEnum):
     OTHER_VERSION = "version of another annotator"
     OTHER_SHAPE = "shape that stands for no sign"
     NO_TIME = "annotation without a time"
+    INTERPOLATED = "interpolated annotation"
 
     def reason(self, detail: str = "") -> str:
         """Return the clause that people read; `detail` is what the file says, or the whole clause."""
@@ -51,6 +52,7 @@ _REASONS = {
     SkipKind.OTHER_VERSION: "another annotator's version of the task",
     SkipKind.OTHER_SHAPE: "kind {}",
     SkipKind.NO_TIME: "frame of {} without a time stamp",
+    SkipKind.INTERPOLATED: "interpolated between key frames: the object was seen there, but not measured",
 }
 _FILES = (SkipKind.DAMAGED_FILE, SkipKind.EMPTY_FILE)
 
@@ -70,8 +72,8 @@ class Skipped:
 
     @property
     def is_annotation(self) -> bool:
-        """Whether these are annotations: of anything else the kind is a file's, or `SkipKind.OTHER`."""
-        return self.kind not in (SkipKind.OTHER, *_FILES)
+        """Whether these are annotations that somebody made: no interpolated ones, files or anything else."""
+        return self.kind not in (SkipKind.OTHER, SkipKind.INTERPOLATED, *_FILES)
 
     def as_row(self) -> dict[str, str | int]:
         """Return what is kept and shown of it."""

@@ -95,7 +95,7 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
     for finding in check_ids(*association_input(drive, trajectory, ids), ids):
         one, other = (set(annotations.camera[rows].tolist()) for rows in finding.rows)
         few, many = sorted(rows.size for rows in finding.rows)
-        if finding.kind == "merge" and one & other:
+        if finding.kind == "merge" and one & other and not _in_one_picture(drive, finding.ids):
             messages.setdefault(finding.ids, _one_sign(annotations, finding))
         elif finding.kind == "split" and few >= _TWO_SIGNS * (few + many):
             # Fewer are slips of the hand, which the adjustment leaves out.
@@ -112,6 +112,16 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
         more = f"{len(messages) - _MAX_WARNINGS} more ids look wrong in the same way."
         return doubts(DriveDoubt.IDS, *list(messages.values())[:_MAX_WARNINGS], more)
     return doubts(DriveDoubt.IDS, *messages.values())
+
+
+def _in_one_picture(drive: Drive, ids: tuple[str, ...]) -> bool:
+    """Whether two objects were seen side by side, where the key frames alone do not show them so."""
+    pictures: list[set[tuple[str, int]]] = [set(), set()]
+    for notes in (drive.annotations, drive.interpolated):
+        for seen, name in zip(pictures, ids, strict=True):
+            rows = notes.object == name
+            seen.update(zip(notes.camera[rows].tolist(), notes.frame[rows].tolist(), strict=True))
+    return not pictures[0].isdisjoint(pictures[1])
 
 
 def _main_camera(annotations: Annotations, rows: IntArray) -> str:

@@ -17,12 +17,13 @@ from twin.store.store import Snapshot
 def pictures_of(
     view: Snapshot, pairs: Sequence[tuple[str, str]], method: str
 ) -> dict[str, frozenset[Picture]]:
-    """In which pictures the objects of pairs were marked, and as what."""
+    """In which pictures the objects of pairs were marked, be it by interpolation, and as what."""
     t = schema.sighting
     wanted = {tuple(member.split(":", 1)) for pair in pairs for member in pair}
     found: dict[str, set[Picture]] = {}
     for drive_id in sorted({drive_id for drive_id, _ in wanted}):
-        mine = (t.c.drive_id == drive_id, t.c.method == method, t.c.rejected == "")
+        is_there = (t.c.rejected == "") | ~t.c.is_measured
+        mine = (t.c.drive_id == drive_id, t.c.method == method, is_there)
         for row in view.rows(sa.select(t.c.object, t.c.camera, t.c.frame, t.c.kind).where(*mine)):
             if (drive_id, row["object"]) in wanted:
                 picture = row["camera"], row["frame"], row["kind"]

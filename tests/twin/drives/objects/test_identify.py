@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from geoloc.trajectory.trajectory import Trajectory
+from twin.drives.annotations.gather import only
 from twin.drives.drive import Drive
 from twin.drives.objects.identify import FOUND, id_warnings, with_objects
 from twin.drives.read import read_drive
@@ -159,3 +160,15 @@ def test_wrong_ids_give_a_warning(one: str, other: str, sentence: str) -> None:
     swapped[late & (notes.object == other)] = one
     wrong = replace(drive, annotations=replace(notes, object=swapped))
     assert any(re.match(sentence, warning.sentence) for warning in id_warnings(wrong, trajectory))
+
+
+def test_ids_that_were_drawn_in_one_picture_are_two_signs() -> None:
+    """Key frames in different pictures fit one place; what was drawn between them shows both at once."""
+    drive, trajectory = sample_drive()
+    notes = drive.annotations
+    halves = notes.object.astype("U20")
+    halves[(notes.object == "P02") & (notes.frame % 2 == 1)] = "beside P02"
+    apart = replace(drive, annotations=replace(notes, object=halves))
+    assert any("are one sign" in warning.sentence for warning in id_warnings(apart, trajectory))
+    drawn = only(notes, (notes.object == "P02") & (notes.frame % 2 == 1))
+    assert id_warnings(replace(apart, interpolated=drawn), trajectory) == ()

@@ -2,7 +2,8 @@
 
 The format: https://cocodataset.org/#format-data. Boxes are ``[x, y, width, height]`` from the corner of the
 first pixel. Tracks, which COCO does not know, stand in ``track_id`` of an annotation or of its
-``attributes`` (so CVAT writes them). ``iscrowd`` marks a heap of objects, which is none.
+``attributes`` (so CVAT writes them, with the attribute ``keyframe``). ``iscrowd`` marks a heap of objects,
+which is none.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, size_px, text, texts, whole
 from twin.drives.annotations.formats.shapes import (
+    KEY_FRAME,
     NO_HINTS,
     AnnotationFile,
     Hints,
@@ -22,6 +24,7 @@ from twin.drives.annotations.formats.shapes import (
     box_at,
     foot_at,
     foot_of,
+    is_key_frame,
     numbers,
     pairs,
 )
@@ -58,6 +61,7 @@ def read_coco(document: object, where: str, hints: Hints = NO_HINTS) -> Annotati
                     image=text(image.get("file_name")),
                     image_id=-1 if number is None else number,
                     size_px=size_px(image.get("width"), image.get("height")),
+                    is_measured=is_key_frame(attributes.get(KEY_FRAME)),
                 )
             )
     return file

@@ -7,7 +7,8 @@ The format: https://docs.cvat.ai/docs/dataset_management/formats/format-cvat/. W
 - ``<box>``, and ``<polygon>`` by the box around it, the face of a sign.
 
 Polylines, other skeletons, tags and the rest are counted by kind. Rows with ``outside="1"`` say that the
-object is *not* in view: they are no annotations, and are not counted either.
+object is *not* in view: they are no annotations, and are not counted either. Rows with ``keyframe="0"`` were
+put there by CVAT, between two that somebody set.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError  # only the exception: parsing goes through defusedxml
 
 from twin.drives.annotations.formats.shapes import (
+    KEY_FRAME,
     NO_HINTS,
     AnnotationFile,
     Hints,
@@ -30,6 +32,7 @@ from twin.drives.annotations.formats.shapes import (
     box_at,
     foot_at,
     foot_of,
+    is_key_frame,
     numbers,
     of_kind,
 )
@@ -198,6 +201,7 @@ def _read_track(
                     frame=frame,
                     size_px=sizes.get(task, only_size),
                     task=task,
+                    is_measured=is_key_frame(element.get(KEY_FRAME)),
                 )
             )
 

@@ -2,7 +2,8 @@
 
 The format: https://open-edge-platform.github.io/datumaro/latest/docs/data-formats/formats/datumaro.html.
 Boxes are ``[x, y, width, height]`` from the corner of the first pixel; tracks stand in the attribute
-``track_id``, the frame of a video in the item's ``attr.frame`` where its name has no number.
+``track_id`` (CVAT adds ``keyframe``), the frame of a video in the item's ``attr.frame`` where its name has no
+number.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, text, texts, whole
 from twin.drives.annotations.formats.shapes import (
+    KEY_FRAME,
     NO_HINTS,
     AnnotationFile,
     Hints,
@@ -22,6 +24,7 @@ from twin.drives.annotations.formats.shapes import (
     box_at,
     foot_at,
     foot_of,
+    is_key_frame,
     numbers,
     of_kind,
     pairs,
@@ -68,6 +71,7 @@ def read_datumaro(document: object, where: str, hints: Hints = NO_HINTS) -> Anno
                         image=text(image.get("path")) or key(item.get("id")),
                         image_id=-1 if number is None else number,
                         size_px=_size_px(image),
+                        is_measured=is_key_frame(attributes.get(KEY_FRAME)),
                     )
                 )
     return file

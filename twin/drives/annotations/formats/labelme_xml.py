@@ -1,7 +1,8 @@
 """LabelMe, the web tool: one XML for each image.
 
 The format: http://labelme.csail.mit.edu/Release3.0/. A polygon or a segment's box is a face; the tool draws
-no points. Deleted objects stay in the file, marked as such.
+no points. Deleted objects stay in the file, marked as such. CVAT and Datumaro write ``name=value, …`` where
+the tool has one free text.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from xml.etree.ElementTree import ParseError  # only the exception: parsing goes
 
 from twin.drives.annotations.formats.cvat import root_tag
 from twin.drives.annotations.formats.shapes import (
+    KEY_FRAME,
     NO_HINTS,
     AnnotationFile,
     Hints,
@@ -20,6 +22,7 @@ from twin.drives.annotations.formats.shapes import (
     UnusableShapeError,
     box_around,
     box_at,
+    is_key_frame,
     numbers,
 )
 from twin.errors import DriveError
@@ -53,11 +56,25 @@ def read_labelme_xml(content: bytes, where: str, _hints: Hints = NO_HINTS) -> An
         if _text(thing, "deleted") == "1":
             continue
         with file.counting():
-            label, attributes = _text(thing, "name"), {"attributes": _text(thing, "attributes")}
+            attributes = _attributes(thing)
             file.shapes.append(
-                replace(_shape(thing), label=label, attributes=attributes, image=image, size_px=size)
+                replace(
+                    _shape(thing),
+                    label=_text(thing, "name"),
+                    attributes=attributes,
+                    track=attributes.get("track_id", ""),
+                    image=image,
+                    size_px=size,
+                    is_measured=is_key_frame(attributes.get(KEY_FRAME)),
+                )
             )
     return file
+
+
+def _attributes(thing: Element) -> dict[str, str]:
+    written = _text(thing, "attributes")
+    named = (part.partition("=") for part in written.split(",") if "=" in part)
+    return {"attributes": written} | {name.strip(): value.strip() for name, _, value in named}
 
 
 def _root(content: bytes, where: str) -> Element:

@@ -5,7 +5,7 @@ percent of the image, from its corner. A rectangle is turned clockwise about its
 with it. What an annotator says of one region besides its label (``<TextArea name="skiltnummer"
 perRegion="true"/>``, choices, numbers) are attributes: they stand in results with the region's id. Of
 several annotators' versions of one task the one that is marked as ground truth counts, else the first.
-Frames of videos count from 1.
+Frames of videos count from 1. An export "with interpolated key frames" marks what it adds as ``auto``.
 """
 
 from __future__ import annotations
@@ -175,10 +175,14 @@ def _ellipse(x: float, y: float, radius_x: float, radius_y: float, degrees: floa
 
 
 def _of_video(value: Mapping[str, Any], file: AnnotationFile) -> Iterator[Shape]:
-    """Yield the key frames of one track; those in between are not in the export."""
+    """Yield the frames of one track that are in the export: the key frames, and others where it was asked so.
+
+    ``enabled`` is false on the last frame of a stretch in which the object is seen: it is in view there.
+    """
     for row in map(mapping, sequence(value.get("sequence"))):
         with file.counting():
             number = whole(row.get("frame"))
             if not number:
                 raise UnusableShapeError("frame number unreadable")
-            yield replace(as_fraction(_shape(row, "rectangle", 0.01, 0.01)), frame=number - 1)
+            shape = as_fraction(_shape(row, "rectangle", 0.01, 0.01))
+            yield replace(shape, frame=number - 1, is_measured=row.get("auto") is not True)

@@ -22,6 +22,10 @@ _CORNER_TO_CENTRE_PX = 0.5
 _LARGEST = 1e9
 """No coordinate is larger: sums and products of such numbers stay finite."""
 
+KEY_FRAME = "keyframe"
+"""CVAT's word for a row of a track that somebody set, in every format that it exports tracks to."""
+_NO = ("0", "false", "no")
+
 NO_BOX = (math.nan, math.nan, math.nan, math.nan)
 
 FOOT_WORDS = frozenset({"foot", "base", "bottom", "ground", "fot", "fotpunkt", "bunn"})
@@ -60,6 +64,8 @@ class Shape:
         Of the image that was annotated.
     task : str
         Id of the task in a project export, else "".
+    is_measured : bool
+        Whether somebody put it there; False where the tool put it between two key frames.
     """
 
     kind: str
@@ -74,6 +80,7 @@ class Shape:
     image_id: int = -1
     size_px: tuple[int, int] | None = None
     task: str = ""
+    is_measured: bool = True
 
     def in_pixels(self, width_px: int, height_px: int) -> Shape:
         """Return the shape in pixels of an image of this size."""
@@ -201,6 +208,11 @@ class AnnotationFile:
             for (reason, kind), n in sorted(self.left_out.items())
             if n
         )
+
+
+def is_key_frame(said: str | None) -> bool:
+    """Whether a row of a track is a key frame by what its file says; one of which it says nothing is one."""
+    return (said or "").strip().casefold() not in _NO
 
 
 def foot_at(x: float, y: float) -> Shape:
