@@ -4,40 +4,37 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from pathlib import PurePosixPath
 
 import numpy as np
 
 from geoloc.arrays import IntArray
 from twin.drives.annotations.formats.plain_csv import TOOL as CSV
 from twin.drives.annotations.formats.shapes import Shape
+from twin.drives.annotations.picture_names import PictureNames, plain_name
 from twin.drives.drive import Annotations
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.frames.stamp_files import NO_STAMP
 
-NOT_AMONG_PICTURES = -2
 _MOST_DIGITS = 30
 """The longest number that is converted keeps int() linear; it is far above any frame."""
-_DOWNLOADED = re.compile(r"(?:_(?:jpe?g|png|bmp))?\.rf\.[0-9a-f]+$", re.IGNORECASE)
-"""What Roboflow puts after the name of an image: ``frame_12_jpg.rf.0a1b2c``."""
 
 
-def is_numbered(shape: Shape, tool: str, pictures: Mapping[str, int] | None) -> bool:
+def is_numbered(shape: Shape, tool: str, pictures: PictureNames | None) -> bool:
     """Whether a person or a script numbered the frame: in a CSV's column, or in the name of an image.
 
     Annotation tools count the frames of a video from 0 themselves, and a folder's images have an order.
     """
-    return tool == CSV if shape.frame is not None else not pictures
+    return tool == CSV if shape.frame is not None else pictures is None
 
 
-def frame_of(shape: Shape, camera: str, pictures: Mapping[str, int] | None, first_frame: int) -> int:
+def frame_of(shape: Shape, camera: str, pictures: PictureNames | None, first_frame: int) -> int:
     """Frame number of a shape.
 
     Parameters
     ----------
     camera : str
         Digits of its name are none of the number.
-    pictures : mapping of image name to frame number, or None
+    pictures : PictureNames or None
         The camera's, where they are files.
     first_frame : int
         Number that the first frame has where `is_numbered`.
@@ -45,16 +42,14 @@ def frame_of(shape: Shape, camera: str, pictures: Mapping[str, int] | None, firs
     Returns
     -------
     int
-        `NOT_AMONG_PICTURES` where the image is none of the camera's, another negative number where there is
-        none.
+        `NOT_AMONG_PICTURES` where the image is none of the camera's, `UPLOADED_TWICE` where it may be
+        another's, another negative number where there is none.
     """
     if shape.frame is not None:
         return shape.frame - first_frame
-    name = PurePosixPath(shape.image.replace("\\", "/"))
-    plain = _DOWNLOADED.sub("", name.stem)
-    if pictures:
-        return pictures.get(name.name, pictures.get(name.stem, pictures.get(plain, NOT_AMONG_PICTURES)))
-    digits = re.findall(r"[0-9]+", plain.replace(camera, ""))
+    if pictures is not None:
+        return pictures.frame_of(shape.image)
+    digits = re.findall(r"[0-9]+", plain_name(shape.image).replace(camera, ""))
     number = int(digits[-1][:_MOST_DIGITS]) if digits else shape.image_id
     return max(number - first_frame, -1)
 

@@ -39,9 +39,16 @@ from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.annotations.camera_of_file import CameraChooser
 from twin.drives.annotations.drawn_size import check_reach, check_size
 from twin.drives.annotations.formats.shapes import AnnotationFile, Shape
-from twin.drives.annotations.frame_numbers import NOT_AMONG_PICTURES, frame_of, is_numbered
+from twin.drives.annotations.frame_numbers import frame_of, is_numbered
 from twin.drives.annotations.labels import LabelMap, Meanings, codes_from_attribute
-from twin.drives.annotations.left_out import NOT_AMONG, FileReading, all_left_out, left_out
+from twin.drives.annotations.left_out import (
+    NOT_AMONG,
+    TWICE,
+    FileReading,
+    all_left_out,
+    left_out,
+)
+from twin.drives.annotations.picture_names import NOT_AMONG_PICTURES, UPLOADED_TWICE, PictureNames
 from twin.drives.drive import Annotation, Annotations
 from twin.drives.folder.notes import SkipKind, Skipped, skipped_annotations
 from twin.drives.frames.stamp_files import NO_STAMP
@@ -124,7 +131,9 @@ def gather(
         skipped += file.skipped
         chooser = CameraChooser(file, declared, rig)
         cameras |= chooser.of_empty_file() if not file.shapes else set()
-        context = FileReading(rig.source, meanings, image_frames or {}, first_frame, numbered)
+        images = [shape.image for shape in file.shapes]
+        pictures = {c: PictureNames(of, images) for c, of in (image_frames or {}).items() if of}
+        context = FileReading(rig.source, meanings, pictures, first_frame, numbered)
         rows += _rows(file, chooser, context)
         warnings += all_left_out(file, declared, chooser, context)
         unsized |= check_reach(file, chooser, rig.source)
@@ -275,7 +284,7 @@ def _codes(attribute: str, codeless: Counter[str]) -> str:
 
 
 def _frame(shape: Shape, camera: str, tool: str, context: FileReading) -> int:
-    pictures = context.image_frames.get(camera)
+    pictures = context.pictures.get(camera)
     first_frame = 0
     if is_numbered(shape, tool, pictures):
         first_frame = context.first_frame
@@ -287,6 +296,8 @@ def _unusable(shape: Shape, frame: int, camera: RigCamera) -> str:
     """Why a shape is left out; "" if it is not."""
     if frame == NOT_AMONG_PICTURES:
         return NOT_AMONG
+    if frame == UPLOADED_TWICE:
+        return TWICE
     if not 0 <= frame < _HIGHEST_FRAME:
         return "frame number unreadable"
     width, height = camera.model.width_px, camera.model.height_px

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 from twin.drives.annotations.camera_of_file import CameraChooser
 from twin.drives.annotations.formats.shapes import AnnotationFile
 from twin.drives.annotations.labels import Meanings
+from twin.drives.annotations.picture_names import PictureNames
 from twin.drives.folder.notes import SkipKind, Skipped, skipped_annotations
 
 NOT_AMONG = "image that is not among the drive's pictures"
+TWICE = "image of a name that was uploaded twice, so that it may be another drive's: delete the tasks of one"
 
 
 @dataclass(slots=True)
@@ -22,7 +24,8 @@ class FileReading:
     ----------
     rig_source : str
     labels : Meanings
-    image_frames : mapping of camera to frame number by image name
+    pictures : mapping of camera to PictureNames
+        Of cameras whose pictures are files.
     first_frame : int
         Number of the first frame in a CSV and in names of images.
     numbered : dict of camera to example
@@ -35,7 +38,7 @@ class FileReading:
 
     rig_source: str
     labels: Meanings
-    image_frames: Mapping[str, Mapping[str, int]]
+    pictures: Mapping[str, PictureNames]
     first_frame: int
     numbered: dict[str, str]
     understood: set[str] = field(default_factory=set)
@@ -73,6 +76,6 @@ def all_left_out(
 
 
 def _names_differ(file: AnnotationFile, camera: str, chooser: CameraChooser, context: FileReading) -> str:
-    pictures = next(iter(context.image_frames[camera]), "")
+    pictures = context.pictures[camera].example
     image = next((shape.image for shape in file.shapes if chooser.of(shape).name == camera), "")
     return f", such as {image!r:.60}, where the pictures have names such as {pictures!r:.60}"

@@ -16,6 +16,8 @@ from twin.drives.frames.stamp_files import MAX_FRAME, names_images, read_image_t
 from twin.drives.frames.video import VIDEO_SUFFIXES
 from twin.errors import DriveError
 
+UPLOADED = re.compile(r"^[0-9a-f]{8}-(?=.)")
+"""What Label Studio puts before the name of an upload: ``ab12cd34-IMG_4000.jpg``; so its exports have it."""
 _DIGITS = re.compile(r"(\d{1,30})", re.ASCII)
 
 
@@ -81,8 +83,19 @@ def find_pictures(folder: DriveFolder, settings: DriveSettings, rig: Rig) -> dic
 
 
 def in_order(names: Mapping[str, int] | list[str]) -> tuple[str, ...]:
-    """Image names in the order of their frames: alphabetical, numbers by value, so that 9 is before 10."""
-    return tuple(sorted(names, key=lambda name: ([_part(p) for p in _DIGITS.split(name)], name)))
+    """Image names in the order of their frames: alphabetical, numbers by value, so that 9 is before 10.
+
+    What Label Studio drew by lot before the names of pictures that come back from it says no order.
+    """
+    paths = {name: PurePosixPath(name) for name in names}
+    lots = [UPLOADED.match(path.name) for path in paths.values()]
+    are_lots = all(lots) and not all(lot[0][:8].isdecimal() for lot in lots if lot)
+
+    def order(name: str) -> tuple[list[tuple[int, str]], str]:
+        bare = str(paths[name].with_name(UPLOADED.sub("", paths[name].name))) if are_lots else name
+        return [_part(p) for p in _DIGITS.split(bare)], name
+
+    return tuple(sorted(names, key=order))
 
 
 def _part(text: str) -> tuple[int, str]:

@@ -14,6 +14,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
+from urllib.parse import unquote
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, size_px, text, whole
 from twin.drives.annotations.formats.shapes import (
@@ -72,12 +73,15 @@ def _version(task: Mapping[str, Any], file: AnnotationFile) -> Mapping[str, Any]
 
 
 def _image(task: Mapping[str, Any]) -> str:
-    """Return the name of the image; local files are served as ``/data/local-files/?d=front/12.jpg``."""
+    """Return the name of the image; local files are served as ``/data/local-files/?d=front/12.jpg``.
+
+    It is an address: a blank in a name is ``%20`` there.
+    """
     data = mapping(task.get("data"))
     usual = [text(data[name]) for name in ("image", "img", "video") if isinstance(data.get(name), str)]
     others = [text(value) for value in data.values() if isinstance(value, str) and "." in value]
     name = next(iter(usual + others), "")
-    return name.partition("?d=")[2] or name.partition("?")[0]
+    return unquote(name.partition("?d=")[2] or name.partition("?")[0])
 
 
 def _shapes(results: Any, file: AnnotationFile) -> Iterator[Shape]:
