@@ -68,6 +68,12 @@ ReplaceOption = Annotated[
 ]
 
 
+PartialOption = Annotated[
+    bool,
+    typer.Option("--partial", help="Take the drive although more than half of its annotations are left out."),
+]
+
+
 @app.command("ingest-drive", epilog="Example: twin ingest-drive data/trip_trondheim")
 def ingest_drive(
     drive: Annotated[Path, typer.Argument(help="The drive's folder.", metavar="DRIVE")],
@@ -79,6 +85,7 @@ def ingest_drive(
     detector_every: DetectorEveryOption = 1,
     detector_threshold: DetectorThresholdOption = 0.25,
     replace: ReplaceOption = False,
+    partial: PartialOption = False,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -96,6 +103,7 @@ def ingest_drive(
             labels=labels,
             detector=DetectorOptions(detector, detector_every, detector_threshold) if detector else None,
             replace=replace,
+            partial=partial,
             progress=progress,
         )
     for warning in report.warnings:

@@ -16,7 +16,7 @@ from twin.drives.annotations.key_frames import CURE
 from twin.drives.drive import Annotations, Drive
 from twin.drives.epochs import clock_hint, stamps_hint, utc_text
 from twin.drives.folder.drive_toml import SETTINGS_FILE
-from twin.drives.folder.notes import DriveDoubt, doubts
+from twin.drives.folder.notes import DriveDoubt, SkipKind, doubts
 from twin.drives.track.read import Track
 from twin.errors import DriveError
 
@@ -26,6 +26,8 @@ _MOVING_MPS = 2.0
 _HEADING_WARN_DEG, _HEADING_REFUSE_DEG = 10.0, 30.0
 _NS_PER_S = 1e9
 _ENOUGH_KEY_FRAMES = 3
+_LOST = (SkipKind.UNUSABLE, SkipKind.NO_TIME, SkipKind.DAMAGED_FILE)
+_MOST_REASONS = 3
 _ANOTHER_DRIVE_S = 3600.0
 """A receiver that died is not back an hour later on the same drive."""
 
@@ -109,6 +111,40 @@ def _check_headings(drive: Drive) -> tuple[str, ...]:
     if median > _HEADING_REFUSE_DEG:
         raise DriveError(f"{text}.")
     return (f"{text}.",) if median > _HEADING_WARN_DEG else ()
+
+
+def mostly_left_out(drive: Drive) -> str:
+    """Say that more than half of a drive's annotations were left out while it was read; "" if they were not.
+
+    Repeats, slips and other people's versions of a task are not lost; shapes that stand for no sign are only
+    where there is nothing else. A damaged file counts as one annotation.
+    """
+    kept = len(drive.annotations.frame) + len(drive.interpolated.frame)
+    kinds = _LOST if kept else (*_LOST, SkipKind.OTHER_SHAPE)
+    lost = sorted((s for s in drive.skipped if s.kind in kinds), key=lambda s: -s.count)
+    n_lost = sum(s.count for s in lost)
+    if n_lost <= kept:
+        return ""
+    told = "; ".join(f"{s.count:,} of {s.where}: {s.reason}" for s in lost[:_MOST_REASONS])
+    more = f"; and {len(lost) - _MOST_REASONS} more reasons" if len(lost) > _MOST_REASONS else ""
+    return (
+        f"More than half of the annotations of {drive.name} cannot be used, {n_lost:,} of {n_lost + kept:,}"
+        f" ({told}{more})"
+    )
+
+
+def check_enough_read(drive: Drive) -> None:
+    """Refuse a drive of whose annotations more than half were left out.
+
+    Raises
+    ------
+    DriveError
+    """
+    said = mostly_left_out(drive)
+    if said:
+        raise DriveError(
+            f"{said}: correct them, or let the others count alone with twin ingest-drive --partial."
+        )
 
 
 def annotation_warnings(drive: Drive, n_located: int, placed: Collection[str]) -> tuple[Doubt, ...]:

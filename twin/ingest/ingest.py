@@ -25,7 +25,12 @@ from twin.drives.annotations.key_frames import never_measured
 from twin.drives.drive import Drive
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.objects.identify import id_warnings, with_objects
-from twin.drives.plausibility import annotation_warnings, check_track
+from twin.drives.plausibility import (
+    annotation_warnings,
+    check_enough_read,
+    check_track,
+    mostly_left_out,
+)
 from twin.drives.read import read_drive
 from twin.errors import ConfigError, DriveError
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
@@ -92,6 +97,7 @@ def ingest_drive(
     labels: Path | str | None = None,
     detector: DetectorOptions | None = None,
     replace: bool = False,
+    partial: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> IngestReport:
     """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
@@ -123,11 +129,15 @@ def ingest_drive(
         A network that finds the signs in the drive's pictures; annotations are then left unread.
     replace : bool
         Whether the drive's other annotation sets are deleted, also by a folder without annotations.
+    partial : bool
+        Whether a drive of whose annotations more than half were left out is taken all the same: as one that
+        is not completely annotated.
 
     Raises
     ------
     ConfigError, DriveError, TerrainError, GeolocError
-        The drive cannot be read or located; the store is unchanged.
+        The drive cannot be read or located, or more than half of its annotations were left out; the store is
+        unchanged.
     RefusedError
         It has no annotations, and the store has some of the same recording; the store is unchanged.
     """
@@ -136,6 +146,8 @@ def ingest_drive(
     meanings = None if labels is None else Path(labels)
     drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
     track_doubts = check_track(drive)
+    if not partial:
+        check_enough_read(drive)
     say("building the trajectory")
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
@@ -160,6 +172,7 @@ def ingest_drive(
         *(misfit.sentence for misfit in misfits),
         *annotation_warnings(drive, int((sighted.reasons == "").sum()), placed),
         *_absence_warning(drive, n_unplaced, gap),
+        *_partial_warning(drive),
     )
     row = _drive_row(drive, trajectory, list(dict.fromkeys(map(str, warnings))))
     saved = save_drive(
@@ -274,7 +287,7 @@ def _drive_row(drive: Drive, trajectory: Trajectory, warnings: list[str]) -> dic
         "started_ns": int(trajectory.span_ns[0]),
         "ended_ns": int(trajectory.span_ns[1]),
         "datum": drive.datum,
-        "annotations_complete": drive.annotations_complete,
+        "annotations_complete": drive.annotations_complete and not mostly_left_out(drive),
         "n_frames": sum(int((s != NO_STAMP).sum()) for s in drive.frame_epoch_ns.values()),
         "n_annotations": len(drive.annotations.frame),
         "delay_ms": _delay_ms(drive, trajectory),
@@ -320,6 +333,12 @@ def _absence_warning(drive: Drive, n_unplaced: int, gap: str) -> tuple[str, ...]
         " that a sign is missing: annotate the foot of each pole as a point."
     )
     return (missing,)
+
+
+def _partial_warning(drive: Drive) -> tuple[str, ...]:
+    """Say what a drive is taken for that was let in all the same."""
+    lost = mostly_left_out(drive)
+    return (f"{lost}: this drive does not count as completely annotated.",) if lost else ()
 
 
 def _fix_quality(drive: Drive) -> dict[str, int]:

@@ -57,8 +57,8 @@ class Saved:
                 f"{other.number}; back: `twin drives use {now.drive_id} {other.number}`."
             )
         return (
-            f"These annotations do not count: their drive is not declared completely annotated, and that of "
-            f"set {other.number} is ({other.n_objects} objects); they are kept as set {now.number} "
+            f"These annotations do not count: they are not of a completely annotated drive, and those of "
+            f"set {other.number} are ({other.n_objects} objects); they are kept as set {now.number} "
             f"({now.n_objects} objects); to let them count: `twin drives use {now.drive_id} {now.number}`."
         )
 

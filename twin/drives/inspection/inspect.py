@@ -29,7 +29,7 @@ from twin.drives.frames.sizes import size_contradictions
 from twin.drives.frames.stamps import read_stamps
 from twin.drives.inspection.recognise import FileSeen, recognised
 from twin.drives.inspection.sensors import SensorSpan, annotations_span, frames_span, gnss_span, poses_span
-from twin.drives.plausibility import check_track
+from twin.drives.plausibility import check_enough_read, check_track
 from twin.drives.read import read_drive
 from twin.drives.rig.rig_files import rig_of_folder
 from twin.drives.track.read import Track, read_track
@@ -179,6 +179,7 @@ def _tell_of_track(drive: Drive, notes: ReadingNotes) -> None:
     """Tell what reading the whole drive tells, and check its track up to the trajectory made of it."""
     notes.skipped.extend(drive.skipped)
     notes.warnings.extend((*drive.warnings, *check_track(drive)))
+    check_enough_read(drive)
     if drive.poses is not None:
         return
     notes.say("building the trajectory, as ingest-drive would")
