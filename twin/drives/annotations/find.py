@@ -41,19 +41,24 @@ _ARCHIVES = (".zip", ".7z", ".rar", ".tar", ".tar.gz", ".tgz")
 _UNPACK = "if it holds annotations of this drive, unpack it in the drive folder"
 _EMPTY_BYTES = 64
 _MOST_NAMES = 5
-_DEEPER = ("annotations", "labels")
+_DEEPER = re.compile(
+    r"annotations|labels|default|train|val(id)?|test|obj_(train|valid|test)_data", re.IGNORECASE
+)
+_DEEPEST = 4
 
 
 def annotation_folders(folder: DriveFolder) -> list[str]:
-    """Folders that are searched: those in the drive folder, and what they call annotations or labels.
+    """Folders that are searched: those in the drive folder, and in these what tools call their own so.
 
-    So tools lay out their exports: Datumaro's and COCO's are ``annotations/default.json``.
+    Datumaro's and COCO's are ``annotations/default.json``, YOLO's ``labels/train/12.txt``.
     """
-    folders = []
-    for name in folder.folders():
-        deeper = folder.folders(name)
-        folders += [name, *(one for one in deeper if PurePosixPath(one).name.lower() in _DEEPER)]
-    return folders
+    folders = folder.folders()
+    last = folders
+    for _ in range(_DEEPEST - 1):
+        inside = (one for name in last for one in folder.folders(name))
+        last = [one for one in inside if _DEEPER.fullmatch(PurePosixPath(one).name)]
+        folders = folders + last
+    return sorted(folders)
 
 
 def find_annotations(
@@ -138,6 +143,7 @@ def _read_files(
     hints = replace(hints, classes=classes)
     files: list[AnnotationFile] = []
     damaged: list[str] = []
+    unread: list[str] = []
     for name in names:
         try:
             file = _read_file(folder, name, hints)
@@ -148,12 +154,20 @@ def _read_files(
             continue
         if file is not None:
             files.append(file)
-        elif not inside and name.lower().endswith(XML):
+        elif inside and name.lower().endswith(XML):
+            unread += [name] if root_tag(folder.head(name)).startswith("annotation") else []
+        elif name.lower().endswith(XML):
             root = root_tag(folder.head(name))
             what = f"no export of annotations (it begins with <{root:.40}>)" if root else "empty or no XML"
             notes.warn(DriveDoubt.ANNOTATIONS, f"{name} is {what}, so it is not read: export it again.")
     contents = {b"", b"{}", b"[]"} if any(file.tool in ONE_IMAGE for file in files) else {b""}
     _tell_of_empty([name for name in names if _is_json_of(folder, name, contents)], inside, notes)
+    if unread:
+        kinds = f"{unread[0]} and {len(unread) - 1:,} more" if len(unread) > 1 else unread[0]
+        notes.warn(
+            DriveDoubt.ANNOTATIONS,
+            f"{kinds}: annotations of a kind that is not read (such as Pascal VOC): export them as {NAMES}.",
+        )
     if damaged:
         notes.skipped.append(skipped_annotations(SkipKind.DAMAGED_FILE, inside, len(damaged)))
         notes.warn(

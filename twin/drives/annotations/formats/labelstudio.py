@@ -11,7 +11,7 @@ Frames of videos count from 1. An export "with interpolated key frames" marks wh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
@@ -31,6 +31,7 @@ from twin.drives.annotations.formats.shapes import (
     of_kind,
 )
 from twin.drives.folder.notes import SkipKind
+from twin.errors import DriveError
 
 TOOL = "Label Studio"
 
@@ -45,17 +46,35 @@ def looks_like_labelstudio(document: object) -> bool:
     tasks = sequence(document)
     first = mapping(tasks[0]) if tasks else {}
     versions = first.get("annotations", first.get("completions"))
-    return isinstance(versions, list) and isinstance(first.get("data"), dict)
+    return _is_short(first) or (isinstance(versions, list) and isinstance(first.get("data"), dict))
+
+
+def _is_short(task: Mapping[str, Any]) -> bool:
+    """Whether a task is of an export as "JSON-MIN", which says of no attribute which region it is of."""
+    return "annotation_id" in task and "annotations" not in task
 
 
 def read_labelstudio(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
-    """Read one export in the form "JSON"."""
+    """Read one export in the form "JSON".
+
+    Raises
+    ------
+    DriveError
+        If it is of the form "JSON-MIN".
+    """
+    if any(_is_short(mapping(task)) for task in sequence(document)):
+        raise DriveError(
+            f"{where} is Label Studio's JSON-MIN, which does not say what belongs to which region: export it"
+            " as JSON."
+        )
     file = AnnotationFile(where, TOOL)
     for task in map(mapping, sequence(document)):
         number = whole(task.get("id"))
         image_id = -1 if number is None else number
-        shapes = _shapes(sequence(_version(task, file).get("result")), file)
-        file.shapes += [replace(shape, image=_image(task), image_id=image_id) for shape in shapes]
+        results = [mapping(result) for result in sequence(_version(task, file).get("result"))]
+        file.shapes += [
+            replace(shape, image_id=image_id) for shape in _shapes(results, mapping(task.get("data")), file)
+        ]
     return file
 
 
@@ -72,34 +91,61 @@ def _version(task: Mapping[str, Any], file: AnnotationFile) -> Mapping[str, Any]
     return chosen
 
 
-def _image(task: Mapping[str, Any]) -> str:
+def _image(data: Mapping[str, Any], result: Mapping[str, Any], *, is_one_of_several: bool) -> str:
     """Return the name of the image; local files are served as ``/data/local-files/?d=front/12.jpg``.
 
-    It is an address: a blank in a name is ``%20`` there.
+    It is an address: a blank in a name is ``%20`` there. Of a task with several images the one counts whose
+    column is called as its tag is, or whose place in a list of images the result gives.
+
+    Raises
+    ------
+    UnusableShapeError
+        If it may be any of several.
     """
-    data = mapping(task.get("data"))
+    of_tag = data.get(text(result.get("to_name")))
+    pages = next((sequence(value) for value in (of_tag, *data.values()) if sequence(value)), ())
+    page = whole(result.get("item_index"))
     usual = [text(data[name]) for name in ("image", "img", "video") if isinstance(data.get(name), str)]
     others = [text(value) for value in data.values() if isinstance(value, str) and "." in value]
-    name = next(iter(usual + others), "")
+    if page is not None and page < len(pages):
+        name = text(pages[page])
+    elif isinstance(of_tag, str):
+        name = text(of_tag)
+    elif is_one_of_several and len(others) > 1:
+        raise UnusableShapeError(
+            "one of a task's several images, the export does not say which: call the tag as its column,"
+            ' <Image name="left" value="$left"/>'
+        )
+    else:
+        name = next(iter(usual + others), "")
     return unquote(name.partition("?d=")[2] or name.partition("?")[0])
 
 
-def _shapes(results: Any, file: AnnotationFile) -> Iterator[Shape]:
+def _shapes(
+    results: Sequence[Mapping[str, Any]], data: Mapping[str, Any], file: AnnotationFile
+) -> Iterator[Shape]:
     """Yield the shapes of one task; those that cannot be used are counted."""
     attributes, labels = _attributes(results), _labels(results)
-    for result in map(mapping, results):
+    several = len({text(result.get("to_name")) for result in results if _kind(result) in _SHAPES}) > 1
+    for result in results:
         value, region = mapping(result.get("value")), key(result.get("id"))
-        kind = text(result.get("type")).removesuffix("labels")
+        kind = _kind(result)
         shapes: list[Shape] = []
         if kind == _VIDEO:
-            shapes = [replace(shape, track=region) for shape in _of_video(value, file)]
+            image = _image(data, result, is_one_of_several=False)
+            shapes = [replace(shape, track=region, image=image) for shape in _of_video(value, file)]
         elif kind in _SHAPES:
             with file.counting():
-                shapes = [_of_image(result, value, kind)]
+                image = _image(data, result, is_one_of_several=several)
+                shapes = [replace(_of_image(result, value, kind), image=image)]
         elif kind and not any(name in value for name in _ATTRIBUTES):
             file.leave_out(of_kind(kind))
         for shape in shapes:
             yield replace(shape, label=labels.get(region, ""), attributes=attributes.get(region, {}))
+
+
+def _kind(result: Mapping[str, Any]) -> str:
+    return text(result.get("type")).removesuffix("labels")
 
 
 def _labels(results: Any) -> dict[str, str]:

@@ -78,7 +78,7 @@ FORMATS = (
         JSON,
         labelstudio.looks_like_labelstudio,
         labelstudio.read_labelstudio,
-        keys=("annotations", "completions", "result"),
+        keys=("annotations", "completions", "result", "annotation_id"),
     ),
     AnnotationFormat(
         labelme.TOOL,
