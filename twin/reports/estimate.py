@@ -227,8 +227,8 @@ def _no_such(view: Snapshot, which: str, path: Path) -> ConfigError | StoreError
     reasons = view.rows(
         sa.select(sighting.rejected, sa.func.count().label("n"))
         .where(sa.or_(sighting.object == which, sighting.drive_id + ":" + sighting.object == which))
-        .group_by(sighting.rejected)
-        .order_by(sa.desc("n"))
+        .group_by(sighting.rejected, sighting.is_measured)
+        .order_by(sa.desc(sighting.is_measured), sa.desc("n"))
     )
     if reasons:
         why = next((r["rejected"] for r in reasons if r["rejected"]), "its rays meet nowhere")
