@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import geographic_from_enu
 from geoloc.locate.combine import ellipse
-from geoloc.locate.error_budget import ErrorBudget
 from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.trajectory.poses import Poses
 
@@ -31,6 +31,7 @@ class AdjustmentDoubt(StrEnum):
     """What an adjustment is doubted for."""
 
     CLOCK = "clock"
+    CLOCK_DOUBTED = "clock-doubted"
     SHUTTER = "shutter"
     TERRAIN_UNUSED = "terrain-unused"
 
@@ -41,6 +42,19 @@ class Correction:
 
     value: float
     sigma: float
+
+
+class OfTheTrack(NamedTuple):
+    """What no sighting can show, because it moves the whole track.
+
+    One sigma of the antennas' lever arms and of a change of datum (m); how much had been added to the camera
+    clock before the adjustment, and what it may be off beyond what the adjustment says (s).
+    """
+
+    lever_arm_m: float
+    sigma_m: float
+    shift_s: float
+    unsure_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +125,7 @@ def adjusted_of(
     model: Model,
     solution: Solution,
     found: Spread,
-    budget: ErrorBudget,
-    track_sigma_m: float,
+    track: OfTheTrack,
     doubts: tuple[Doubt, ...],
 ) -> Adjusted:
     """Bring points back to objects, positions to the ellipsoid, and add what no sighting can show."""
@@ -121,7 +134,7 @@ def adjusted_of(
     latitude, longitude = geographic_from_enu(
         scene.anchor_deg[:, 0], scene.anchor_deg[:, 1], points[:, 0], points[:, 1]
     )
-    by_source = _every_source(found, model, budget, track_sigma_m)
+    by_source = _every_source(found, model, track)
     total = np.sum(list(by_source.values()), axis=0)
     sigma_major, _, _ = ellipse(total)
     firm = (sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points)
@@ -155,7 +168,10 @@ def adjusted_of(
         eye_m=eye_m,
         poses=poses,
         noise=solution.noise,
-        time_offset_ms=Correction(1e3 * float(solution.x[TIME]), 1e3 * float(shared[TIME])),
+        time_offset_ms=Correction(
+            1e3 * (track.shift_s + float(solution.x[TIME])),
+            1e3 * float(np.hypot(shared[TIME], track.unsure_s)),
+        ),
         readout_ms=Correction(
             1e3 * (model.readout_s + float(solution.x[READOUT])), 1e3 * float(shared[READOUT])
         ),
@@ -189,12 +205,10 @@ def _of_sightings(
     return residual_px, eye_m
 
 
-def _every_source(
-    found: Spread, model: Model, budget: ErrorBudget, track_sigma_m: float
-) -> dict[str, FloatArray]:
+def _every_source(found: Spread, model: Model, track: OfTheTrack) -> dict[str, FloatArray]:
     """Covariance of each source: what the sightings show, and what holds for the whole track."""
     by_source = _merged(found.by_source)
-    for source, whole in _of_the_track(model, budget, track_sigma_m).items():
+    for source, whole in _of_the_track(model, track).items():
         by_source[source] = by_source.get(source, 0.0) + whole
     return by_source
 
@@ -233,14 +247,28 @@ def _merged(by_source: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return plane
 
 
-def _of_the_track(model: Model, budget: ErrorBudget, track_sigma_m: float) -> dict[str, FloatArray]:
+def _of_the_track(model: Model, track: OfTheTrack) -> dict[str, FloatArray]:
     """What moves the car's whole track, and every object with it, so that no sighting can show it."""
     scene = model.scene
     count = np.bincount(scene.point)
     mean = np.bincount(scene.point, weights=scene.body.sigma_horizontal_m**2) / count
-    mean += track_sigma_m**2
-    lever = np.full(count.size, budget.lever_arm_m**2)
-    return {"gnss": mean[:, None, None] * np.eye(2), "lever arm": lever[:, None, None] * np.eye(2)}
+    mean += track.sigma_m**2
+    lever = np.full(count.size, track.lever_arm_m**2)
+    late = track.unsure_s * _carried_along(model, count)
+    return {
+        "gnss": mean[:, None, None] * np.eye(2),
+        "lever arm": lever[:, None, None] * np.eye(2),
+        "time": late[:, :, None] * late[:, None, :],
+    }
+
+
+def _carried_along(model: Model, count: IntArray) -> FloatArray:
+    """How fast a point that is fixed to the car moves, east and north (m, 2), while the car sees it."""
+    scene, body = model.scene, model.scene.body
+    east, north = (scene.start_m[scene.point] - model.origin_m)[:, :2].T
+    turning = body.yaw_rate_radps * np.stack([-north, east])
+    speed = body.velocity_mps[:, :2].T + turning
+    return np.stack([np.bincount(scene.point, weights=axis) / count for axis in speed], axis=1)
 
 
 def nothing_adjusted(objects: IntArray, rejected: TextArray, poses: Poses) -> Adjusted:

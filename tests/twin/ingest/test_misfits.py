@@ -83,7 +83,7 @@ def test_late_clock_of_one_camera_is_named_and_no_id_doubted() -> None:
     assert len(doubts) == 1
     assert doubts[0].kind is DriveDoubt.CAMERAS_DISAGREE
     (named,) = clocks_apart(doubts, late, trajectory)
-    assert f"{TELE} alone fits the track with -2" in named.sentence
+    assert f"{TELE} alone fits the track with -3" in named.sentence
     assert WIDE not in named.sentence
     sighted = locate_annotations(late, trajectory, method="adjusted")
     assert "its cameras do not agree with one another" in [
