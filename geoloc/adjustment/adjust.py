@@ -22,6 +22,7 @@ from geoloc.adjustment.clock import about, cannot_be, clock_of_the_rays, may_not
 from geoloc.adjustment.corrected_poses import corrected_poses
 from geoloc.adjustment.covariance import Spread, spread
 from geoloc.adjustment.model import Model
+from geoloc.adjustment.pose_variances import factors_of_poses, is_settled
 from geoloc.adjustment.result import (
     Adjusted,
     AdjustmentDoubt,
@@ -49,6 +50,7 @@ _DEFAULT_BUDGET = ErrorBudget()
 _WIDER = 3.0
 # Speed and turning of a car are the same for so long: in 0.03 s braking moves it by 2 mm.
 _SAME_MOTION_S, _MOST_ROUNDS = 0.03, 8
+_POSE_ROUNDS = 2
 # Outside this the rolling shutter takes up something else.
 _READOUTS_MS = (-15.0, 50.0)
 # A data sheet's readout, and how exposure and line time differ from it.
@@ -103,6 +105,7 @@ def adjust(
     if seen.scene.point.size == 0:
         return nothing_adjusted(objects, seen.rejected, seen.poses)
     at = task.settled(task.solved(seen, stated), stated)
+    task, at = task.with_pose_sigmas(at, stated)
     doubts = list(_doubts(at.model, at.solution, terrain))
     rays = clock_of_the_rays(at.solution, at.found, budget.time_ms, at.shift_s)
     unsure_s = 0.0
@@ -126,6 +129,7 @@ def adjust(
         at.found,
         OfTheTrack(budget.lever_arm_m, track_sigma_m, at.shift_s, unsure_s),
         tuple(doubts),
+        task.observations.trajectory.estimated,
     )
 
 
@@ -187,6 +191,21 @@ class _Task:
             model = on_terrain(model, self.terrain, self.budget)
         solution = solve(model, about(prior, seen.shift_ns / NANOSECONDS), self.noise)
         return _Solved(seen, model, solution, spread(model, solution))
+
+    def with_pose_sigmas(self, at: _Solved, priors: ErrorBudget) -> tuple[_Task, _Solved]:
+        """Scale sigmas of poses that nobody stated by what the bearings make of them, and solve anew."""
+        task = self
+        for _ in range(_POSE_ROUNDS):
+            trajectory = task.observations.trajectory
+            if trajectory.estimated is None:
+                break
+            factors = factors_of_poses(at.model, at.solution)
+            if is_settled(factors):
+                break
+            scaled = replace(task.observations, trajectory=trajectory.with_scaled_sigmas(factors))
+            task = replace(task, observations=scaled)
+            at = task.solved(task.seen(at.seen.shift_ns), priors)
+        return task, at
 
     def settled(self, at: _Solved, priors: ErrorBudget) -> _Solved:
         """Solve anew from where the car was by the clock that was found, until that stays the same.

@@ -81,7 +81,7 @@ class Equations:
 
     def other_cost(self, x: FloatArray) -> float:
         """Sum of squares of everything but the sightings."""
-        cost = float(np.sum(self._prior_residual(x) ** 2))
+        cost = float(np.sum(self.prior_residual(x) ** 2))
         return cost + sum(float(np.sum(part.residual**2)) for part in self._ground(x))
 
     def system(self, x: FloatArray, weight: FloatArray) -> System:
@@ -91,7 +91,7 @@ class Equations:
         jacobian = self._matrix(Linear(rays.residual * both, rays.derivative * both[:, None], rays.column))
         of_rays = jacobian.T @ jacobian
         normal = of_rays + self._fixed_normal
-        gradient = jacobian.T @ (both * rays.residual) + self.fixed.T @ self._prior_residual(x)
+        gradient = jacobian.T @ (both * rays.residual) + self.fixed.T @ self.prior_residual(x)
         for part in self._ground(x):
             other = self._matrix(part)
             normal = normal + other.T @ other
@@ -102,7 +102,8 @@ class Equations:
         """Sparse derivatives of what is known of the ground."""
         return [self._matrix(part) for part in self._ground(x)]
 
-    def _prior_residual(self, x: FloatArray) -> FloatArray:
+    def prior_residual(self, x: FloatArray) -> FloatArray:
+        """Residuals of the priors, of unit variance (k,)."""
         permuted = np.empty_like(x)
         permuted[self.place] = x
         return np.asarray(self.fixed @ permuted + self.prior.constant)

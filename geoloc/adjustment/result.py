@@ -17,6 +17,7 @@ from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import geographic_from_enu
 from geoloc.locate.combine import ellipse
 from geoloc.reasons import REASON_TYPE, Reason
+from geoloc.trajectory.pose_noise import PoseSigmas
 from geoloc.trajectory.poses import Poses
 
 # A bearing alone leaves a position open along the ray: what is worse than this is no position.
@@ -95,6 +96,8 @@ class Adjusted:
         About the camera's own x (pitch), y (yaw) and z (roll).
     doubts : tuple of Doubt
         Of the kinds of `AdjustmentDoubt`: a clock or a shutter that cannot be, terrain not used.
+    pose_sigmas : PoseSigmas or None
+        What recorded poses without sigmas were taken as (NaN: stated); None where all were stated.
     """
 
     object: IntArray
@@ -116,6 +119,7 @@ class Adjusted:
     readout_ms: Correction
     boresight_deg: dict[str, tuple[Correction, ...]]
     doubts: tuple[Doubt, ...]
+    pose_sigmas: PoseSigmas | None = None
 
 
 def adjusted_of(
@@ -127,6 +131,7 @@ def adjusted_of(
     found: Spread,
     track: OfTheTrack,
     doubts: tuple[Doubt, ...],
+    pose_sigmas: PoseSigmas | None,
 ) -> Adjusted:
     """Bring points back to objects, positions to the ellipsoid, and add what no sighting can show."""
     scene, n, g = model.scene, rejected.size, objects.size
@@ -136,7 +141,8 @@ def adjusted_of(
     )
     by_source = _every_source(found, model, track)
     total = np.sum(list(by_source.values()), axis=0)
-    sigma_major, _, _ = ellipse(total)
+    # A clock that no bend shows moves all points of a drive alike: that makes no bearing vague.
+    sigma_major, _, _ = ellipse(total - by_source["time"])
     firm = (sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points)
     index = np.searchsorted(objects, scene.object)
     chosen = _best_points(index, g, scene.is_foot, firm)
@@ -177,6 +183,7 @@ def adjusted_of(
         ),
         boresight_deg=_boresight_deg(model, solution, shared),
         doubts=doubts,
+        pose_sigmas=pose_sigmas,
     )
 
 

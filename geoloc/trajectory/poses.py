@@ -94,7 +94,7 @@ class PoseTrack:
         `height_m` is ellipsoidal.
     roll_deg, pitch_deg, heading_deg : float64 (n,)
     sigma_horizontal_m, sigma_vertical_m, sigma_roll_pitch_deg, sigma_heading_deg : float64 (n,)
-        One sigma; readers fill in documented defaults where the file has none.
+        One sigma; NaN where the file states none.
     """
 
     epoch_ns: IntArray

@@ -16,6 +16,7 @@ from geoloc.trajectory.curves import pose_curves
 from geoloc.trajectory.fix_checks import check_positions, common_epochs, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
+from geoloc.trajectory.pose_noise import PoseSigmas, with_estimated_sigmas
 from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses, PoseTrack, without_headings
 from geoloc.trajectory.rig_poses import raw_poses, rig_poses
 
@@ -57,6 +58,8 @@ class Trajectory:
         point where it is, and moves the rig's origin below it.
     lasting_roll : LastingRoll
         How much of the roll's sigma is an error that lasts.
+    estimated : PoseSigmas or None
+        Sigmas of recorded poses that were not stated but estimated (NaN: stated); None where all were.
     """
 
     knots: Poses
@@ -66,6 +69,7 @@ class Trajectory:
     dropped: tuple[tuple[int, str], ...]
     measured_at_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     lasting_roll: LastingRoll = field(default_factory=LastingRoll)
+    estimated: PoseSigmas | None = None
 
     @property
     def epoch_ns(self) -> IntArray:
@@ -142,6 +146,22 @@ class Trajectory:
             if field.name not in {"epoch_ns", "valid", "reason"}
         }
         return Poses(epoch_ns=asked, **columns, valid=valid, reason=reason)
+
+    def with_scaled_sigmas(self, factors: PoseSigmas) -> Trajectory:
+        """Return the same poses with estimated sigmas times these factors; stated ones stay."""
+        if self.estimated is None:
+            return self
+        taken = PoseSigmas(*(one * factor for one, factor in zip(self.estimated, factors, strict=True)))
+        horizontal, up, tilt, heading = np.where(np.isnan(taken), 1.0, factors).tolist()
+        knots = replace(
+            self.knots,
+            sigma_horizontal_m=horizontal * self.knots.sigma_horizontal_m,
+            sigma_vertical_m=up * self.knots.sigma_vertical_m,
+            sigma_roll_deg=tilt * self.knots.sigma_roll_deg,
+            sigma_pitch_deg=tilt * self.knots.sigma_pitch_deg,
+            sigma_heading_deg=heading * self.knots.sigma_heading_deg,
+        )
+        return replace(self, knots=knots, fixes=knots, estimated=taken)
 
     def line(self, step_m: float = 1.0) -> tuple[FloatArray, FloatArray]:
         """Latitude and longitude of the drive for a map, thinned to about one point every `step_m`."""
@@ -230,6 +250,9 @@ def trajectory_from_gnss(
 def trajectory_from_poses(track: PoseTrack, *, max_gap_s: float = MAX_GAP_S) -> Trajectory:
     """Make a trajectory of full poses of the rig's origin, as an INS or SLAM gives them.
 
+    Where sigmas are NaN they are estimated from the track, and its noise from pose to pose is smoothed away
+    (`pose_noise`).
+
     Raises
     ------
     TrajectoryError
@@ -243,7 +266,8 @@ def trajectory_from_poses(track: PoseTrack, *, max_gap_s: float = MAX_GAP_S) -> 
             "drop those poses."
         )
     keep = without_jumps(track)
-    check_positions(one := _rows(track, keep), "The track of poses, after impossible jumps were dropped")
+    check_positions(kept := _rows(track, keep), "The track of poses, after impossible jumps were dropped")
+    one, estimated = with_estimated_sigmas(kept)
     t_s = seconds(one.epoch_ns)
     east, north = metres_per_degree(one.latitude_deg, one.height_m)
     columns = {field.name: getattr(one, field.name) for field in fields(PoseTrack)}
@@ -257,7 +281,7 @@ def trajectory_from_poses(track: PoseTrack, *, max_gap_s: float = MAX_GAP_S) -> 
         reason=np.full(t_s.size, "", dtype="U1"),
     )
     dropped = _dropped(int((~keep).sum()), "the track of poses")
-    return Trajectory(knots, knots, one.epoch_ns, max_gap_s, dropped)
+    return Trajectory(knots, knots, one.epoch_ns, max_gap_s, dropped, estimated=estimated)
 
 
 def _without_jumps(fixes: Sequence[GnssFixes]) -> tuple[list[GnssFixes], tuple[tuple[int, str], ...]]:

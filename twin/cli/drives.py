@@ -52,6 +52,13 @@ TerrainOption = Annotated[
 TerrainHeightsOption = Annotated[
     str | None, typer.Option(help="NN2000 or ellipsoidal, where the raster does not say.")
 ]
+ErrorOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="One sigma of a term of the error budget, boresight_deg=0.1; may be repeated.",
+    ),
+]
 LabelsOption = Annotated[
     Path | None, typer.Option(help="What labels mean, instead of the drive's labels.toml.")
 ]
@@ -80,6 +87,7 @@ def ingest_drive(
     method: MethodOption = Method.ADJUSTED,
     terrain: TerrainOption = None,
     terrain_heights: TerrainHeightsOption = None,
+    error: ErrorOption = None,
     labels: LabelsOption = None,
     detector: DetectorOption = None,
     detector_every: DetectorEveryOption = 1,
@@ -100,6 +108,7 @@ def ingest_drive(
             method=method,
             terrain=terrain,
             terrain_heights=terrain_heights,
+            errors=_errors(error or []),
             labels=labels,
             detector=DetectorOptions(detector, detector_every, detector_threshold) if detector else None,
             replace=replace,
@@ -114,6 +123,22 @@ def ingest_drive(
     print_pairs(f"Drive {report.name}", _ingest_pairs(report))
     if report.skipped:
         print_table("Left out", ["what", "count"], list(report.skipped.items()))
+
+
+def _errors(texts: list[str]) -> dict[str, float]:
+    """Terms of the error budget by name."""
+    from twin.errors import ConfigError
+
+    errors = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            errors[name.strip()] = float(value)
+        except ValueError:
+            raise ConfigError(
+                f"--error takes a name and a number, boresight_deg=0.1, but not {text:.80}."
+            ) from None
+    return errors
 
 
 def _ingest_pairs(report: IngestReport) -> dict[str, object]:

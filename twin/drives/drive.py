@@ -16,6 +16,7 @@ from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.folder.notes import Skipped
 
 if TYPE_CHECKING:
+    from twin.drives.frames.clocks import StatedClock
     from twin.drives.frames.find import Pictures
 
 
@@ -146,6 +147,11 @@ class Drive:
     skipped : tuple of Skipped
     pictures : mapping of camera to Pictures
         Videos and image folders that were found; nothing of them is decoded.
+    errors : mapping of name to one sigma
+        Terms of the error budget that ``drive.toml`` states.
+    clock : StatedClock or None
+        Why the stamps of the annotated cameras are not known as well as the error budget takes it; None where
+        they are.
     other_objects : mapping of label to vegobjekttype
         Labels of annotations that are no signs: they are located, and not compared with NVDB.
     """
@@ -171,6 +177,8 @@ class Drive:
     pictures: Mapping[str, Pictures] = field(default_factory=dict)
     other_objects: Mapping[str, int] = field(default_factory=dict)
     interpolated: Annotations = field(default_factory=lambda: Annotations.of(()))
+    errors: Mapping[str, float] = field(default_factory=dict)
+    clock: StatedClock | None = None
 
     def annotated_cameras(self) -> set[str]:
         """Cameras of which something was annotated."""

@@ -32,31 +32,37 @@ A ``drive.toml`` with every key::
     C3_tricam120 = "C3.mp4"
     [annotations]                   # by camera: a file, a folder, or a list of them
     C3_tricam120 = "C3.xml"
+    [errors]                        # one sigma of any term of the error budget
+    boresight_deg = 0.1
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig
 from twin.drives.annotations.frame_numbers import first_frame_warnings
 from twin.drives.annotations.gather import stamped
 from twin.drives.annotations.key_frames import key_frames
 from twin.drives.annotations.read import label_files, read_annotations
 from twin.drives.detection.read import read_detections
-from twin.drives.drive import Drive
+from twin.drives.drive import Annotations, Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings, read_settings
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, Progress, ReadingNotes
+from twin.drives.frames.clocks import StatedClock, of_host, worst
 from twin.drives.frames.find import find_pictures
 from twin.drives.frames.sizes import check_picture_sizes
+from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.frames.stamps import read_stamps
 from twin.drives.plausibility import check_span
 from twin.drives.rig.rig_files import rig_of_folder
-from twin.drives.track.read import read_track
+from twin.drives.track.read import Track, read_track
 
 if TYPE_CHECKING:
     from twin.drives.detection.run import DetectorOptions
@@ -110,7 +116,7 @@ def read_drive(
         )
         annotation_files = folder.entered() - before
         cameras = {*annotated.cameras, *(settings.annotations or ())}
-        stamps, stamp_files = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
+        stamps, stamp_files, clocks = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
         check_picture_sizes(pictures, annotated.unsized, track.rig)
         if settings.first_frame is None:
             notes.warn(
@@ -118,7 +124,7 @@ def read_drive(
                 *first_frame_warnings(annotated.annotations, annotated.numbered, stamps, stamp_files),
             )
     else:
-        stamps, stamp_files = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
+        stamps, stamp_files, clocks = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
         before = folder.entered()
         annotated = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
         annotation_files = folder.entered() - before
@@ -152,7 +158,26 @@ def read_drive(
         pictures=pictures,
         other_objects=annotated.other_objects,
         interpolated=interpolated,
+        errors=settings.errors,
+        clock=_clock(annotations, stamps, clocks, track),
     )
+
+
+def _clock(
+    annotations: Annotations,
+    stamps: Mapping[str, IntArray],
+    clocks: Mapping[str, StatedClock],
+    track: Track,
+) -> StatedClock | None:
+    """The annotated cameras' clock that is known least against the track."""
+    # Frames that have poses of their very epochs are of one clock with them, whatever it shows.
+    epochs = np.empty(0, dtype=np.int64) if track.poses is None else track.poses.epoch_ns
+    of_cameras = [
+        clocks[camera]
+        for camera in np.unique(annotations.camera).tolist()
+        if camera in clocks and not np.isin(stamps[camera][stamps[camera] != NO_STAMP], epochs).all()
+    ]
+    return worst([*of_cameras, of_host(track.gnss)])
 
 
 def _unplaced(rig: Rig, cameras: list[str]) -> list[str]:

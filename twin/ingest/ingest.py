@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,9 @@ from twin.drives.plausibility import (
     mostly_left_out,
 )
 from twin.drives.read import read_drive
+from twin.drives.track.pose_sigmas import pose_sigma_doubts
 from twin.errors import ConfigError, DriveError
+from twin.ingest.budget import budget_of, clock_doubts
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
 from twin.ingest.rows import Positions, corrections_of, estimates_of, positions_of, sighting_rows
@@ -92,6 +94,7 @@ def ingest_drive(
     *,
     method: str = METHODS[0],
     budget: ErrorBudget | None = None,
+    errors: Mapping[str, float] | None = None,
     terrain: Path | str | None = None,
     terrain_heights: str | None = None,
     labels: Path | str | None = None,
@@ -118,7 +121,9 @@ def ingest_drive(
         The drive's folder.
     method : {"adjusted", "single-frame", "paper"}
     budget : ErrorBudget, optional
-        One-sigma noise of each source.
+        One-sigma noise of each source, in place of the usual ones and of what the drive states.
+    errors : mapping of name to one sigma, optional
+        Terms of the error budget that count before all others.
     terrain : Path or str, optional
         Raster of the ground (GeoTIFF) to use instead of the plane of the road.
     terrain_heights : {"NN2000", "ellipsoidal"}, optional
@@ -145,6 +150,7 @@ def ingest_drive(
     say = progress or (lambda _text: None)
     meanings = None if labels is None else Path(labels)
     drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
+    budget = budget_of(drive, budget, errors or {})
     track_doubts = check_track(drive)
     if not partial:
         check_enough_read(drive)
@@ -162,12 +168,14 @@ def ingest_drive(
     placed = {estimate.object for estimate in estimates}
     n_unplaced = _unplaced(drive, sighted, placed)
     id_doubts = () if detector is not None else _id_doubts(drive, trajectory, sighted, say)
-    misfits = misfits_of(drive, sighted, budget or ErrorBudget(), id_doubts)
+    misfits = misfits_of(drive, sighted, budget, id_doubts)
     gap = absence_gap(drive, sighted)
     warnings = (
         *drive.warnings,
         *track_doubts,
         *(sighted.adjusted.doubts if sighted.adjusted else ()),
+        *clock_doubts(drive, budget, sighted.adjusted),
+        *_pose_doubts(trajectory, sighted),
         *id_doubts,
         *(misfit.sentence for misfit in misfits),
         *annotation_warnings(drive, int((sighted.reasons == "").sum()), placed),
@@ -218,6 +226,14 @@ def _report(
         warnings=(*row["warnings"], *filter(None, [saved.sentence()])),
         skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
     )
+
+
+def _pose_doubts(trajectory: Trajectory, sighted: SightedObjects) -> tuple[Doubt, ...]:
+    """Say what poses without sigmas were taken as."""
+    adjusted = sighted.adjusted
+    if adjusted is None or adjusted.pose_sigmas is None:
+        return pose_sigma_doubts(trajectory.estimated)
+    return pose_sigma_doubts(adjusted.pose_sigmas, adjusted=True)
 
 
 def _check_method(method: str, detector: DetectorOptions | None) -> None:

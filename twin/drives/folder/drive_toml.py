@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from geoloc.adjustment.adjust import POLE_RADIUS_M
 from twin.drives.epochs import credible
+from twin.drives.folder.stated_errors import TERMS, can_be, wanted
 from twin.drives.folder.toml_values import (
     SETTINGS_FILE,
     choice_of,
@@ -36,9 +37,17 @@ LARGEST_GNSS_SIGMA_M = 100.0
 LONGEST_LEVER_ARM_M = 30.0
 """No car is longer: a larger lever arm is in another unit."""
 
+POSE_SIGMAS: Mapping[str, float] = {
+    "sigma_m": 100.0,
+    "sigma_height_m": 100.0,
+    "sigma_roll_pitch_deg": 30.0,
+    "sigma_heading_deg": 30.0,
+}
+"""One sigma of poses whose file states none, and the largest that locates anything."""
+
 _TABLES: Mapping[str, tuple[str, ...]] = {
     "gnss": ("files", "lever_arms", "topics", "sigma_m", "heading_offset_deg", "heading_sigma_deg"),
-    "poses": ("file", "lever_arm", "topics"),
+    "poses": ("file", "lever_arm", "topics", *POSE_SIGMAS),
 }
 _POSE_TOPICS = ("position", "attitude")
 _KEYS = (
@@ -59,6 +68,7 @@ _KEYS = (
     "timestamps",
     "frames",
     "annotations",
+    "errors",
 )
 _INSTANT = 'an instant with its zone, "2026-06-10T07:59:59.123Z"'
 _CAMERA_KEYS = ("intrinsics", "position", "roll_pitch_yaw", "mask")
@@ -143,10 +153,15 @@ class DriveSettings:
         ``position`` and ``attitude``: topics of a ROS recording.
     pose_lever_arm_m : (x, y, z) or None
         Where the point sits in the rig frame whose positions the pose file holds.
+    pose_sigmas : mapping of key to one sigma
+        Of poses whose file states none: ``sigma_m`` a horizontal axis, ``sigma_height_m``,
+        ``sigma_roll_pitch_deg``, ``sigma_heading_deg``.
     timestamps : mapping of camera to file
         Cameras that are not named here are searched.
     frames : mapping of camera to FrameSettings, or None
     annotations : mapping of camera to files, or None
+    errors : mapping of name to one sigma
+        Terms of the error budget.
     """
 
     name: str | None = None
@@ -170,9 +185,11 @@ class DriveSettings:
     poses: str | None = None
     pose_topics: Mapping[str, str] = field(default_factory=dict)
     pose_lever_arm_m: tuple[float, float, float] | None = None
+    pose_sigmas: Mapping[str, float] = field(default_factory=dict)
     timestamps: Mapping[str, str] = field(default_factory=dict)
     frames: Mapping[str, FrameSettings] | None = None
     annotations: Mapping[str, tuple[str, ...]] | None = None
+    errors: Mapping[str, float] = field(default_factory=dict)
 
 
 def read_settings(content: bytes) -> DriveSettings:
@@ -221,10 +238,29 @@ def read_settings(content: bytes) -> DriveSettings:
         poses=track,
         pose_topics=pose_topics,
         pose_lever_arm_m=_lever_arm(poses["lever_arm"], "poses.lever_arm") if "lever_arm" in poses else None,
+        pose_sigmas=_pose_sigmas(poses),
         timestamps=names_of(document, "timestamps", "timestamps"),
         frames=_frames(table_of(document, "frames")) if "frames" in document else None,
         annotations=_file_lists(annotations) if "annotations" in document else None,
+        errors=_errors(table_of(document, "errors")),
     )
+
+
+def _pose_sigmas(poses: Mapping[str, Any]) -> dict[str, float]:
+    sigmas = {key: number_of(poses[key], f"poses.{key}") for key in POSE_SIGMAS if key in poses}
+    for key, value in sigmas.items():
+        if not 0.0 < value <= POSE_SIGMAS[key]:
+            raise wrong_value(f"poses.{key}", value, f"one sigma, above 0 and up to {POSE_SIGMAS[key]:g}")
+    return sigmas
+
+
+def _errors(table: Mapping[str, Any]) -> dict[str, float]:
+    refuse_unknown(table, TERMS, "[errors] ")
+    errors = {term: number_of(value, f"errors.{term}") for term, value in table.items()}
+    for term, value in errors.items():
+        if not can_be(term, value):
+            raise wrong_value(f"errors.{term}", value, wanted(term))
+    return errors
 
 
 def _first_frame(document: Mapping[str, Any]) -> int | None:

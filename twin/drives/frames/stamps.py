@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,12 +12,31 @@ from geoloc.rig.rig import Rig
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes
+from twin.drives.frames.clocks import StatedClock
 from twin.drives.frames.find import Pictures
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.frames.times import FrameTimes, times_from_file, times_of_pictures
 from twin.drives.rig.driveworks import find_timestamps
 from twin.drives.rig.rig_files import check_camera
 from twin.errors import DriveError
+
+
+class Stamps(NamedTuple):
+    """Stamps of cameras.
+
+    Attributes
+    ----------
+    epoch_ns : dict of camera to int64 (frames,)
+        `NO_STAMP` where a frame has none.
+    file : dict of camera to str
+        The file that says so.
+    clock : dict of camera to StatedClock
+        Of those whose stamps are less well known than those of a triggered camera.
+    """
+
+    epoch_ns: dict[str, IntArray]
+    file: dict[str, str]
+    clock: dict[str, StatedClock]
 
 
 def read_stamps(
@@ -26,35 +46,34 @@ def read_stamps(
     cameras: set[str],
     pictures: Mapping[str, Pictures],
     notes: ReadingNotes,
-) -> tuple[dict[str, IntArray], dict[str, str]]:
+) -> Stamps:
     """Frame stamps of the given cameras, and of those for which ``drive.toml`` names them.
 
     A file of stamps comes first; without one, the times that the pictures carry.
 
     Returns
     -------
-    dict of camera to int64 (frames,)
-        `NO_STAMP` where a frame has none.
-    dict of camera to str
-        The file that says so.
+    Stamps
 
     Raises
     ------
     DriveError
         If a camera has no times, or more or fewer than pictures.
     """
-    stamps, files = {}, {}
+    stamps, files, clocks = {}, {}, {}
     for table, names in (("[timestamps]", settings.timestamps), ("[frames]", settings.frames or ())):
         for camera in names:
             check_camera(rig, camera, table)
     for camera in sorted({*cameras, *settings.timestamps}):
         times = _of_camera(folder, settings, rig, camera, pictures.get(camera))
         stamps[camera], files[camera] = times.epoch_ns, times.where
+        if times.clock is not None:
+            clocks[camera] = times.clock
         notes.skipped += times.skipped
         notes.warn(DriveDoubt.CLOCK, *times.warnings)
         n_stamped = np.count_nonzero(times.epoch_ns != NO_STAMP)
         notes.say(f"Time stamps {times.where}: {n_stamped} frames.")
-    return stamps, files
+    return Stamps(stamps, files, clocks)
 
 
 def _of_camera(

@@ -9,6 +9,7 @@ import numpy as np
 from geoloc.arrays import IntArray
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.notes import Skipped
+from twin.drives.frames.clocks import STATED_MS, WHOLE_SECONDS_MS, StatedClock, computed, stated_start
 from twin.drives.frames.find import Pictures
 from twin.drives.frames.images import HEAD_BYTES, exif_epoch, exif_needs_zone
 from twin.drives.frames.name_times import epoch_from_name, needs_zone
@@ -28,12 +29,13 @@ _NS = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class FrameTimes:
-    """Stamps of one camera by frame number, where they are from, and what was left out."""
+    """Stamps of one camera by frame number, where they are from, how well known, and what was left out."""
 
     epoch_ns: IntArray
     where: str
     skipped: tuple[Skipped, ...] = ()
     warnings: tuple[str, ...] = ()
+    clock: StatedClock | None = None
 
 
 def times_from_file(content: bytes, file: str, pictures: Pictures | None, *, by_number: bool) -> FrameTimes:
@@ -50,7 +52,7 @@ def times_from_file(content: bytes, file: str, pictures: Pictures | None, *, by_
         return _by_image(content, file, pictures)
     epoch_ns, skipped = read_timestamps(content, file)
     if pictures is None or not pictures.where:
-        return FrameTimes(epoch_ns, file, skipped)
+        return FrameTimes(epoch_ns, file, skipped, clock=computed(epoch_ns, file))
     warnings: tuple[str, ...] = ()
     if pictures.images is not None:
         n_frames = len(pictures.images)
@@ -59,10 +61,16 @@ def times_from_file(content: bytes, file: str, pictures: Pictures | None, *, by_
             index = video_index(pictures)
         except DriveError as error:
             said = f"{error} Its frames are not counted against {file}."
-            return FrameTimes(epoch_ns, file, skipped, (said,))
+            return FrameTimes(epoch_ns, file, skipped, (said,), computed(epoch_ns, file))
         n_frames, warnings = index.n_frames, _damage(index)
     paired = pair(epoch_ns, n_frames, pictures.where, file, by_number=by_number)
-    return FrameTimes(paired.epoch_ns, file, skipped + paired.skipped, warnings + paired.warnings)
+    return FrameTimes(
+        paired.epoch_ns,
+        file,
+        skipped + paired.skipped,
+        warnings + paired.warnings,
+        computed(paired.epoch_ns, file),
+    )
 
 
 def times_of_pictures(pictures: Pictures) -> FrameTimes:
@@ -81,7 +89,10 @@ def times_of_pictures(pictures: Pictures) -> FrameTimes:
     unknown = len(epoch_ns) - stamped_ns.size - sum(s.count for s in late)
     skipped = (Skipped("frames", pictures.where, unknown, "no time in name or EXIF"),) if unknown else ()
     whole = stamped_ns.size > 1 and not np.any(stamped_ns % _NS)
-    return FrameTimes(epoch_ns, pictures.where, skipped + late, (_whole(pictures.where),) if whole else ())
+    if not whole:
+        return FrameTimes(epoch_ns, pictures.where, skipped + late)
+    cut = StatedClock(WHOLE_SECONDS_MS, f"the times of {pictures.where} are whole seconds")
+    return FrameTimes(epoch_ns, pictures.where, skipped + late, (_whole(pictures.where),), cut)
 
 
 def video_index(pictures: Pictures) -> VideoIndex:
@@ -117,11 +128,13 @@ def _by_image(content: bytes, file: str, pictures: Pictures | None) -> FrameTime
         Skipped("time stamps", file, unused, "no picture of that name"),
         Skipped("frames", pictures.where, unknown, f"no stamp in {file}"),
     ]
-    return FrameTimes(epoch_ns, file, (*skipped, *late, *(s for s in left_out if s.count)))
+    left_out = [s for s in left_out if s.count]
+    return FrameTimes(epoch_ns, file, (*skipped, *late, *left_out), clock=computed(epoch_ns, file))
 
 
 def _of_container(pictures: Pictures, index: VideoIndex) -> FrameTimes:
     start_ns, warnings = pictures.settings.start_ns, _damage(index)
+    clock = stated_start(pictures.camera)
     if index.offset_ns is None:
         raise DriveError(
             f"{index.where} is a raw {index.codec} stream, which carries no times: add the recorder's"
@@ -139,8 +152,9 @@ def _of_container(pictures: Pictures, index: VideoIndex) -> FrameTimes:
             f" end, or in whole seconds: state start under [frames.{pictures.camera}] in {SETTINGS_FILE}."
         )
         warnings = (*warnings, said)
+        clock = StatedClock(STATED_MS, f"{index.where} began by its tag creation_time")
     epoch_ns, late = increasing(start_ns + index.offset_ns, index.where)
-    return FrameTimes(epoch_ns, index.where, late, warnings)
+    return FrameTimes(epoch_ns, index.where, late, warnings, clock)
 
 
 def _damage(index: VideoIndex) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from geoloc.arrays import IntArray
 from geoloc.errors import GeolocError
 from geoloc.rig.rig import Rig
-from geoloc.trajectory.trajectory import trajectory_from_gnss
+from geoloc.trajectory.trajectory import trajectory_from_gnss, trajectory_from_poses
 from twin.drives.annotations.gather import AnnotationsRead, epochs_of
 from twin.drives.annotations.read import read_annotations
 from twin.drives.drive import Drive
@@ -32,6 +32,7 @@ from twin.drives.inspection.sensors import SensorSpan, annotations_span, frames_
 from twin.drives.plausibility import check_enough_read, check_track
 from twin.drives.read import read_drive
 from twin.drives.rig.rig_files import rig_of_folder
+from twin.drives.track.pose_sigmas import pose_sigma_doubts
 from twin.drives.track.read import Track, read_track
 from twin.errors import TwinError
 
@@ -180,7 +181,12 @@ def _tell_of_track(drive: Drive, notes: ReadingNotes) -> None:
     notes.skipped.extend(drive.skipped)
     notes.warnings.extend((*drive.warnings, *check_track(drive)))
     check_enough_read(drive)
+    if drive.clock is not None and "time_ms" not in drive.errors:
+        notes.warn(
+            DriveDoubt.CLOCK, f"{drive.clock.sentence()}: state [errors] time_ms if it is better known."
+        )
     if drive.poses is not None:
+        notes.warnings.extend(pose_sigma_doubts(trajectory_from_poses(drive.poses).estimated))
         return
     notes.say("building the trajectory, as ingest-drive would")
     arms = {name: antenna.rig_t_antenna_m for name, antenna in drive.rig.antennas.items()}

@@ -15,7 +15,7 @@ from geoloc.earth.geodesy import geographic_from_enu, rotation_enu_from_rig
 from geoloc.trajectory.fix_checks import VERTICAL_FACTOR, sigma_of_fixes
 from geoloc.trajectory.trajectory import PoseTrack
 from twin.drives.epochs import longest_increasing
-from twin.drives.track.fixes import DEFAULT_SIGMAS, FixesRead, LeftOutError, PosesRead, counted, listed
+from twin.drives.track.fixes import FixesRead, LeftOutError, PosesRead, counted, listed
 from twin.errors import DriveError
 
 MAX_APART_NS = 250_000_000
@@ -67,7 +67,7 @@ def attitudes_from_rows(
     Parameters
     ----------
     rows : sequence of (epoch_ns, (roll, pitch, heading, sigma of roll and pitch, sigma of heading))
-        Degrees; a sigma that is not positive and finite becomes the default of a pose file.
+        Degrees; a sigma that is not positive and finite becomes NaN.
     where, faults, cure
         For messages: the file, what was left out so far (added to), and what to do where there is none.
 
@@ -92,8 +92,8 @@ def attitudes_from_rows(
         roll,
         pitch,
         heading,
-        _or_default(tilt_sigma, "sigma_roll_pitch_deg"),
-        _or_default(heading_sigma, "sigma_heading_deg"),
+        _or_nan(tilt_sigma),
+        _or_nan(heading_sigma),
     )
 
 
@@ -175,5 +175,5 @@ def _angle_at(angle_deg: FloatArray, epoch_ns: IntArray, asked_ns: IntArray) -> 
     return np.asarray(np.interp((asked_ns - first) / 1e9, (epoch_ns - first) / 1e9, turned))
 
 
-def _or_default(sigma_deg: FloatArray, name: str) -> FloatArray:
-    return np.where(np.isfinite(sigma_deg) & (sigma_deg > 0), sigma_deg, DEFAULT_SIGMAS[name])
+def _or_nan(sigma_deg: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(sigma_deg) & (sigma_deg > 0), sigma_deg, np.nan)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ from twin.errors import DriveError
 HIGHEST_M = 20_000
 """No road lies further from the ellipsoid, up or down."""
 
-HOST_DELAY_LIMIT_S = 2.0
+HOST_DELAY_LIMIT_S = 0.5
 """A fix stamped further than this from its epoch tells of clocks that differ, not of a slow link."""
 
 LARGEST_SIGMA_M = 10_000.0
@@ -143,7 +143,7 @@ def _clock_warnings(fixes: GnssFixes, where: str) -> list[str]:
     if abs(delay_s) <= HOST_DELAY_LIMIT_S:
         return []
     warning = (
-        f"The host clock of {where} is {delay_s:+.1f} s from the UTC of its fixes (18 s would be GPS"
+        f"The host clock of {where} is {delay_s:+.2f} s from the UTC of its fixes (18 s would be GPS"
         " time, whole hours local time): if the same clock stamped the frames, give"
         f" camera_offset_ms = {-1000 * delay_s:.0f} in drive.toml."
     )
@@ -274,10 +274,5 @@ def never_moves(
     return not any(np.ptp(values) for values in (latitude_deg, longitude_deg, height_m))
 
 
-DEFAULT_SIGMAS: Mapping[str, float] = {
-    "sigma_horizontal_m": 0.03,
-    "sigma_vertical_m": 0.05,
-    "sigma_roll_pitch_deg": 0.1,
-    "sigma_heading_deg": 0.1,
-}
-"""One sigma where the file has none: a tactical-grade INS with RTK, as its makers state it."""
+SIGMAS = ("sigma_horizontal_m", "sigma_vertical_m", "sigma_roll_pitch_deg", "sigma_heading_deg")
+"""What poses may state, one sigma each; NaN where they do not (`geoloc.trajectory.pose_noise`)."""

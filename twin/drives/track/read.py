@@ -9,7 +9,7 @@ import numpy as np
 
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import Antenna, Rig, rig_with_lever_arms
-from geoloc.trajectory.fix_checks import sigma_of_quality
+from geoloc.trajectory.fix_checks import VERTICAL_FACTOR, sigma_of_quality
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.folder.files import DriveFolder
@@ -84,15 +84,31 @@ def _read_poses(folder: DriveFolder, name: str, settings: DriveSettings, notes: 
     notes.warn(DriveDoubt.TRACK, *read.warnings)
     notes.skipped += read.skipped
     notes.say(f"Poses {name}: {len(read.track.epoch_ns)}.")
+    track = _with_stated_sigmas(read.track, settings.pose_sigmas)
     if settings.pose_lever_arm_m is not None:
-        return moved_to_rig_origin(read.track, settings.pose_lever_arm_m)
+        return moved_to_rig_origin(track, settings.pose_lever_arm_m)
     if its.fixes is not None:  # recorded by a receiver, whose point is not the rig's
         notes.warn(
             DriveDoubt.TRACK,
             f"The positions of {name} are taken as the rig's origin (the ground below the rear axle): give"
             f" [poses] lever_arm in {SETTINGS_FILE}, where the INS's point sits in the car.",
         )
-    return read.track
+    return track
+
+
+def _with_stated_sigmas(track: PoseTrack, stated: Mapping[str, float]) -> PoseTrack:
+    """Give poses without a sigma that of ``drive.toml``; its height's follows from its place's."""
+    horizontal = stated.get("sigma_m", np.nan)
+    sigmas = {
+        "sigma_horizontal_m": horizontal,
+        "sigma_vertical_m": stated.get("sigma_height_m", VERTICAL_FACTOR * horizontal),
+        "sigma_roll_pitch_deg": stated.get("sigma_roll_pitch_deg", np.nan),
+        "sigma_heading_deg": stated.get("sigma_heading_deg", np.nan),
+    }
+    columns = {name: getattr(track, name) for name in sigmas}
+    return replace(
+        track, **{name: np.where(np.isnan(own), sigmas[name], own) for name, own in columns.items()}
+    )
 
 
 def _with_antennas(rig: Rig, files: Mapping[str, str], settings: DriveSettings) -> Rig:

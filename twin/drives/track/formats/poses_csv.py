@@ -13,8 +13,8 @@ import numpy as np
 from geoloc.trajectory.trajectory import PoseTrack
 from twin.drives.epochs import credible, longest_increasing, unit_hint
 from twin.drives.track.fixes import (
-    DEFAULT_SIGMAS,
     FROZEN,
+    SIGMAS,
     LeftOutError,
     PosesRead,
     check_position,
@@ -45,7 +45,7 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
 
     Columns ``time_ns`` (whole nanoseconds UTC since 1970), ``latitude_deg``, ``longitude_deg``, ``height_m``
     (ellipsoidal), ``roll_deg`` (right side down), ``pitch_deg``, ``heading_deg`` (clockwise from true north),
-    and any of `DEFAULT_SIGMAS`, whose defaults stand in for an absent column or an empty cell.
+    and any of `SIGMAS`; an absent column or an empty cell is NaN.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
     keep[keep] = ~held
     faults[FROZEN] += int(np.count_nonzero(held))
     skipped = counted("poses", where, faults)
-    values = dict(zip((*REQUIRED, *DEFAULT_SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
+    values = dict(zip((*REQUIRED, *SIGMAS), np.array(rows, dtype=np.float64)[keep].T, strict=True))
     if pitch_nose_up:
         values["pitch_deg"] = -values["pitch_deg"]
     return PosesRead(PoseTrack(epoch_ns=epoch_ns[keep], **values), skipped, _ignored(header, where))
@@ -144,23 +144,20 @@ def _row(cells: Sequence[str], at: Mapping[str, int]) -> tuple[int, list[float]]
     try:
         time_ns = int(cells[at["time_ns"]])
         pose = [float(cells[at[name]]) for name in REQUIRED]
-        sigmas = [
-            float(text) if (text := _cell(cells, at, name)) else default
-            for name, default in DEFAULT_SIGMAS.items()
-        ]
+        sigmas = [float(text) if (text := _cell(cells, at, name)) else math.nan for name in SIGMAS]
     except ValueError:
         raise LeftOutError("not a number") from None
     except IndexError:
         raise LeftOutError("row too short") from None
     if not credible(time_ns):
         raise LeftOutError("time_ns outside the years 2000–2099")
-    if not all(math.isfinite(value) for value in (*pose, *sigmas)):
+    if not all(math.isfinite(value) for value in pose) or any(math.isinf(value) for value in sigmas):
         raise LeftOutError("not finite")
     latitude, longitude, height, roll, pitch, heading = pose
     check_position(latitude, longitude, height)
     if abs(roll) > 180 or abs(pitch) > 90 or abs(heading) > 360:
         raise LeftOutError("attitude outside its range")
-    if min(sigmas) <= 0:
+    if any(sigma <= 0 for sigma in sigmas):
         raise LeftOutError("sigma not positive")
     return time_ns, pose + sigmas
 
@@ -171,7 +168,7 @@ def _cell(cells: Sequence[str], at: Mapping[str, int], name: str) -> str:
 
 def _ignored(header: Sequence[str], where: str) -> tuple[str, ...]:
     """A misspelt sigma column would otherwise quietly become the default."""
-    columns = ("time_ns", *REQUIRED, *DEFAULT_SIGMAS)
+    columns = ("time_ns", *REQUIRED, *SIGMAS)
     unknown = [name for name in header if name and name not in columns]
     if not unknown:
         return ()

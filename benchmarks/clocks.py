@@ -1,0 +1,152 @@
+"""A camera clock that is off by 0.2 to 2 s is named, or its signs are inside their ellipses.
+
+Usage: python benchmarks/clocks.py [--drives 8]
+
+Each drive's frames are stamped late or early by as much as the row says. ``stated`` is a start that a person
+wrote into ``drive.toml`` (or a tag of the video), which `twin.ingest.budget` takes as good to a second;
+``measured`` are stamps of a triggered camera, good to 5 ms. Roads: a street with bends, open road with wide
+bends, and a straight one at constant speed, on which no camera can tell the time. Receivers: two antennas
+with RTK, and one without corrections (2 m), whose positions are late by 0.17 s besides. A drive counts as
+named where the adjustment finds that its clock cannot be; else its signs must be inside their ellipses.
+Nothing here is a timing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from accuracy import CHI2_95, Recorded, offsets
+from rich.progress import track
+from simulated_receiver import as_single_fixes, metre_fixes
+
+from geoloc.adjustment.adjust import adjust
+from geoloc.adjustment.result import AdjustmentDoubt
+from geoloc.arrays import FloatArray
+from geoloc.locate.accuracy import nees
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind, Sightings
+from geoloc.simulation.simulate import Scenario, scenario, simulate_drive
+from geoloc.trajectory.trajectory import trajectory_from_gnss
+from twin.cli.output import console, print_table
+from twin.drives.frames.clocks import STATED_MS
+from twin.ingest.budget import LAG_MS
+
+LATE_S = (0.2, -0.5, 1.0, -2.0)
+_FIRST_SEED, _NS = 70_000, 1_000_000_000
+_POOR_M, _LAG_S = 2.0, 0.17
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Drives of one road, one receiver and one kind of stamps."""
+
+    road: str
+    is_poor: bool
+    is_stated: bool
+
+    @property
+    def label(self) -> str:
+        """For the table."""
+        receiver = "2 m, 0.17 s late" if self.is_poor else "RTK"
+        return f"{self.road}, {receiver}, {'stated' if self.is_stated else 'measured'}"
+
+    def world(self, seed: int) -> Scenario:
+        """The road and how it is driven."""
+        world = scenario("urban" if self.road == "urban" else "highway", None, seed)
+        if self.road == "straight":
+            world = replace(world, road=replace(world.road, curvature=((0.0, 0.0),)))
+        return metre_fixes(world, _POOR_M) if self.is_poor else world
+
+    def budget(self) -> ErrorBudget:
+        """As `twin ingest-drive` takes it."""
+        usual = ErrorBudget()
+        stated, lag = STATED_MS * self.is_stated, LAG_MS * self.is_poor
+        return replace(usual, time_ms=float(np.sqrt(usual.time_ms**2 + stated**2 + lag**2)))
+
+
+ROWS = tuple(
+    Row(road, is_poor, is_stated)
+    for road in ("urban", "highway", "straight")
+    for is_poor in (False, True)
+    for is_stated in (True, False)
+)
+
+
+class Result(NamedTuple):
+    """Of one drive: lengths of errors (n,), their squares over the variances, and whether it was named."""
+
+    error_m: FloatArray
+    nees: FloatArray
+    is_named: bool
+
+
+def result_of(row: Row, seed: int, late_s: float) -> Result:
+    """Drive, stamp frames late, adjust, and hold it against the truth."""
+    drive = simulate_drive(row.world(seed), seed)
+    fixes = drive.gnss[:1] if row.is_poor else drive.gnss
+    if row.is_poor:
+        lag_ns = round(_LAG_S * _NS)
+        fixes = tuple(
+            replace(f, epoch_ns=f.epoch_ns + lag_ns, host_ns=f.host_ns + lag_ns)
+            for f in (as_single_fixes(one, _POOR_M) for one in fixes)
+        )
+    trajectory = trajectory_from_gnss(
+        fixes, {f.antenna: drive.rig.antennas[f.antenna].rig_t_antenna_m for f in fixes}
+    )
+    seen = drive.sightings
+    stamps = np.empty(seen.frame.size, dtype=np.int64)
+    for camera in np.unique(seen.camera):
+        rows = seen.camera == camera
+        stamps[rows] = drive.frame_host_ns[str(camera)][seen.frame[rows]]
+    sightings = Sightings(seen.camera, seen.pixel_px)
+    recording = Recorded(
+        drive, trajectory, sightings, seen.true_pixel_px, seen.object_index, stamps, len(fixes)
+    )
+    kinds = np.full(stamps.size, Kind.FOOT)
+    epoch_ns = stamps + round(late_s * _NS)
+    adjusted = adjust(
+        Observations(drive.rig, sightings, kinds, recording.object, epoch_ns, trajectory), row.budget()
+    )
+    error = offsets(drive, adjusted.object, adjusted.latitude_deg, adjusted.longitude_deg)[adjusted.object]
+    there = np.isfinite(error[:, 0])
+    return Result(
+        np.hypot(*error[there].T),
+        nees(error[there], adjusted.covariance_m2[there]),
+        any(doubt.kind == AdjustmentDoubt.CLOCK for doubt in adjusted.doubts),
+    )
+
+
+def main() -> None:
+    """Print one row a road, receiver, kind of stamps and offset."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--drives", type=int, default=8, help="drives a row (default 8)")
+    count = parser.parse_args().drives
+    table: list[tuple[object, ...]] = []
+    for row in ROWS:
+        for late_s in (0.0, *LATE_S):
+            seeds = range(_FIRST_SEED, _FIRST_SEED + count)
+            bar = track(seeds, description=row.label, console=console(stderr=True), transient=True)
+            results = [result_of(row, seed, late_s) for seed in bar]
+            error, squares = (np.concatenate([one[i] for one in results]) for i in (0, 1))
+            covered = np.concatenate([(one.nees <= CHI2_95) | one.is_named for one in results])
+            table.append(
+                (
+                    row.label,
+                    f"{late_s:+.1f}",
+                    f"{np.median(error):.2f} / {np.percentile(error, 95):.2f}",
+                    f"{np.mean(squares <= CHI2_95):.0%}",
+                    f"{np.mean(squares) / 2.0:.2f}",
+                    f"{sum(one.is_named for one in results)} of {count}",
+                    f"{np.mean(covered):.0%}",
+                )
+            )
+    header = ["drive", "late [s]", "median / p95 [m]", "in ellipse", "NEES / 2", "named", "named or inside"]
+    print_table("A camera clock that is off", header, table, right_from=1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""The error budget of a drive: what it states, what was asked for, and how well its clocks are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from geoloc.adjustment.result import Adjusted
+from geoloc.doubts import Doubt
+from geoloc.locate.single_frame import ErrorBudget
+from geoloc.trajectory.fix_checks import sigma_of_fixes
+from twin.drives.drive import Drive
+from twin.drives.folder.drive_toml import SETTINGS_FILE
+from twin.drives.folder.notes import DriveDoubt
+from twin.drives.folder.stated_errors import TERMS, can_be, wanted
+from twin.errors import ConfigError
+
+_POOR_M = 0.5
+"""Horizontal sigma of a receiver without carrier phases of a base station."""
+LAG_MS = 150.0
+"""How late the positions of such receivers are: their filters lag by 0.1 to 0.2 s, and none says it."""
+_WELL_KNOWN_MS = 50.0
+_NOTICED = 3.0
+
+
+def budget_of(drive: Drive, budget: ErrorBudget | None, errors: Mapping[str, float]) -> ErrorBudget:
+    """One sigma of each source.
+
+    Parameters
+    ----------
+    drive : Drive
+    budget : ErrorBudget or None
+        In place of the usual one and of what the drive states.
+    errors : mapping of term to one sigma
+        Asked for: counts before anything else.
+
+    Raises
+    ------
+    ConfigError
+        For a term that there is not, or a value that it cannot have.
+    """
+    for term, value in errors.items():
+        if term not in TERMS:
+            raise ConfigError(f"There is no error {term!r}: state one of {', '.join(TERMS)}.")
+        if not can_be(term, value):
+            raise ConfigError(f"The error {term} cannot be {value:g}: it must be {wanted(term)}.")
+    if budget is not None:
+        return replace(budget, **errors)
+    usual = ErrorBudget()
+    stated_ms = 0.0 if drive.clock is None else drive.clock.sigma_ms
+    time_ms = float(np.sqrt(usual.time_ms**2 + stated_ms**2 + _lag_ms(drive) ** 2))
+    return replace(usual, **{"time_ms": time_ms, **drive.errors, **errors})
+
+
+def _lag_ms(drive: Drive) -> float:
+    """How late the fixes of the best receiver may be."""
+    sigma_m = [float(np.median(sigma_of_fixes(f.quality, f.sigma_horizontal_m))) for f in drive.gnss]
+    return LAG_MS if sigma_m and min(sigma_m) > _POOR_M else 0.0
+
+
+def clock_doubts(drive: Drive, budget: ErrorBudget, adjusted: Adjusted | None) -> tuple[Doubt, ...]:
+    """Say what became of a camera clock that was known to the second or so."""
+    if drive.clock is None or budget.time_ms < drive.clock.sigma_ms or adjusted is None:
+        return ()
+    clock = adjusted.time_offset_ms
+    if clock.sigma > _WELL_KNOWN_MS:
+        rest = (
+            f"this drive shows it to {clock.sigma / 1e3:.2f} s only, and the ellipses are as long along the"
+            f" road: state [errors] time_ms in {SETTINGS_FILE} if it is better known"
+        )
+    elif abs(clock.value) > _NOTICED * clock.sigma:
+        offset_ms = drive.camera_offset_ns / 1e6 + clock.value
+        rest = (
+            f"the drive shows that it is off, and {clock.value:+.0f} ± {clock.sigma:.0f} ms were added: write"
+            f" camera_offset_ms = {offset_ms:.0f} in {SETTINGS_FILE} and [errors] time_ms ="
+            f" {max(clock.sigma, 1.0):.0f}"
+        )
+    else:
+        return ()
+    return (Doubt(DriveDoubt.CLOCK, f"{drive.clock.sentence()}; {rest}."),)
