@@ -12,7 +12,17 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
 
-from twin.cli.exit_codes import EXIT_BUG, EXIT_INTERRUPTED, EXIT_OK, EXIT_USAGE, exit_code
+from twin.cli.exit_codes import (
+    EXIT_BUG,
+    EXIT_INTERRUPTED,
+    EXIT_MACHINE,
+    EXIT_NO_READER,
+    EXIT_OK,
+    EXIT_USAGE,
+    exit_code,
+)
+from twin.cli.machine import refusal, watch_memory
+from twin.cli.streams import OutputError, watch_streams
 
 __all__ = ["main", "run"]
 
@@ -24,11 +34,19 @@ _INTERRUPTED = (
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `twin` and leave with its exit code."""
     try:
+        watch_streams()
+        watch_memory()
         code = run(arguments)
         _leave_uninterrupted()
     except KeyboardInterrupt:  # while modules are loaded, or in the instant after the work
         _leave_uninterrupted()
         code = _interrupted()
+    except Exception as error:
+        refused = refusal(error)
+        if refused is None:
+            raise
+        code, sentence = refused
+        sys.stderr.write(f"twin: {sentence}\n")  # what colours it may be what there is no memory for
     if code == EXIT_INTERRUPTED:
         _leave_at_once(code)
     sys.exit(code)
@@ -41,7 +59,7 @@ def _leave_at_once(code: int) -> NoReturn:
     Files and transactions were left by their ``with`` blocks on the way here.
     """
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # a pipe that nobody reads any more
+        with suppress(OutputError):
             stream.flush()
     os._exit(code)
 
@@ -70,13 +88,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     from twin.cli.output import error_line
     from twin.cli.usage import UsageError, usage_sentence
 
-    for stream in (sys.stdout, sys.stderr):
-        # A pipe on Windows is not UTF-8 by itself, and sign texts are Norwegian.
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(encoding="utf-8", errors="replace")
     twin = get_command(app)
     try:
         code = twin.main(arguments, prog_name="twin", standalone_mode=False) or EXIT_OK
+        sys.stdout.flush()
     except UsageError as error:
         sentence = usage_sentence(error, twin, sys.argv[1:] if arguments is None else arguments)
         if sentence:
@@ -84,9 +99,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except KeyboardInterrupt:
         return _interrupted()
-    except BrokenPipeError:
-        sys.stderr.close()
-        return EXIT_OK
+    except OutputError as error:
+        if error.nobody_reads:
+            return EXIT_NO_READER
+        error_line(str(error))
+        return EXIT_MACHINE
     except Exception as error:
         code = exit_code(error)
         if code == EXIT_BUG:

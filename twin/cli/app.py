@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib import import_module
 from inspect import getdoc
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, get_args, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
+from typer.models import ParameterInfo
 
 _SETTINGS: Any = {
     "no_args_is_help": True,
@@ -29,7 +30,9 @@ class _LazyGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in self.modules and cmd_name not in self.commands:
-            self.commands = {**self.commands, **get_group(_declared(self.modules[cmd_name])).commands}
+            declared = _declared(self.modules[cmd_name])
+            _leave_reading_to_readers(declared)
+            self.commands = {**self.commands, **get_group(declared).commands}
         return super().get_command(ctx, cmd_name)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
@@ -43,6 +46,15 @@ class _LazyGroup(TyperGroup):
 def _declared(module: str) -> typer.Typer:
     declared: typer.Typer = import_module(f"twin.cli.{module}").app
     return declared
+
+
+def _leave_reading_to_readers(declared: typer.Typer) -> None:
+    """Let whoever reads a file say that it cannot be read: the parser would call it a wrong value."""
+    for info in declared.registered_commands:
+        for hint in get_type_hints(info.callback, include_extras=True).values():
+            for parameter in get_args(hint)[1:]:
+                if isinstance(parameter, ParameterInfo):
+                    parameter.readable = False
 
 
 class _Commands(_LazyGroup):

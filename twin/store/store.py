@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -54,9 +55,7 @@ class Snapshot:
 
     def fact(self, key: str) -> dict[str, Any] | None:
         """As :meth:`Store.fact`, of this state."""
-        asked = sa.select(schema.meta.c.value).where(schema.meta.c.key == key)
-        value = self._connection.execute(asked).scalar()
-        return None if value is None else json.loads(value)
+        return Store.fact_in(self._connection, key)
 
     def revision(self) -> int:
         """As :meth:`Store.revision`, of this state."""
@@ -90,11 +89,19 @@ class Store:
         Connected to a database that has the tables of :mod:`twin.store.schema`.
     path : Path
         For messages.
+    read_only : StoreError, optional
+        Why nothing can be written.
+    frozen : bool
+        Whether the engine takes the file as nobody writes it.
     """
 
-    def __init__(self, engine: sa.Engine, path: Path) -> None:
+    def __init__(
+        self, engine: sa.Engine, path: Path, *, read_only: StoreError | None = None, frozen: bool = False
+    ) -> None:
         self._engine = engine
         self.path = path
+        self._read_only = read_only
+        self._frozen_as = _written(path) if frozen else None
 
     @classmethod
     def open(cls, path: Path | str, *, create: bool = True) -> Store:
@@ -105,7 +112,8 @@ class Store:
         path : Path or str
             The SQLite file.
         create : bool
-            Whether a missing file is made. False for commands that only read.
+            Whether a missing file is made. False for commands that may only read: a store that cannot be
+            written, for want of rights or of space, opens for them all the same.
 
         Raises
         ------
@@ -113,7 +121,10 @@ class Store:
             Missing (with ``create=False``), not a store, unreadable, or written by a newer version.
         """
         path = Path(path)
-        existed = path.exists()
+        try:
+            existed = path.exists()
+        except OSError as error:
+            raise StoreError(f"The store {path} could not be used ({error.strerror}): {_ALLOW}.") from error
         if not existed and not create:
             raise StoreError(
                 f"There is no store at {path}: run `twin sync-nvdb` or `twin ingest-drive` first, "
@@ -123,13 +134,20 @@ class Store:
             raise StoreError(
                 f"The folder of the store {path} does not exist: make it, or name another --store."
             )
-        engine = _engine(path)
-        try:
-            _check_or_create(engine, path, create=create)
-        except BaseException:
-            engine.dispose()
-            raise
-        return cls(engine, path)
+        if create or _may_write(path):
+            try:
+                return cls(_checked(_engine(path), path, create=create), path)
+            except StoreError as error:
+                # SQLite's log and the log's index need room, also to read.
+                if create or _has_log(path) or _code(error.__cause__) not in _NOT_WRITTEN:
+                    raise
+                refused = error
+        else:
+            refused = StoreError(f"The store {path} cannot be written: {_ALLOW}.")
+        # What others are writing stands in the log.
+        frozen = not _has_log(path)
+        engine = _checked(_engine(path, frozen=frozen), path)
+        return cls(engine, path, read_only=refused, frozen=frozen)
 
     def close(self) -> None:
         """Close every connection."""
@@ -152,6 +170,8 @@ class Store:
         StoreError
             Another process writes to the store, the disk is full, or the folder is read-only.
         """
+        if self._read_only is not None:
+            raise self._read_only
         writer = self._engine.execution_options(writes=True)
         with store_errors(self.path), writer.begin() as connection:
             yield connection
@@ -170,6 +190,8 @@ class Store:
         """Give a view of one and the same state, however many queries are asked of it."""
         with store_errors(self.path), self._engine.connect() as connection, connection.begin():
             yield Snapshot(connection, self.path)
+        if self._frozen_as is not None and self._frozen_as != _written(self.path):
+            raise StoreError(f"The store {self.path} was written while it was read: run this again.")
 
     def view(self, connection: sa.Connection) -> Snapshot:
         """Return the state that the caller's transaction sees."""
@@ -220,10 +242,13 @@ class Store:
         connection.execute(sa.delete(schema.meta).where(schema.meta.c.key == key))
 
 
-def _engine(path: Path) -> sa.Engine:
-    engine = sa.create_engine(
-        sa.URL.create("sqlite", database=str(path)), connect_args={"timeout": _BUSY_TIMEOUT_S}
-    )
+def _engine(path: Path, *, frozen: bool = False) -> sa.Engine:
+    """Connect to a file; a frozen one is taken as nobody writes it: no locks, and no log beside it."""
+    url = sa.URL.create("sqlite", database=str(path))
+    if frozen:
+        address = path.absolute().as_uri()
+        url = sa.URL.create("sqlite", database=address, query={"immutable": "1", "uri": "true"})
+    engine = sa.create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S})
 
     # pysqlite opens transactions late and commits on its own; SQLAlchemy's documented cure is to take over.
     @sa.event.listens_for(engine, "connect")
@@ -243,9 +268,10 @@ def _engine(path: Path) -> sa.Engine:
 
 
 _WAIT = "another process is writing to it; try again when that has ended"
-_ALLOW = "give this user the right to write the file and its folder, or name another --store"
+_ALLOW = "give this user the right to read and write the file and its folder, or name another --store"
 _FREE = "free some space; nothing was changed"
 _ANOTHER = "it is not a twin store; name another --store"
+_NOT_WRITTEN = {sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR}
 _CURES = {
     sqlite3.SQLITE_BUSY: _WAIT,
     sqlite3.SQLITE_LOCKED: _WAIT,
@@ -265,10 +291,45 @@ def store_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except sa.exc.DBAPIError as error:
-        # The extended codes (SQLITE_BUSY_SNAPSHOT) hold the code itself in their lowest byte.
-        code = getattr(error.orig, "sqlite_errorcode", 0) & 0xFF
-        cure = _CURES.get(code, "nothing was changed")
+        cure = _CURES.get(_code(error), "nothing was changed")
         raise StoreError(f"The store {path} could not be used ({error.orig}): {cure}.") from error
+
+
+def _code(error: BaseException | None) -> int:
+    """What SQLite says is wrong; 0 where it said nothing."""
+    # The extended codes (SQLITE_BUSY_SNAPSHOT) hold the code itself in their lowest byte.
+    return int(getattr(getattr(error, "orig", None), "sqlite_errorcode", 0)) & 0xFF
+
+
+def _may_write(path: Path) -> bool:
+    """Whether this user may write the file, and SQLite's log beside it.
+
+    Asked before SQLite does, which else would leave a log that the file's owner cannot write.
+    """
+    who = os.access in os.supports_effective_ids
+    return all(os.access(each, os.W_OK, effective_ids=who) for each in (path, path.parent))
+
+
+def _has_log(path: Path) -> bool:
+    """Whether some of the store stands in SQLite's log: a process is writing, or was killed."""
+    log = path.with_name(f"{path.name}-wal")
+    return log.exists() and log.stat().st_size > 0
+
+
+def _written(path: Path) -> tuple[int, int, bool]:
+    """When the file was written last, its length, and whether there is a log."""
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size, _has_log(path)
+
+
+def _checked(engine: sa.Engine, path: Path, *, create: bool = False) -> sa.Engine:
+    """Return the engine of a store that can be used; any other is given up."""
+    try:
+        _check_or_create(engine, path, create=create)
+    except BaseException:
+        engine.dispose()
+        raise
+    return engine
 
 
 def _check_or_create(engine: sa.Engine, path: Path, *, create: bool) -> None:
