@@ -37,7 +37,10 @@ class PairBy(StrEnum):
 def evaluate(
     truth: Annotated[
         Path,
-        typer.Argument(help="CSV with object,label,easting,northing in EPSG:25833.", metavar="TRUTH.csv"),
+        typer.Argument(
+            help="CSV with object,label,easting,northing (EPSG:25833) and, if known, height (ellipsoidal).",
+            metavar="TRUTH.csv",
+        ),
     ],
     by: Annotated[
         PairBy,
@@ -49,25 +52,34 @@ def evaluate(
     plots: Annotated[
         Path | None, typer.Option(help="Folder for the figures error–distance and error–speed.")
     ] = None,
+    csv: Annotated[
+        Path | None, typer.Option("--csv", help="Also write the error of each object.", metavar="FILE.csv")
+    ] = None,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
-    """Compare the estimates of every method with surveyed positions."""
+    """Compare the estimates of every method with surveyed positions, and with heights where TRUTH has them."""
     from twin.reports.evaluation import evaluate as run
     from twin.reports.evaluation import plot, read_truth
+    from twin.reports.object_errors import csv_of
+    from twin.store.atomic_files import replace_file
     from twin.store.store import Store
 
     truths = read_truth(truth)
     with Store.open(store, create=False) as opened:
         evaluation = run(opened, truths, by=by.value, within_m=within)
     files = plot(evaluation, plots) if plots is not None else []
+    if csv is not None:
+        each = [error for method in evaluation.methods for error in method.each]
+        replace_file(csv, csv_of(each).encode())
     if json_output:
-        print_json({"methods": evaluation.as_json(), "plots": [str(path) for path in files]})
+        written = {"plots": [str(path) for path in files], "csv": None if csv is None else str(csv)}
+        print_json({"methods": evaluation.as_json(), **written})
         return
     if evaluation.methods[0].paired_by == "position":
         note(f"Estimates are paired with the surveyed objects by position, within {within:g} m.")
     print_errors(evaluation.methods)
-    for path in files:
+    for path in (*files, *([] if csv is None else [csv])):
         note(f"wrote {path}")
 
 
@@ -75,9 +87,12 @@ def print_errors(methods: tuple[MethodResult, ...]) -> None:
     """Print the error tables: objects, then single sightings by range."""
     names = ("mean", "median", "p95", "max", "rmse")
     numbers = attrgetter(*names)
-    rows = [(m.method, m.objects.n, *numbers(m.objects), f"{m.coverage95:.0%}") for m in methods]
-    header = ["method", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
+    rows = [(m.method, m.objects.n, *numbers(m.objects), f"{m.coverage95:.0%}", m.nees) for m in methods]
+    header = ["method", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse", "NEES/2"]
     print_table("Horizontal error of the estimates", header, rows)
+    heights = [(m.method, m.heights.n, m.heights.mean, m.heights.rmse, m.heights.nees) for m in methods]
+    if any(m.heights.n for m in methods):
+        print_table("Error of their heights", ["method", "n", "mean [m]", "rmse [m]", "NEES"], heights)
     header = ["method", "range [m]", "n", *(f"{name} [m]" for name in names), "in 95 % ellipse"]
     for title, kind in (
         ("The same by range to the object (nearest sighting)", "objects_by_range"),

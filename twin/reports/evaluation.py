@@ -14,6 +14,14 @@ import sqlalchemy as sa
 from geoloc.arrays import FloatArray
 from geoloc.locate.accuracy import ErrorStats, ellipse_coverage, error_stats, stats_by_range
 from twin.errors import TruthError
+from twin.reports.object_errors import (
+    HeightErrors,
+    ObjectError,
+    driven_lines,
+    height_errors,
+    mean_nees,
+    object_errors,
+)
 from twin.reports.pairing import Pairing, Placed, by_id, by_position, nearest_m
 from twin.reports.truth import Truth, read_truth
 from twin.store import schema
@@ -71,6 +79,12 @@ class MethodResult:
         Estimates of this method that are of no truth object.
     paired_by : str
         ``id`` or ``position``.
+    nees : float or None
+        Mean of the estimates' squared errors in sigmas, divided by 2: 1 where the ellipses are honest.
+    heights : HeightErrors
+        Where the truth has heights.
+    each : tuple of ObjectError
+        The estimates one by one, by drive and object.
     """
 
     method: str
@@ -81,6 +95,9 @@ class MethodResult:
     not_estimated: tuple[str, ...]
     not_in_truth: int
     paired_by: str
+    nees: float | None
+    heights: HeightErrors
+    each: tuple[ObjectError, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +140,7 @@ def evaluate(
     if not estimates:
         raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
     find, paired_by = _pairing(store, estimates, truths, by, within_m)
+    lines = driven_lines(store)
     results: list[MethodResult] = []
     sighting_arrays: dict[str, dict[str, FloatArray]] = {}
     estimate_arrays: dict[str, dict[str, FloatArray]] = {}
@@ -138,7 +156,10 @@ def evaluate(
         if single:
             sighting_arrays[method] = singles.arrays()
         missed = {truth.object for truth in truths} - {truth.object for _, truth in own}
-        results.append(_result(method, objects, singles, sorted(missed), len(mine) - len(own), paired_by))
+        each = object_errors(own, lines)
+        results.append(
+            _result(method, objects, singles, each, sorted(missed), len(mine) - len(own), paired_by)
+        )
     return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
 
 
@@ -167,13 +188,23 @@ def _estimates(store: Store, sightings: Sequence[Placed]) -> list[Placed]:
         whose = one.method, one.drive_id, one.object
         speed_mps = speeds.get(whose, math.nan)
         estimates.append(
-            Placed(*whose, one.codes, one.east_m, one.north_m, one.covariance_m2, one.range_min_m, speed_mps)
+            Placed(
+                *(*whose, one.codes, one.east_m, one.north_m, one.covariance_m2, one.range_min_m, speed_mps),
+                height_m=one.height_m,
+                sigma_height_m=math.nan if one.sigma_height_m is None else one.sigma_height_m,
+            )
         )
     return estimates
 
 
 def _result(
-    method: str, objects: _Errors, singles: _Errors, missed: list[str], not_in_truth: int, paired_by: str
+    method: str,
+    objects: _Errors,
+    singles: _Errors,
+    each: tuple[ObjectError, ...],
+    missed: list[str],
+    not_in_truth: int,
+    paired_by: str,
 ) -> MethodResult:
     return MethodResult(
         method=method,
@@ -184,6 +215,9 @@ def _result(
         not_estimated=tuple(missed),
         not_in_truth=not_in_truth,
         paired_by=paired_by,
+        nees=mean_nees(each),
+        heights=height_errors(each),
+        each=each,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,8 @@ class Placed:
         East-east, east-north, north-north; NaN where unknown.
     range_m, speed_mps : float
         To the camera; of the car. NaN where unknown.
+    height_m, sigma_height_m : float
+        Ellipsoidal, and one sigma. NaN of a sighting, or where unknown.
     """
 
     method: str
@@ -37,6 +40,8 @@ class Placed:
     covariance_m2: tuple[float, float, float]
     range_m: float
     speed_mps: float
+    height_m: float = math.nan
+    sigma_height_m: float = math.nan
 
     @property
     def key(self) -> tuple[str, str, str]:

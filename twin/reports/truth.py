@@ -16,7 +16,8 @@ _REQUIRED = ("object", "easting", "northing")
 class Truth:
     """One surveyed object, EPSG:25833.
 
-    `drive_id` is "" where the file does not tell drives apart, `label` where it has none.
+    `drive_id` is "" where the file does not tell drives apart, `label` where it has none. `height_m` is
+    ellipsoidal, None where the file has none.
     """
 
     object: str
@@ -24,13 +25,15 @@ class Truth:
     east_m: float
     north_m: float
     label: str = ""
+    height_m: float | None = None
 
 
 def read_truth(path: Path | str) -> list[Truth]:
     """Read surveyed positions: CSV with the columns object, label, easting, northing (EPSG:25833).
 
     A column ``drive_id`` is optional; without it an object's truth holds for every drive in the store. So is
-    ``label``; one that begins with a sign code ("362.50;808") helps to pair by position.
+    ``label``; one that begins with a sign code ("362.50;808") helps to pair by position. So is ``height``, of
+    the foot, metres above the ellipsoid; a cell of it may be empty.
 
     Raises
     ------
@@ -64,6 +67,10 @@ def _truth(row: Mapping[str, str | None], path: Path, line: int) -> Truth:
         east, north = float(row["easting"] or ""), float(row["northing"] or "")
     except ValueError as error:
         raise TruthError(f"{path}, line {line}: easting and northing must be numbers ({error}).") from error
+    try:
+        height = float(row["height"]) if (row.get("height") or "").strip() else None
+    except ValueError as error:
+        raise TruthError(f"{path}, line {line}: height must be a number or empty ({error}).") from error
     if not (-200_000 < east < 1_200_000 and 6_300_000 < north < 8_100_000):
         raise TruthError(
             f"{path}, line {line}: easting {east} and northing {north} are not in Norway in EPSG:25833: "
@@ -71,4 +78,4 @@ def _truth(row: Mapping[str, str | None], path: Path, line: int) -> Truth:
         )
     names = ((row.get(name) or "").strip() for name in ("object", "drive_id", "label"))
     name, drive_id, label = names
-    return Truth(name, drive_id, east, north, label)
+    return Truth(name, drive_id, east, north, label, height)

@@ -203,10 +203,11 @@ def _truth(drive: SimulatedDrive) -> str:
     """CSV as ``twin evaluate`` reads it."""
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
-    out.writerow(("object", "label", "easting", "northing"))
+    out.writerow(("object", "label", "easting", "northing", "height"))
     objects = drive.objects
-    for name, east, north in zip(objects.object, objects.east_utm33_m, objects.north_utm33_m, strict=True):
-        out.writerow((str(name), LABEL, f"{east:.3f}", f"{north:.3f}"))
+    feet = (objects.east_utm33_m, objects.north_utm33_m, objects.height_m)
+    for name, *foot in zip(objects.object, *feet, strict=True):
+        out.writerow((str(name), LABEL, *(f"{metres:.3f}" for metres in foot)))
     return text.getvalue()
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import csv
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
+import shapely
 import sqlalchemy as sa
 from command_line import Twin
 
 from twin.errors import TruthError
 from twin.ingest.ingest import ingest_drive
 from twin.reports.evaluation import Evaluation, evaluate, plot, read_truth
+from twin.samples.simulation import simulate
 from twin.store import schema
 from twin.store.store import Store
 
@@ -152,3 +156,66 @@ def test_evaluate_says_how_it_paired(twin: Twin, store: Path, sample: Path, tmp_
     assert "by position, within 3 m" in answer.err
     assert "surveyed objects without an estimate: 1 (elsewhere)" in answer.err
     assert "adjusted: estimates of no surveyed object: 1" in answer.err
+
+
+def test_evaluate_tells_the_error_of_each_object(twin: Twin, tmp_path: Path) -> None:
+    """Errors, NEES and heights of a simulated drive, as recomputed from the file's rows and the store's."""
+    trial, path, table = tmp_path / "trial", tmp_path / "twin.db", tmp_path / "errors.csv"
+    simulate(trial, name="approach")
+    with Store.open(path) as store:
+        ingest_drive(store, trial)
+        rows = {row["object"]: row for row in store.rows(sa.select(schema.estimate))}
+    truth = {row["object"]: row for row in csv.DictReader((trial / "truth.csv").read_text().splitlines())}
+    (adjusted,) = twin("evaluate", trial / "truth.csv", "--store", path, "--csv", table, "--json").json[
+        "methods"
+    ]
+    written = list(csv.DictReader(table.read_text().splitlines()))
+    assert len(written) == len(adjusted["each"]) == len(rows) >= 1
+    squares, heights = [], []
+    for one, line in zip(adjusted["each"], written, strict=True):
+        row, surveyed = rows[one["object"]], truth[one["object"]]
+        d = np.array(
+            [row["east_m"] - float(surveyed["easting"]), row["north_m"] - float(surveyed["northing"])]
+        )
+        c = np.array([[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]])
+        up = row["height_m"] - float(surveyed["height"])
+        squares.append(d @ np.linalg.solve(c, d) / 2)
+        heights.append(up)
+        assert (one["east_m"], one["north_m"], one["height_m"]) == pytest.approx((*d, up))
+        assert one["nees"] == pytest.approx(squares[-1])
+        assert one["height_nees"] == pytest.approx((up / row["sigma_height_m"]) ** 2)
+        assert one["inside95"] == (squares[-1] * 2 <= 5.991)
+        assert one["sigma_major_m"] == pytest.approx(np.sqrt(np.linalg.eigvalsh(c)[1]), rel=1e-6)
+        assert np.hypot(one["along_m"], one["across_m"]) == pytest.approx(one["error_m"])
+        assert float(line["error_m"]) == pytest.approx(one["error_m"], abs=1e-4)
+    assert adjusted["nees"] == pytest.approx(np.mean(squares))
+    assert adjusted["heights"]["rmse"] == pytest.approx(np.sqrt(np.mean(np.square(heights))))
+    assert adjusted["heights"]["n"] == len(rows)
+
+
+def test_along_and_across_are_those_of_the_car(opened: Store, sample: Path) -> None:
+    """A survey that is moved a metre on, in the way of the car, leaves every estimate a metre behind."""
+    truths = read_truth(sample / "truth.csv")
+    before = evaluate(opened, truths, by="id").methods[0].each
+    line = opened.rows(sa.select(schema.drive.c.line))[0]["line"]
+    xy = shapely.get_coordinates(shapely.from_wkb(line))
+    moved = []
+    for truth in truths:
+        k = int(np.argmin(np.hypot(*(xy - (truth.east_m, truth.north_m)).T)))
+        way = xy[min(k + 2, len(xy) - 1)] - xy[max(k - 2, 0)]
+        east, north = way / np.hypot(*way)
+        moved.append(replace(truth, east_m=truth.east_m + east, north_m=truth.north_m + north))
+    for one, other in zip(before, evaluate(opened, moved, by="id").methods[0].each, strict=True):
+        assert one.along_m is not None and one.across_m is not None
+        assert other.along_m == pytest.approx(one.along_m - 1.0, abs=0.01)
+        assert other.across_m == pytest.approx(one.across_m, abs=0.12)
+
+
+def test_heights_that_are_not_known_are_not_told(opened: Store, sample: Path, tmp_path: Path) -> None:
+    """Without heights in the survey none is judged; a height that is no number is refused with its line."""
+    (adjusted, *_) = evaluate(opened, read_truth(sample / "truth.csv")).methods
+    assert (adjusted.heights.n, adjusted.heights.rmse, adjusted.heights.nees) == (0, None, None)
+    path = tmp_path / "truth.csv"
+    path.write_text("object,easting,northing,height\nP01,273036.5,7039178.8,\nP02,273074.4,7039197.2,high\n")
+    with pytest.raises(TruthError, match="line 3: height must be a number or empty"):
+        read_truth(path)
