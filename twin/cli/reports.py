@@ -58,7 +58,7 @@ def evaluate(
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
-    """Compare the estimates of every method with surveyed positions, and with heights where TRUTH has them."""
+    """Compare the estimates of every method with surveyed positions, and heights where TRUTH has some."""
     from twin.reports.evaluation import evaluate as run
     from twin.reports.evaluation import plot, read_truth
     from twin.reports.object_errors import csv_of

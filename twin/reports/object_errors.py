@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import sqlalchemy as sa
@@ -101,10 +101,10 @@ def object_errors(
 
 def driven_lines(store: Store) -> dict[str, shapely.LineString]:
     """Where each drive of a store went, EPSG:25833."""
-    import shapely
+    from shapely import wkb
 
     rows = store.rows(sa.select(schema.drive.c.drive_id, schema.drive.c.line))
-    return {row["drive_id"]: shapely.from_wkb(row["line"]) for row in rows}
+    return {row["drive_id"]: cast("shapely.LineString", wkb.loads(row["line"])) for row in rows}
 
 
 def mean_nees(errors: Sequence[ObjectError]) -> float | None:

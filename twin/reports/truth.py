@@ -68,7 +68,8 @@ def _truth(row: Mapping[str, str | None], path: Path, line: int) -> Truth:
     except ValueError as error:
         raise TruthError(f"{path}, line {line}: easting and northing must be numbers ({error}).") from error
     try:
-        height = float(row["height"]) if (row.get("height") or "").strip() else None
+        text = (row.get("height") or "").strip()
+        height = float(text) if text else None
     except ValueError as error:
         raise TruthError(f"{path}, line {line}: height must be a number or empty ({error}).") from error
     if not (-200_000 < east < 1_200_000 and 6_300_000 < north < 8_100_000):
