@@ -55,7 +55,9 @@ class Snapshot:
 
     def fact(self, key: str) -> dict[str, Any] | None:
         """As :meth:`Store.fact`, of this state."""
-        return Store.fact_in(self._connection, key)
+        asked = sa.select(schema.meta.c.value).where(schema.meta.c.key == key)
+        value = self._connection.execute(asked).scalar()
+        return None if value is None else json.loads(value)
 
     def revision(self) -> int:
         """As :meth:`Store.revision`, of this state."""
