@@ -5,7 +5,8 @@ Usage: python benchmarks/accuracy.py [--seeds 20] [--markdown]
 Every row is one scenario, driven with many seeds of its own; all methods see the same recordings. A drive's
 clock and mounting are drawn once and move all its signs, so that a row says less than its number of signs.
 "Bound" is the Cramér-Rao bound: the median error that the best possible estimator has, which knows the size
-of every error that the simulator draws; it is worked out at the true pixels. Errors do not depend on the
+of every error that the simulator draws; it is worked out at the true pixels. The last columns are the
+adjustment's: NEES is the squared error over its variance, 1 where it is honest. Errors do not depend on the
 machine; nothing here is a timing.
 """
 
@@ -78,10 +79,15 @@ CASES = (
 
 
 class Found(NamedTuple):
-    """Positions of objects by one method: errors (g, 2) east and north, and covariances (g, 2, 2)."""
+    """Positions of objects by one method: errors (g, 3) east, north and up, and their covariances.
+
+    Single frames give no height: NaN.
+    """
 
     offset_m: FloatArray
     covariance_m2: FloatArray
+    """East and north, (g, 2, 2)."""
+    sigma_height_m: FloatArray
 
 
 class Recorded(NamedTuple):
@@ -123,9 +129,14 @@ def found_by(method: str, recording: Recorded) -> Found:
     drive, trajectory, sightings, _, number, epoch, _ = recording
     if method == "adjusted":
         adjusted = adjusted_of(recording, sightings)
-        return Found(
+        up = adjusted.height_m - drive.objects.height_m[adjusted.object]
+        return _found(
+            drive,
+            adjusted.object,
             offsets(drive, adjusted.object, adjusted.latitude_deg, adjusted.longitude_deg),
             adjusted.covariance_m2,
+            up,
+            adjusted.sigma_height_m,
         )
     if method == "paper":
         located = locate_paper(
@@ -138,9 +149,29 @@ def found_by(method: str, recording: Recorded) -> Found:
     else:
         located = locate_single_frame(drive.rig, sightings, trajectory.poses_at(epoch))
     combined = combine(located, number)
-    return Found(
-        offsets(drive, combined.group, combined.latitude_deg, combined.longitude_deg), combined.covariance_m2
+    plane = offsets(drive, combined.group, combined.latitude_deg, combined.longitude_deg)
+    unknown = np.full(combined.group.size, np.nan)
+    return _found(drive, combined.group, plane, combined.covariance_m2, unknown, unknown)
+
+
+def _found(
+    drive: SimulatedDrive,
+    index: IntArray,
+    plane_m: FloatArray,
+    covariance_m2: FloatArray,
+    up_m: FloatArray,
+    sigma_height_m: FloatArray,
+) -> Found:
+    """Lay out what was found of some objects (`index`) as rows of all; `plane_m` already is."""
+    count = len(drive.objects.object)
+    whole = Found(
+        np.column_stack([plane_m, np.full(count, np.nan)]),
+        np.full((count, 2, 2), np.nan),
+        np.full(count, np.nan),
     )
+    whole.offset_m[index, 2] = up_m
+    whole.covariance_m2[index], whole.sigma_height_m[index] = covariance_m2, sigma_height_m
+    return whole
 
 
 def adjusted_of(recording: Recorded, sightings: Sightings, **options: object) -> Adjusted:
@@ -201,11 +232,15 @@ def run_case(case: Case, seeds: int) -> tuple[dict[str, list[Found]], FloatArray
         chosen = slice(None) if case.object is None else slice(case.object, case.object + 1)
         for method in METHODS:
             one = found_by(method, recording)
-            whole = np.full((len(one.offset_m), 2, 2), np.nan)
-            whole[np.unique(recording.object)] = one.covariance_m2
-            found[method].append(Found(one.offset_m[chosen], whole[chosen]))
+            found[method].append(Found(*(column[chosen] for column in one)))
         bounds.append(bound_m(recording)[chosen])
     return found, np.concatenate(bounds)
+
+
+def _honesty(squares: FloatArray, height_squares: FloatArray) -> tuple[str, str, str]:
+    """Share in the ellipse, NEES in the plane and of heights, which should be 0.75 to 1.3."""
+    inside = np.mean(squares <= CHI2_95)
+    return f"{inside:.0%}", f"{np.mean(squares) / 2.0:.2f}", f"{np.mean(height_squares):.2f}"
 
 
 def main() -> None:
@@ -216,24 +251,25 @@ def main() -> None:
     options = parser.parse_args()
     rows: list[tuple[object, ...]] = []
     squares: dict[str, list[FloatArray]] = {method: [] for method in METHODS}
+    heights: list[FloatArray] = []
     for case in CASES:
         found, bounds = run_case(case, options.seeds)
         cells: list[str] = []
         for method in METHODS:
-            offset = np.concatenate([one.offset_m for one in found[method]])
-            covariance = np.concatenate([one.covariance_m2 for one in found[method]])
-            known = np.isfinite(offset[:, 0])
-            error = np.hypot(*offset[known].T)
-            squares[method].append(nees(offset[known], covariance[known]))
+            of_all = Found(*(np.concatenate(column) for column in zip(*found[method], strict=True)))
+            known = np.isfinite(of_all.offset_m[:, 0])
+            error = np.hypot(*of_all.offset_m[known, :2].T)
+            squares[method].append(nees(of_all.offset_m[known, :2], of_all.covariance_m2[known]))
             cells.append(f"{np.median(error):.2f} / {np.percentile(error, 95):.2f}")
+        heights.append((of_all.offset_m[known, 2] / of_all.sigma_height_m[known]) ** 2)
         bar = f"{case.bar_m[0]:.2f}" + (f" / {case.bar_m[1]:.2f}" if case.bar_m[1] else "")
-        rows.append((case.label, known.size, *cells, bar, f"{np.nanmedian(bounds):.2f}"))
+        honest = _honesty(squares["adjusted"][-1], heights[-1])
+        rows.append((case.label, known.size, *cells, bar, f"{np.nanmedian(bounds):.2f}", *honest))
     whole = {method: np.concatenate(parts) for method, parts in squares.items()}
     share = [f"{np.mean(whole[method] <= CHI2_95):.0%}" for method in METHODS]
-    rows.append(("truth inside the 95 % ellipse", whole["adjusted"].size, *share, "93-97%", ""))
-    honest = [f"{np.mean(whole[method]) / 2.0:.2f}" for method in METHODS]
-    rows.append(("squared error over its variance (NEES / 2)", whole["adjusted"].size, *honest, "", "1"))
-    header = ["case", "objects", *METHODS, "bar", "bound"]
+    last = _honesty(whole["adjusted"], np.concatenate(heights))
+    rows.append(("truth inside the 95 % ellipse", whole["adjusted"].size, *share, "93-97%", "", *last))
+    header = ["case", "objects", *METHODS, "bar", "bound", "in ellipse", "NEES / 2", "height NEES"]
     if options.markdown:
         print("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
         for row in rows:

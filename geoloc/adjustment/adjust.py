@@ -190,7 +190,8 @@ class _Task:
         if self.terrain is not None:
             model = on_terrain(model, self.terrain, self.budget)
         solution = solve(model, about(prior, seen.shift_ns / NANOSECONDS), self.noise)
-        return _Solved(seen, model, solution, spread(model, solution))
+        final = solution.equations.model
+        return _Solved(seen, final, solution, spread(final, solution))
 
     def with_pose_sigmas(self, at: _Solved, priors: ErrorBudget) -> tuple[_Task, _Solved]:
         """Scale sigmas of poses that nobody stated by what the bearings make of them, and solve anew."""

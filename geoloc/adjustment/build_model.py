@@ -100,6 +100,7 @@ def scene_of(rig: Rig, camera: NDArray[np.str_], placed: Placed) -> Scene:
         ray=ray[keep],
         pixel_from_ray=placed.rays.pixel_from_ray[row[keep]],
         readout=placed.rays.readout[row[keep]],
+        height_px=np.array([c.model.height_px for c in cameras], dtype=np.int64)[index[keep]],
         sigma_px=placed.sigma_px[row[keep]],
         body=rows_of(body, keep),
         cameras=tuple(str(name) for name in names),

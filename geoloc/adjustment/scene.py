@@ -79,6 +79,8 @@ class Scene:
         Pixels a unit that the ray's end moves.
     readout : float64 (n,)
         Row of the pixel as a share of the image's height, from the middle: -0.5 to 0.5.
+    height_px : int64 (n,)
+        The image's height.
     sigma_px : float64 (n,)
     body : Bodies (n,)
     cameras : tuple of str
@@ -102,6 +104,7 @@ class Scene:
     ray: FloatArray
     pixel_from_ray: FloatArray
     readout: FloatArray
+    height_px: IntArray
     sigma_px: FloatArray
     body: Bodies
     cameras: tuple[str, ...]

@@ -29,3 +29,13 @@ def test_length_makes_no_bias_certain(name: str, seed: int) -> None:
     inside = nees(error[:, :2], adjusted.covariance_m2) < 5.991
     assert np.mean(inside) > 0.85
     assert np.median(np.hypot(*error[:, :2].T)) < 0.2
+
+
+@pytest.mark.parametrize(("name", "seed"), [("urban", 13), ("highway", 14)])
+def test_coarse_annotations_look_like_no_slower_shutter(name: str, seed: int) -> None:
+    """The noise of a row is in its residual too: together they were 2 and 2.5 sigmas of readout."""
+    recording = recorded(name, seed=seed, minutes=5.0)
+    noise_px = np.random.default_rng(1).normal(size=recording.pixel_px.shape) * 4.0
+    readout = recording._replace(pixel_px=recording.pixel_px + noise_px).adjusted().readout_ms
+    true_ms = 1e-3 * recording.drive.scenario.noise.row_delay_us * 1208
+    assert abs(readout.value - true_ms) < readout.sigma
