@@ -37,6 +37,7 @@ sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 
 bench: $(VENV)/.installed         ## errors of every method on simulated drives against the bars and the bound; then drives of up to an hour
 	$(BIN)/python benchmarks/accuracy.py
+	$(BIN)/python benchmarks/drifting_labels.py
 	$(BIN)/python benchmarks/long_drives.py
 
 bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, on one core

@@ -26,12 +26,15 @@ class System:
     gradient : float64 (u,)
     of_rays : sparse (u, u)
         The rays' share of the normal matrix.
+    jacobian : sparse (2n, u)
+        Derivatives of the rays' residuals, weighed.
     """
 
     factor: Any
     normal: Any
     gradient: FloatArray
     of_rays: Any
+    jacobian: Any
 
     def taken_up(self) -> float:
         """Degrees of freedom of the rays that the unknowns take up: the trace of the hat matrix.
@@ -96,7 +99,7 @@ class Equations:
             other = self._matrix(part)
             normal = normal + other.T @ other
             gradient = gradient + other.T @ part.residual
-        return System(factorised(normal), normal, gradient, of_rays)
+        return System(factorised(normal), normal, gradient, of_rays, jacobian)
 
     def ground(self, x: FloatArray) -> list[Any]:
         """Sparse derivatives of what is known of the ground."""

@@ -89,7 +89,8 @@ class Adjusted:
     poses : Poses (n,)
         The rig's pose at each sighting, as corrected; sigmas are the trajectory's.
     noise : float
-        Factor on the stated sigma of a pixel that the residuals ask for.
+        Factor on the stated sigma of a pixel that the residuals ask for: labels that repeat the error of the
+        last one count as fewer.
     time_offset_ms, readout_ms : Correction
         Added to the camera clock; and the readout itself.
     boresight_deg : mapping camera → tuple of Correction

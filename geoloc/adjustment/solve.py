@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from geoloc.adjustment.drifting_labels import repeated_share
 from geoloc.adjustment.equations import Equations, System, factorised
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.unknowns import Prior
@@ -39,7 +40,7 @@ class Solution:
     inlier : bool (n,)
         Sightings that took part in the end.
     noise : float
-        Factor on every sigma of a pixel that the residuals ask for.
+        Factor on every sigma of a pixel that the residuals ask for, by their size and by how alike they are.
     residual_px : float64 (n, 2)
         Expected minus seen.
     equations : Equations
@@ -95,8 +96,16 @@ def solve(model: Model, prior: Prior, stated_noise: float | None = None) -> Solu
         noise = stated_noise or _noise(at.square[inlier].sum(), redundancy)
         if at.moved_m < _CONVERGED_M and np.array_equal(previous, inlier):
             break
-    residual = model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
     last = equations.system(at.x, inlier / noise**2)
+    repeated = repeated_share(model.scene, last, model.ray_residuals(at.x), inlier)
+    if repeated > 1.0:
+        noise *= np.sqrt(repeated)
+        for _ in range(_FINAL_ROUNDS):
+            at = _step(equations, at, inlier / noise**2)
+            if at.moved_m < _CONVERGED_M:
+                break
+        last = equations.system(at.x, inlier / noise**2)
+    residual = model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
     return Solution(at.x, inlier, noise, residual, equations, last)
 
 
