@@ -18,6 +18,10 @@ Which frame
     The number that the tool gives; else that of the image among the drive's pictures; else the last digits of
     the image's name (:mod:`twin.drives.annotations.frame_numbers`).
 
+Whether it was measured
+    What its reader says (CVAT's and Label Studio's own marks), and the attribute ``keyframe``, by which CVAT
+    marks the rows of tracks in the formats of other tools.
+
 What it is
     The attribute ``skiltnummer``; else what the drive's ``labels.toml`` says of the label; else a label that
     begins with a sign code; else the labels that ship with twin (:mod:`.labels`). What is written on it
@@ -38,7 +42,7 @@ from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.annotations.camera_of_file import CameraChooser
 from twin.drives.annotations.drawn_size import check_reach, check_size
-from twin.drives.annotations.formats.shapes import AnnotationFile, Shape
+from twin.drives.annotations.formats.shapes import KEY_FRAME, AnnotationFile, Shape, is_key_frame
 from twin.drives.annotations.frame_numbers import frame_of, is_numbered
 from twin.drives.annotations.labels import LabelMap, Meanings, codes_from_attribute
 from twin.drives.annotations.left_out import (
@@ -245,7 +249,7 @@ def _rows(
             shape.pixel_px,
             shape.box_px,
             file.where,
-            shape.is_measured,
+            shape.is_measured and is_key_frame(shape.attributes.get(KEY_FRAME)),
         )
         yield row, track
 

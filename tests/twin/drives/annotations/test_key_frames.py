@@ -12,7 +12,8 @@ from left_out import counts
 from geoloc.rig.rig import rig_from_document
 from twin.drives.annotations.formats.cvat import read_cvat
 from twin.drives.annotations.formats.labelme_xml import read_labelme_xml
-from twin.drives.annotations.formats.shapes import AnnotationFile
+from twin.drives.annotations.formats.plain_csv import read_annotations_csv
+from twin.drives.annotations.formats.shapes import AnnotationFile, merged
 from twin.drives.annotations.formats.table import read_annotation_json
 from twin.drives.annotations.gather import gather
 from twin.drives.inspection.inspect import inspect_drive
@@ -34,6 +35,12 @@ def cvat_points() -> AnnotationFile:
     return cvat(rows + '<points frame="3" keyframe="1" outside="1" points="5,9"/>')
 
 
+def csv() -> AnnotationFile:
+    """A table that somebody made of a track."""
+    rows = "".join(f"{k},3,5,9,{int(flag)}\n" for k, flag in enumerate(FLAGS))
+    return read_annotations_csv(f"frame,track,x_px,y_px,keyframe\n{rows}".encode(), "a.csv")
+
+
 def cvat_skeleton() -> AnnotationFile:
     """The foot's own rows say it."""
     rows = "".join(f'<points frame="{k}" keyframe="{f:d}" points="5,9"/>' for k, f in enumerate(FLAGS))
@@ -50,28 +57,31 @@ def exported(document: Any) -> AnnotationFile:
 def coco() -> AnnotationFile:
     """CVAT's COCO."""
     told = [{"attributes": {"track_id": 3, "keyframe": flag}} for flag in FLAGS]
-    return exported(
-        {
-            "images": [{"id": 1, "file_name": "12.png"}],
-            "categories": [],
-            "annotations": [{"image_id": 1, "category_id": 1, "bbox": [1, 2, 3, 4]} | one for one in told],
-        }
-    )
+    shapes = [{"image_id": k, "category_id": 1, "bbox": [1, 2, 3, 4]} | one for k, one in enumerate(told)]
+    images = [{"id": k, "file_name": f"{k}.png"} for k in range(3)]
+    return exported({"images": images, "categories": [], "annotations": shapes})
 
 
 def datumaro() -> AnnotationFile:
     """CVAT's Datumaro."""
     shape = {"type": "bbox", "bbox": [1, 2, 3, 4], "label_id": 0}
     told = [shape | {"attributes": {"track_id": 3, "keyframe": flag}} for flag in FLAGS]
-    return exported({"categories": {"label": {}}, "items": [{"id": "12", "annotations": told}]})
+    items = [{"id": f"{k}", "annotations": [one]} for k, one in enumerate(told)]
+    return exported({"categories": {"label": {}}, "items": items})
 
 
 def labelme() -> AnnotationFile:
     """CVAT's LabelMe: all that is said of an object in one text."""
     corners = "<polygon><pt><x>1</x><y>2</y></pt><pt><x>4</x><y>6</y></pt></polygon>"
-    said = (f"<attributes>object=P1, track_id=3, keyframe={flag}</attributes>" for flag in FLAGS)
-    things = "".join(f"<object><name>202</name>{one}{corners}</object>" for one in said)
-    return read_labelme_xml(f"<annotation>{things}</annotation>".encode(), "12.xml")
+    said = (f"<attributes>occluded=False, track_id=3, keyframe={flag}</attributes>" for flag in FLAGS)
+    things = (f"<object><name>202</name>{one}{corners}</object>" for one in said)
+    return merged(
+        [
+            read_labelme_xml(f"<annotation>{thing}</annotation>".encode(), f"{k}.xml")
+            for k, thing in enumerate(things)
+        ],
+        "default/",
+    )
 
 
 def label_studio() -> AnnotationFile:
@@ -83,17 +93,13 @@ def label_studio() -> AnnotationFile:
     return exported([{"data": {"video": "/data/front.mp4"}, "annotations": [{"result": [value]}]}])
 
 
-@pytest.mark.parametrize("read", [cvat_points, cvat_skeleton, coco, datumaro, labelme, label_studio])
-def test_row_that_the_tool_drew_was_not_measured(read: Any) -> None:
+@pytest.mark.parametrize("read", [cvat_points, cvat_skeleton, csv, coco, datumaro, labelme, label_studio])
+def test_row_that_the_tool_drew_was_not_measured(read: Any, maker: Any) -> None:
     """The second of three; all are rows of one track."""
-    file = read()
-    assert [shape.is_measured for shape in file.shapes] == [*FLAGS]
-    assert {shape.track for shape in file.shapes} == {"3"}
-
-
-def test_attributes_of_an_export_as_labelme_are_read_one_by_one() -> None:
-    """Beside the text as a whole, as people write it in the tool itself."""
-    assert labelme().shapes[0].attributes["object"] == "P1"
+    notes = gather([(read(), WIDE)], rig_from_document(maker.rig(), "car.json")).annotations
+    assert notes.is_measured.tolist() == [*FLAGS]
+    assert notes.frame.tolist() == [0, 1, 2]
+    assert set(notes.object.tolist()) == {"3"}
 
 
 def test_copy_that_lacks_the_word_is_interpolated_too(maker: Any) -> None:

@@ -14,7 +14,6 @@ from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, size_px, text, texts, whole
 from twin.drives.annotations.formats.shapes import (
-    KEY_FRAME,
     NO_HINTS,
     AnnotationFile,
     Hints,
@@ -24,7 +23,6 @@ from twin.drives.annotations.formats.shapes import (
     box_at,
     foot_at,
     foot_of,
-    is_key_frame,
     numbers,
     pairs,
 )
@@ -61,7 +59,6 @@ def read_coco(document: object, where: str, hints: Hints = NO_HINTS) -> Annotati
                     image=text(image.get("file_name")),
                     image_id=-1 if number is None else number,
                     size_px=size_px(image.get("width"), image.get("height")),
-                    is_measured=is_key_frame(attributes.get(KEY_FRAME)),
                 )
             )
     return file

@@ -14,7 +14,6 @@ from typing import Any
 
 from twin.drives.annotations.formats.json_values import key, mapping, sequence, text, texts, whole
 from twin.drives.annotations.formats.shapes import (
-    KEY_FRAME,
     NO_HINTS,
     AnnotationFile,
     Hints,
@@ -24,7 +23,6 @@ from twin.drives.annotations.formats.shapes import (
     box_at,
     foot_at,
     foot_of,
-    is_key_frame,
     numbers,
     of_kind,
     pairs,
@@ -71,7 +69,6 @@ def read_datumaro(document: object, where: str, hints: Hints = NO_HINTS) -> Anno
                         image=text(image.get("path")) or key(item.get("id")),
                         image_id=-1 if number is None else number,
                         size_px=_size_px(image),
-                        is_measured=is_key_frame(attributes.get(KEY_FRAME)),
                     )
                 )
     return file

@@ -14,7 +14,6 @@ from xml.etree.ElementTree import ParseError  # only the exception: parsing goes
 
 from twin.drives.annotations.formats.cvat import root_tag
 from twin.drives.annotations.formats.shapes import (
-    KEY_FRAME,
     NO_HINTS,
     AnnotationFile,
     Hints,
@@ -22,7 +21,6 @@ from twin.drives.annotations.formats.shapes import (
     UnusableShapeError,
     box_around,
     box_at,
-    is_key_frame,
     numbers,
 )
 from twin.errors import DriveError
@@ -62,10 +60,8 @@ def read_labelme_xml(content: bytes, where: str, _hints: Hints = NO_HINTS) -> An
                     _shape(thing),
                     label=_text(thing, "name"),
                     attributes=attributes,
-                    track=attributes.get("track_id", ""),
                     image=image,
                     size_px=size,
-                    is_measured=is_key_frame(attributes.get(KEY_FRAME)),
                 )
             )
     return file

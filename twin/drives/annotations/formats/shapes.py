@@ -65,7 +65,8 @@ class Shape:
     task : str
         Id of the task in a project export, else "".
     is_measured : bool
-        Whether somebody put it there; False where the tool put it between two key frames.
+        Whether somebody put it there; False where the format itself says that the tool put it between two key
+        frames. The attribute ``keyframe`` may say so besides.
     """
 
     kind: str
