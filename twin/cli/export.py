@@ -55,6 +55,7 @@ def export(
 ) -> None:
     """Write the findings as GeoPackages (UTM33 and WGS84, styled for QGIS) and GeoJSON.
 
+    Of a store that was never matched with NVDB: the positions with their error ellipses, and the drives.
     Accepted findings are also written as change sets for API Skriv, but for those that --api-url has already:
     see twin submit.
     """
@@ -72,11 +73,15 @@ def export(
             progress=progress,
         )
     if json_output:
-        print_json(
-            {"files": [str(path) for path in report.files], **_change_sets_as_json(report.change_sets)}
-        )
+        told = {"files": [str(path) for path in report.files], "matched": report.matched}
+        print_json({**told, **_change_sets_as_json(report.change_sets)})
     else:
         _print_export(report.files, folder)
+        if not report.matched:
+            note(
+                "There are no findings, and no change sets: the store was not matched with NVDB. "
+                "`twin sync-nvdb`, then `twin match` makes them."
+            )
         _print_change_sets(report.change_sets, folder, api_url)
     if any(sett.errors for sett in report.change_sets.setts):
         raise typer.Exit(EXIT_DATA)

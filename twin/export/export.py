@@ -11,12 +11,13 @@ from twin.changesets import ChangeSets, files_of, groups_from_store
 from twin.decisions.evidence import Evidence
 from twin.decisions.log import position
 from twin.decisions.record import Edit, keep_edits
-from twin.errors import ExportRefusedError, RefusedError
+from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export.folder import GEOPACKAGES, export_all
 from twin.export.from_store import layers_from_store
 from twin.export.geopackage import changes_in, edited_decisions, log_position
 from twin.store.atomic_files import refuse_if_open
 from twin.store.kinds import Decision
+from twin.store.schema import METHODS
 from twin.store.store import Store
 
 
@@ -31,10 +32,13 @@ class ExportReport:
     change_sets : ChangeSets
         What became of the decided findings: sets, errors in sets (which are then not written), findings left
         out.
+    matched : bool
+        Whether there was a match; without one there are positions, and no findings.
     """
 
     files: tuple[Path, ...]
     change_sets: ChangeSets
+    matched: bool = True
 
 
 def export_findings(
@@ -49,12 +53,13 @@ def export_findings(
 ) -> ExportReport:
     """Export the findings of the last match, after keeping what people decided in the last export.
 
-    What was accepted goes out as change sets for API Skriv too (``docs/endringssett.md``).
+    What was accepted goes out as change sets for API Skriv too (``docs/endringssett.md``). Of a store that
+    was never matched the positions go out, by the best method that it has, with no findings beside them.
 
     Parameters
     ----------
     store : Store
-        Matched, and neither synced nor ingested into since.
+        Never matched, or neither synced nor ingested into since.
     folder : Path
         Made if it does not exist. Decisions edited in QGIS in the GeoPackages already there are kept in the
         store by ``change_id``, also those of changes that the last match no longer found.
@@ -77,7 +82,7 @@ def export_findings(
     Raises
     ------
     StoreError
-        Nothing was matched yet.
+        It has no drive yet.
     RefusedError
         The findings are older than the drives or the mirror in the store; or a change set in the folder was
         sent and is not known to have ended.
@@ -89,8 +94,10 @@ def export_findings(
     from twin.changesets.sent import SentLog
 
     folder = Path(folder)
-    last = store.matched()
     refuse_if_pending(store, folder)
+    if store.fact("last_match") is None:
+        return _export_positions(store, folder, decision, project=project, progress=progress)
+    last = store.matched()
     decided = decisions_made_in(folder)
     if decided:
         if progress is not None:
@@ -116,6 +123,25 @@ def export_findings(
         progress=progress,
     )
     return ExportReport(tuple(files), change_sets)
+
+
+def _export_positions(
+    store: Store,
+    folder: Path,
+    decision: str,
+    *,
+    project: bool,
+    progress: Callable[[str], None] | None,
+) -> ExportReport:
+    """Export what a store without a match has: estimates, drives, and NVDB's signs if there are any."""
+    held = store.methods()
+    if not held:
+        raise StoreError(f"The store {store.path} has nothing to export yet: run `twin ingest-drive` first.")
+    layers = layers_from_store(store, min(held, key=METHODS.index))
+    if store.fact("last_match") is not None:
+        raise RefusedError(f"The store {store.path} was matched during the export: export again.")
+    files = export_all(layers, folder, project=project, progress=progress)
+    return ExportReport(tuple(files), ChangeSets(decision), matched=False)
 
 
 def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -> tuple[str, ...]:

@@ -26,6 +26,8 @@ from twin.export import FILES, edited_decisions, export_findings, from_store
 from twin.export.export import decisions_made_in
 from twin.export.folder import GEOJSON, UTM33, WGS84
 from twin.export.from_store import layers_from_store
+from twin.export.layers import COLUMNS
+from twin.ingest.ingest import ingest_drive
 from twin.store import schema
 from twin.store.store import Store
 
@@ -143,11 +145,11 @@ def test_export_command_says_once_that_the_geoid_model_is_missing(
     assert told == int(np.isnan(nn2000_from_ellipsoidal([], [], []).sigma_m))
 
 
-def test_export_findings_before_a_match_is_an_error(tmp_path: Path, out: Path) -> None:
-    """A store that was never matched has nothing to export; nothing is written."""
+def test_export_findings_without_a_drive_is_an_error(tmp_path: Path, out: Path) -> None:
+    """A store without drives has nothing to export; nothing is written."""
     with (
         Store.open(tmp_path / "new.db") as store,
-        pytest.raises(StoreError, match=r"new\.db has no findings yet: run `twin match` first\.$"),
+        pytest.raises(StoreError, match=r"nothing to export yet: run `twin ingest-drive` first\.$"),
     ):
         export_findings(store, out)
     assert not out.exists()
@@ -291,3 +293,35 @@ def test_export_findings_of_a_store_that_moves_on_is_refused(
     with pytest.raises(RefusedError, match=wanted):
         export_findings(store, out)
     assert not out.exists()
+
+
+def test_a_store_without_nvdb_gives_its_positions(tmp_path: Path, sample: Path) -> None:
+    """A drive alone: its estimates by the best method, their ellipses, its path, and nothing about NVDB."""
+    with Store.open(tmp_path / "alone.db") as store:
+        for method in ("paper", "adjusted"):
+            ingest_drive(store, sample / "trip_trondheim", method=method)
+        report = export_findings(store, tmp_path / "out", project=True)
+        placed = store.rows(sa.select(schema.estimate).where(schema.estimate.c.method == "adjusted"))
+    assert not report.matched
+    assert [path.name for path in report.files] == list(FILES)
+    layers = {name: pyogrio.read_dataframe(tmp_path / "out" / UTM33, layer=name) for name in COLUMNS}
+    rows = {"changes": 0, "moves": 0, "nvdb_signs": 0, "estimates": 15, "ellipses": 15, "drives": 1}
+    assert {name: len(frame) for name, frame in layers.items()} == rows
+    estimates = layers["estimates"].set_index("estimate_id")
+    for one in placed:
+        point = estimates.geometry[one["estimate_id"]]
+        assert (point.x, point.y) == (one["east_m"], one["north_m"])
+    assert layers["ellipses"].contains(layers["estimates"].geometry).all()
+    assert json.loads((tmp_path / "out" / GEOJSON).read_text())["features"] == []
+
+
+def test_decisions_in_the_folder_are_not_lost_to_a_store_without_a_match(store: Store, out: Path) -> None:
+    """What a person decided in QGIS on another store's findings stops an export of positions alone."""
+    export_findings(store, out)
+    decide_in_qgis(out / UTM33, "c-1", "accept")
+    _insert(store, schema.drive_method, row(schema.drive_method, drive_id="d", method=METHOD))
+    with store.transaction() as connection:
+        store.drop_fact(connection, "last_match")
+        connection.execute(sa.delete(schema.change))
+    with pytest.raises(ExportRefusedError, match="this export would lose"):
+        export_findings(store, out)
