@@ -63,6 +63,7 @@ class _Commands(_LazyGroup):
         "ingest-drive": "drives",
         "drives": "drives",
         "inspect": "drives",
+        "trajectory": "drives",
         "match": "findings",
         "explain": "findings",
         "decide": "findings",

@@ -237,6 +237,55 @@ def inspect(
         raise typer.Exit(EXIT_DATA)
 
 
+@app.command("trajectory", epilog="Example: twin trajectory path/to/trip --out poses.csv")
+def trajectory(
+    drive: Annotated[Path, typer.Argument(help="A folder with a recorded drive.", metavar="DRIVE")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="CSV as poses.csv of a drive folder, or a GeoPackage where the name ends with .gpkg.",
+            metavar="FILE",
+        ),
+    ],
+    json_output: JsonOption = False,
+) -> None:
+    """Write a drive's smoothed trajectory: a pose of the car at each recorded epoch, with its sigmas.
+
+    It is what ingest-drive works on, before the adjustment; no store and no annotations are needed.
+    """
+    import numpy as np
+
+    from twin.drives.epochs import utc_text
+    from twin.drives.track.formats.poses_csv import write_poses
+    from twin.errors import RefusedError
+    from twin.export.poses import write_poses_geopackage
+    from twin.ingest.trajectory import smoothed_poses
+    from twin.store.atomic_files import replace_file
+
+    if out.resolve().is_relative_to(drive.resolve()):
+        raise RefusedError(f"{out} lies in the drive's folder, and would be its recording: name another.")
+    with steps(quiet=json_output) as say:
+        poses, warnings = smoothed_poses(drive, progress=say)
+    if out.suffix.lower() == ".gpkg":
+        write_poses_geopackage(poses, out)
+    else:
+        replace_file(out, write_poses(poses))
+    for warning in warnings:
+        warn(warning)
+    first_ns, last_ns = int(poses.epoch_ns[0]), int(poses.epoch_ns[-1])
+    sigmas = {
+        name: float(np.median(getattr(poses, name)))
+        for name in ("sigma_horizontal_m", "sigma_vertical_m", "sigma_heading_deg")
+    }
+    if json_output:
+        told = {"file": str(out), "poses": len(poses.epoch_ns), "first_ns": first_ns, "last_ns": last_ns}
+        print_json({**told, "median": sigmas, "warnings": list(warnings)})
+        return
+    medians = {f"median {name}": f"{value:.3f}" for name, value in sigmas.items()}
+    when = f"{utc_text(first_ns)} and {(last_ns - first_ns) / 1e9:.1f} s on"
+    print_pairs(f"Trajectory {out}", {"poses": len(poses.epoch_ns), "from": when, **medians})
+
+
 def _print(inspection: Inspection, out: Path | None, picture: Path | None) -> None:
     _print_files(inspection)
     _print_rig(inspection)

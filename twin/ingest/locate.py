@@ -149,13 +149,13 @@ def locate_annotations(
     stamp = _frame_stamps(drive, camera, notes.frame[index])
     epoch = stamp + drive.camera_offset_ns
     sightings = Sightings(camera=camera, pixel_px=notes.pixel_px[index])
-    poses = _widened(trajectory.poses_at(epoch), datum_sigma_m)
+    poses = widened(trajectory.poses_at(epoch), datum_sigma_m)
     if method == "paper":
         # The paper pairs host stamps, late as they are: that is part of what it is measured by.
         located = locate_paper(
             drive.rig,
             sightings,
-            _widened(trajectory.nearest_fix(stamp), datum_sigma_m),
+            widened(trajectory.nearest_fix(stamp), datum_sigma_m),
             budget,
             fix_interval_s=trajectory.interval_s,
             delay_ms=trajectory.delay_ms()[0],
@@ -227,7 +227,8 @@ def _without_boxes(located: Located, is_foot: BoolArray) -> Located:
     )
 
 
-def _widened(poses: Poses, datum_sigma_m: tuple[float, float]) -> Poses:
+def widened(poses: Poses, datum_sigma_m: tuple[float, float]) -> Poses:
+    """Add what the change of datum adds, horizontally and of the height, to the sigmas of poses."""
     horizontal, up = datum_sigma_m
     return replace(
         poses,

@@ -1,4 +1,4 @@
-"""``poses.csv``: full poses of an INS or SLAM → :class:`~geoloc.trajectory.trajectory.PoseTrack`."""
+"""``poses.csv``: full poses of an INS or SLAM → :class:`~geoloc.trajectory.poses.PoseTrack`, and back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from geoloc.trajectory.trajectory import PoseTrack
+from geoloc.trajectory.trajectory import Poses, PoseTrack
 from twin.drives.epochs import credible, longest_increasing, unit_hint
 from twin.drives.track.fixes import (
     FROZEN,
@@ -87,6 +87,23 @@ def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> Po
     if pitch_nose_up:
         values["pitch_deg"] = -values["pitch_deg"]
     return PosesRead(PoseTrack(epoch_ns=epoch_ns[keep], **values), skipped, _ignored(header, where))
+
+
+def write_poses(poses: Poses) -> bytes:
+    """Write valid poses as `read_poses` reads them, whole to 0.1 mm and a 100,000th of a degree.
+
+    Roll and pitch share a column for their sigma: it gets the larger one.
+    """
+    tilt = np.maximum(poses.sigma_roll_deg, poses.sigma_pitch_deg)
+    sigmas = (poses.sigma_horizontal_m, poses.sigma_vertical_m, tilt, poses.sigma_heading_deg)
+    columns = (*(getattr(poses, name) for name in REQUIRED), *sigmas)
+    # No sigma is zero, which no file may state.
+    digits = (*(10, 10, 4, 5, 5, 5), *(6 for _ in sigmas))
+    lines = [",".join(("time_ns", *REQUIRED, *DEFAULT_SIGMAS))]
+    for time_ns, *row in zip(poses.epoch_ns.tolist(), *columns, strict=True):
+        cells = (f"{value:.{n}f}" for value, n in zip(row, digits, strict=True))
+        lines.append(",".join((str(time_ns), *cells)))
+    return ("\n".join(lines) + "\n").encode()
 
 
 def _table(
