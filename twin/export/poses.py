@@ -42,8 +42,9 @@ def write_poses_geopackage(poses: Poses, path: Path) -> None:
             for name, frame in _layers(poses).items():
                 frame.to_file(staging / path.name, layer=name, driver="GPKG", engine="pyogrio")
     except (OSError, DataSourceError, DataLayerError) as error:
+        why = getattr(error, "strerror", None) or "the GeoPackage could not be written in full"
         raise ExportRefusedError(
-            f"cannot write {path} ({error}): free space on the disk or name a file that can be written"
+            f"cannot write {path} ({why}): free space on the disk or name a file that can be written"
         ) from error
 
 
