@@ -99,7 +99,7 @@ def write_poses(poses: Poses) -> bytes:
     columns = (*(getattr(poses, name) for name in REQUIRED), *sigmas)
     # No sigma is zero, which no file may state.
     digits = (*(10, 10, 4, 5, 5, 5), *(6 for _ in sigmas))
-    lines = [",".join(("time_ns", *REQUIRED, *DEFAULT_SIGMAS))]
+    lines = [",".join(("time_ns", *REQUIRED, *SIGMAS))]
     for time_ns, *row in zip(poses.epoch_ns.tolist(), *columns, strict=True):
         cells = (f"{value:.{n}f}" for value, n in zip(row, digits, strict=True))
         lines.append(",".join((str(time_ns), *cells)))
