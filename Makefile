@@ -54,9 +54,9 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/extrinsics.py
 
-soak: $(VENV)/.installed          ## a hundred syncs killed at random instants, a thousand histories of sending
+soak: $(VENV)/.installed          ## a hundred syncs killed at random instants, a thousand histories of sending, and of annotating
 	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/mirror/test_kill.py
-	TWIN_HISTORIES=1000 $(BIN)/python -m pytest --numprocesses auto tests/twin/changesets/test_histories.py
+	TWIN_HISTORIES=1000 $(BIN)/python -m pytest --numprocesses auto tests/twin/changesets/test_histories.py tests/twin/matching/test_renumbered.py
 
 FUZZ := tests/fuzz/test_fuzz_tracks.py $(filter-out %_tracks.py,$(wildcard tests/fuzz/test_fuzz_*.py))
 .PHONY: $(FUZZ)

@@ -248,7 +248,7 @@ def main() -> None:
         if options.centre_line:
             sites = on_the_centre_line(sites, options.centre_line, rng)
         fleet = drive_around(world, sites, options.drives, options.overlooked, rng, options.misread)
-        poles = observed_poles(fleet.estimates, fleet.order, config, None, fleet.seen_from_deg)
+        poles = observed_poles(fleet.estimates, fleet.order, config, fleet.seen_from_deg)
         poles = still_seen(poles, past_poles(fleet, poles), config)
         evidence = evidence_of_absence(fleet.passages, sites, config)
         p_unannotated = evidence.p_unannotated

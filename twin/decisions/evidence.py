@@ -38,6 +38,9 @@ class Evidence:
         where it is not known.
     nvdb_east_m, nvdb_north_m : float or None
         NVDB's position of the object; None where it has none, or where it is not known.
+    pole : str
+        Key of the pole that it is about, the same in every match whatever annotators call it; "" where
+        nothing was seen, or where it is not known.
     """
 
     verdict: str
@@ -52,6 +55,7 @@ class Evidence:
     covariance_m2: tuple[float, float, float] | None
     nvdb_east_m: float | None
     nvdb_north_m: float | None
+    pole: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """Return it as the log keeps it."""
@@ -82,6 +86,7 @@ class Evidence:
             covariance_m2=_covariance(row),
             nvdb_east_m=_rounded(row.get("nvdb_east_m")),
             nvdb_north_m=_rounded(row.get("nvdb_north_m")),
+            pole=(row.get("terms") or {}).get("pole", ""),
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import sqlalchemy as sa
@@ -20,8 +20,8 @@ from twin.decisions.log import (
 )
 from twin.store.kinds import QUIET, Decision
 
-Object = tuple[int, int | None]
-"""NVDB's type and id; what NVDB does not know has no id."""
+Object = tuple[int, int | None, str]
+"""NVDB's type and id; what NVDB does not know has no id, and is known by its pole."""
 
 _DONE = {Decision.ACCEPT: "Accepted", Decision.DISMISS: "Dismissed", Decision.DEFER: "Deferred"}
 
@@ -47,7 +47,7 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
     absent = _by_object(entry for key, entry in by_people.items() if key not in evidence)
     reopened, carried = [], []
     for key, now in evidence.items():
-        last = by_people.get(key) or _forerunner(absent.get(_object(now), []), now)
+        last = by_people.get(key) or _forerunner(absent, now)
         if last is None or last.decision == Decision.OPEN:
             continue
         holds = standing.get(key)
@@ -62,14 +62,11 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
 
 
 def _object(evidence: Evidence) -> Object:
-    return evidence.nvdb_type, evidence.nvdb_id
+    return evidence.nvdb_type, evidence.nvdb_id, "" if evidence.nvdb_id is not None else evidence.pole
 
 
 def _by_object(entries: Iterable[Entry]) -> dict[Object, list[Entry]]:
-    """Group decided changes that are no longer found by their object, the latest decision first.
-
-    What NVDB does not know has no id: such changes stand together under None.
-    """
+    """Group decided changes that are no longer found by their object, the latest decision first."""
     groups: dict[Object, list[Entry]] = {}
     for entry in sorted(entries, key=lambda entry: -entry.id):
         if entry.decision != Decision.OPEN:
@@ -77,12 +74,16 @@ def _by_object(entries: Iterable[Entry]) -> dict[Object, list[Entry]]:
     return groups
 
 
-def _forerunner(candidates: list[Entry], now: Evidence) -> Entry | None:
+def _forerunner(absent: Mapping[Object, list[Entry]], now: Evidence) -> Entry | None:
     """Take out the decided change that a finding without a decision of its own follows, if there is one.
 
-    What NVDB does not know is recognised by its place, and rather by one whose sign codes are the same.
+    Decisions of before poles were kept with them, and those of some files, do not say which pole they are
+    about: such ones are recognised by their place. Rather one whose sign codes are the same.
     """
-    fitting = [c for c in candidates if now.nvdb_id is not None or same_place(c.evidence, now)]
+    candidates = fitting = absent.get(_object(now), [])
+    if now.nvdb_id is None and not (now.pole and candidates):
+        candidates = absent.get((now.nvdb_type, None, ""), [])
+        fitting = [c for c in candidates if same_place(c.evidence, now)]
     if not fitting:
         return None
     forerunner = min(fitting, key=lambda c: c.evidence.skiltnummer_seen != now.skiltnummer_seen)

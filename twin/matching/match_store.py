@@ -22,9 +22,10 @@ from twin.errors import StoreError
 from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, still_seen
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
+from twin.matching.poles.keys import with_known_keys
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.poles.same_pole import each_pole_once, may_be_one
-from twin.matching.poles.seen_in import pictures_of, seen_from
+from twin.matching.poles.seen_in import known_marks, marks_of, pictures_of, seen_from
 from twin.matching.save import save_changes
 from twin.matching.sites import Site, along_the_road, mirror_near, sites_from_mirror
 from twin.matching.verdicts.finding import doubt_of, doubtful_as_review
@@ -101,12 +102,13 @@ def match(
         is_sign = schema.estimate.c.nvdb_type.is_(None)
         asked = sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign)
         estimates = [Estimate.from_row(row) for row in view.rows(asked)]
-        known = {row["member"]: row["pole"] for row in view.rows(sa.select(schema.pole_key))}
         has_network = view.fact(VEGNETT) is not None
         directions = seen_from(view, estimates, method) if has_network else {}
         pairs = may_be_one(estimates, config)
         once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
-        poles = observed_poles(once, [drive.drive_id for drive in drives], config, known, directions)
+        found = observed_poles(once, [drive.drive_id for drive in drives], config, directions)
+        marks = marks_of(view, estimates, method)
+        poles = with_known_keys(found, marks, known_marks(view))
         points, plates = mirror_near(view, _places(drives, poles), config)
     sites = _sites(store, points, plates, config, has_network=has_network)
     say("finding which signs were in view")
@@ -137,7 +139,7 @@ def match(
     settings = _settings(method, config, drives, estimates) | {"road_network": has_network}
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
-    save_changes(store, findings, keys, {**run, "revision": revision})
+    save_changes(store, findings, keys, {**run, "revision": revision}, marks)
     return MatchReport(
         method=method,
         verdicts=_counts(findings),

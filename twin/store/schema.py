@@ -323,7 +323,21 @@ pole_key = sa.Table(
     sa.Column("member", sa.String, primary_key=True),  # drive:object
     sa.Column("pole", sa.String, nullable=False),
 )
-"""Which pole an estimate belongs to: the key that a pole first got stays with all its members."""
+"""Which pole an estimate belonged to in the last match."""
+
+known_mark = sa.Table(
+    "known_mark",
+    metadata,
+    sa.Column("id", ROWID, primary_key=True),
+    sa.Column("drive_id", sa.String, nullable=False),
+    sa.Column("clicks", sa.String, nullable=False),  # what was clicked for it: twin.matching.poles.seen_in
+    sa.Column("pole", sa.String, nullable=False),
+    sa.Column("east_m", sa.Float, nullable=False),
+    sa.Column("north_m", sa.Float, nullable=False),
+    sa.Column("skiltnummer", sa.String, nullable=False),
+    sa.UniqueConstraint("drive_id", "clicks", "pole"),
+)
+"""By what every match knows the poles of earlier ones again: the key that a pole first got stays its own."""
 
 
 sent = sa.Table(

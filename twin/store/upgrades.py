@@ -96,6 +96,20 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "FROM sighting_kept_9"
         ),
         "DROP TABLE sighting_kept_9",
+        (
+            "CREATE TABLE known_mark (id INTEGER NOT NULL PRIMARY KEY, drive_id VARCHAR NOT NULL, clicks "
+            "VARCHAR NOT NULL, pole VARCHAR NOT NULL, east_m FLOAT NOT NULL, north_m FLOAT NOT NULL, "
+            "skiltnummer VARCHAR NOT NULL, UNIQUE (drive_id, clicks, pole))"
+        ),
+        (
+            "INSERT OR IGNORE INTO known_mark (drive_id, clicks, pole, east_m, north_m, skiltnummer) "
+            "SELECT e.drive_id, s.clicks, k.pole, e.east_m, e.north_m, e.skiltnummer FROM estimate AS e "
+            "JOIN pole_key AS k ON k.member = e.drive_id || ':' || e.object JOIN (SELECT drive_id, method, "
+            "object, count(*) || ':' || sum(frame) || ':' || sum(CAST(round(u_px * 1000) AS INTEGER)) || "
+            "':' || sum(CAST(round(v_px * 1000) AS INTEGER)) AS clicks FROM sighting GROUP BY drive_id, "
+            "method, object) AS s ON s.drive_id = e.drive_id AND s.method = e.method AND s.object = e.object "
+            "ORDER BY k.rowid"
+        ),
     ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

@@ -18,13 +18,16 @@ from twin.store.store import Store
 SINCE_9 = ("annotation_set", *(table.name for table in schema.KEPT.values()))
 
 
+SINCE_10 = ("known_mark",)
+
+
 def older(path: Path, version: int = 4) -> Path:
     """Make a store as version 4 to 9 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
         for table in ("sighting", "sighting_kept"):
             raw.execute(f"ALTER TABLE {table} DROP COLUMN is_measured")
-        for table in SINCE_9 if version < 9 else ():
+        for table in (*SINCE_10, *(SINCE_9 if version < 9 else ())):
             raw.execute(f"DROP TABLE {table}")
         if version < 8:
             raw.execute("DROP TABLE sent")
@@ -58,7 +61,9 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
     assert versions == [{"value": str(schema.VERSION)}]
 
 
-@pytest.mark.parametrize("table", ["estimate", "change", "drive_method", "sent", "sighting", *SINCE_9])
+@pytest.mark.parametrize(
+    "table", ["estimate", "change", "drive_method", "sent", "sighting", *SINCE_9, *SINCE_10]
+)
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
     tables = []
@@ -128,6 +133,17 @@ def test_sightings_of_a_store_of_version_9_were_all_measured(tmp_path: Path) -> 
         ):
             (read,) = store.rows(sa.select(*(sa.cast(c, sa.Integer).label(c.name) for c in table.columns)))
             assert read == of_one | {"is_measured": 1} | more
+
+
+def test_poles_of_an_older_store_are_known_again(store: Path) -> None:
+    """By their clicks: what a match of today kept is there again, and the like of other methods."""
+    asked = sa.select(schema.known_mark).order_by(schema.known_mark.c.drive_id, schema.known_mark.c.clicks)
+    with Store.open(store) as opened:
+        kept = {(row["clicks"], row["pole"], row["skiltnummer"]) for row in opened.rows(asked)}
+    with Store.open(older(store, 9)) as opened:
+        known = {(row["clicks"], row["pole"], row["skiltnummer"]) for row in opened.rows(asked)}
+    assert len(kept) == 15
+    assert kept <= known
 
 
 def test_store_that_cannot_be_upgraded_is_refused_untouched(tmp_path: Path) -> None:

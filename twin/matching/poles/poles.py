@@ -44,7 +44,7 @@ class ObservedPole:
     members : tuple of str
         ``drive:object`` of its estimates, in time order of the drives.
     key : str
-        What identifies the pole for good: by default its first member.
+        What identifies the pole for good (:mod:`twin.matching.poles.keys`): until then its first member.
     east_m, north_m : float
         EPSG:25833.
     covariance_m2 : float64 (2, 2)
@@ -125,7 +125,6 @@ def observed_poles(
     estimates: Sequence[Estimate],
     drive_order: Sequence[str],
     config: MatchConfig,
-    known_keys: Mapping[str, str] | None = None,
     seen_from_deg: Mapping[str, frozenset[float]] | None = None,
 ) -> list[ObservedPole]:
     """Merge estimates into poles: plates that share a foot, cameras of one drive, then drives.
@@ -135,8 +134,6 @@ def observed_poles(
     estimates : sequence of Estimate, of one method
         Some may be of several objects at once: see :mod:`twin.matching.poles.same_pole`.
     drive_order : drive ids in time order
-    known_keys : mapping of member to key, optional
-        Keys that poles got in earlier runs: a pole keeps the key of its first member that has one.
     seen_from_deg : mapping of member to azimuths, optional
         See :class:`ObservedPole`.
 
@@ -159,23 +156,7 @@ def observed_poles(
         for cameras in sorted(by_cameras, key=lambda names: (-len(names), names)):
             seen.merge(_poles_of_cameras(by_cameras[cameras], config))
         gathered.merge(seen.poles)
-    return sorted(_with_keys(gathered.poles, known_keys or {}), key=lambda pole: pole.key)
-
-
-def _with_keys(poles: Sequence[ObservedPole], known: Mapping[str, str]) -> list[ObservedPole]:
-    """Give each pole a key of its own: one that has come apart since leaves its key to the first part."""
-    wanted = [next((known[m] for m in pole.members if m in known), pole.key) for pole in poles]
-    owners = {key: k for k, key in reversed(list(enumerate(wanted)))}
-    # Whoever holds the member that a key is named after has the better right to it.
-    owners |= {key: k for k, key in enumerate(wanted) if key in poles[k].members}
-    keyed, taken = [], set(owners)
-    for k, pole in enumerate(poles):
-        key = wanted[k]
-        if owners[key] != k:
-            key = next((m for m in pole.members if m not in taken), f"{pole.members[0]}+")
-            taken.add(key)
-        keyed.append(replace(pole, key=key))
-    return keyed
+    return sorted(gathered.poles, key=lambda pole: pole.key)
 
 
 def _pole_of_estimate(estimate: Estimate, seen_from_deg: Mapping[str, frozenset[float]]) -> ObservedPole:

@@ -1,4 +1,4 @@
-"""What matching asks of the store's sightings: who was marked in one picture, and from where it was seen."""
+"""What matching asks of the store's sightings: who was marked in one picture, from where, by which clicks."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 import sqlalchemy as sa
 
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
+from twin.matching.poles.keys import KnownMark, Mark
 from twin.matching.poles.same_pole import Picture
 from twin.store import schema
-from twin.store.records import Estimate
+from twin.store.records import Estimate, split_codes
 from twin.store.store import Snapshot
 
 
@@ -29,6 +30,43 @@ def pictures_of(
                 picture = row["camera"], row["frame"], row["kind"]
                 found.setdefault(f"{drive_id}:{row['object']}", set()).add(picture)
     return {member: frozenset(pictures) for member, pictures in found.items()}
+
+
+def clicks_of(view: Snapshot, method: str) -> dict[str, str]:
+    """What was clicked for each object, by member: the same clicks are the same object whatever its id is.
+
+    Count and sums of frames and pixels (to the thousandth) tell a drive's objects apart, and depend on
+    neither the order nor the rig.
+    """
+    t = schema.sighting.c
+    sums = {"n": sa.func.count(), "frames": sa.func.sum(t.frame)}
+    for name in ("u_px", "v_px"):
+        sums[name] = sa.func.sum(sa.cast(sa.func.round(t[name] * 1000), sa.Integer))
+    asked = sa.select(t.drive_id, t.object, *(total.label(name) for name, total in sums.items()))
+    rows = view.rows(asked.where(t.method == method).group_by(t.drive_id, t.object))
+    return {f"{r['drive_id']}:{r['object']}": ":".join(str(r[name]) for name in sums) for r in rows}
+
+
+def marks_of(view: Snapshot, estimates: Sequence[Estimate], method: str) -> dict[str, Mark]:
+    """Each estimate's mark, by member."""
+    clicks = clicks_of(view, method)
+    return {
+        e.member: Mark(e.drive_id, clicks[e.member], e.east_m, e.north_m, e.codes)
+        for e in estimates
+        if e.member in clicks
+    }
+
+
+def known_marks(view: Snapshot) -> list[KnownMark]:
+    """Every mark of earlier matches, the oldest first."""
+    t = schema.known_mark
+    return [
+        KnownMark(
+            Mark(r["drive_id"], r["clicks"], r["east_m"], r["north_m"], split_codes(r["skiltnummer"])),
+            r["pole"],
+        )
+        for r in view.rows(sa.select(t).order_by(t.c.id))
+    ]
 
 
 def seen_from(view: Snapshot, estimates: Sequence[Estimate], method: str) -> dict[str, frozenset[float]]:

@@ -129,21 +129,6 @@ def test_observed_poles_never_join_two_objects_of_one_camera() -> None:
     assert second.members == ("a:C2:2", "a:C3:1")
 
 
-def test_observed_poles_keep_a_known_key() -> None:
-    """An earlier drive that arrives later does not rename a pole."""
-    rows = [estimate("a", "7", 0.0, "202"), estimate("b", "1", 0.1, "202")]
-    (pole,) = observed_poles(rows, ["a", "b"], CONFIG, {"b:1": "b:1"})
-    assert pole.key == "b:1"
-
-
-def test_observed_poles_keep_their_key_when_a_later_drive_arrives() -> None:
-    """The key comes from the first drive in time, so that a finding's id survives later drives."""
-    rows = [estimate("z", "1", 0.0, "202")]
-    (before,) = observed_poles(rows, ["z"], CONFIG)
-    (after,) = observed_poles([*rows, estimate("a", "7", 0.1, "202")], ["z", "a"], CONFIG)
-    assert before.key == after.key == "z:1"
-
-
 def test_observed_poles_do_not_depend_on_row_order() -> None:
     """Shuffled rows give the same poles."""
     rng = np.random.default_rng(1)
@@ -165,7 +150,7 @@ def test_observed_poles_know_when_they_were_seen() -> None:
     early = replace(estimate("a", "1", 0.0, "202"), first_ns=10, last_ns=20)
     late = replace(estimate("b", "9", 0.1, "202"), first_ns=50, last_ns=60)
     directions = {"a:1": frozenset({0.0}), "b:9": frozenset({30.0})}
-    (pole,) = observed_poles([late, early], ["a", "b"], CONFIG, None, directions)
+    (pole,) = observed_poles([late, early], ["a", "b"], CONFIG, directions)
     assert (pole.first_ns, pole.last_ns, pole.drive_ids) == (10, 60, ("a", "b"))
     assert pole.seen_from_deg == {0.0, 30.0}
 
@@ -182,20 +167,3 @@ def test_observed_poles_fuse_as_the_matrices_say() -> None:
     (pole,) = observed_poles(rows, ["a", "b"], CONFIG)
     assert np.allclose(pole.covariance_m2, covariance)
     assert np.allclose((pole.east_m, pole.north_m), covariance @ weight_b @ np.array([0.2, 0.1]))
-
-
-def test_observed_poles_that_come_apart_have_keys_of_their_own() -> None:
-    """Two poles that an earlier run took for one: the first member's keeps the key, the other gets one."""
-    rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 5.0, "202"), estimate("b", "7", 9.0, "204")]
-    known = {"a:1": "a:1", "b:9": "a:1", "b:7": "a:1"}
-    poles = observed_poles(rows, ["a", "b"], CONFIG, known)
-    assert {pole.members[0]: pole.key for pole in poles} == {"a:1": "a:1", "b:9": "b:9", "b:7": "b:7"}
-    again = observed_poles(rows, ["a", "b"], CONFIG, {pole.members[0]: pole.key for pole in poles})
-    assert [pole.key for pole in again] == [pole.key for pole in poles]
-
-
-def test_observed_poles_never_share_a_key() -> None:
-    """Whatever earlier runs said: a key that another pole's member is named after is not taken twice."""
-    rows = [estimate("a", "1", 0.0, "202"), estimate("b", "9", 5.0, "202"), estimate("b", "7", 9.0, "204")]
-    poles = observed_poles(rows, ["a", "b"], CONFIG, {"a:1": "b:9", "b:9": "b:7", "b:7": "b:7"})
-    assert len({pole.key for pole in poles}) == 3
