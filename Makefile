@@ -35,10 +35,11 @@ real: $(VENV)/.installed          ## real recordings (../shared/real): errors on
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 	$(BIN)/python -m twin.samples.sample data
 
-bench: $(VENV)/.installed         ## errors of every method on simulated drives against the bars and the bound; then drives of up to an hour
+bench: $(VENV)/.installed         ## errors of every method on simulated drives against the bars and the bound; drives of up to an hour; cameras without common ids
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/drifting_labels.py
 	$(BIN)/python benchmarks/long_drives.py
+	$(BIN)/python benchmarks/association.py --seeds 10 --only-cameras
 
 bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, on one core
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/locate.py

@@ -10,6 +10,7 @@ import numpy as np
 
 from geoloc.adjustment.adjust import adjust
 from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
+from geoloc.association.across_cameras import join_tracks
 from geoloc.association.bearings import AssociationRules, bearings_from_sightings
 from geoloc.association.faces_and_strays import faces_on_feet, strays
 from geoloc.association.id_contradictions import IdFinding, contradictions
@@ -27,6 +28,7 @@ __all__ = [
     "associate",
     "associate_drive",
     "check_ids",
+    "join_cameras",
     "poses_by_objects",
 ]
 
@@ -226,6 +228,46 @@ def check_ids(
     _, numbers = np.unique(label, return_inverse=True)
     seen, _ = bearings_from_sightings(observations, poses, numbers.astype(np.int64), rules)
     return contradictions(seen, association.object[seen.row], ids[seen.row], rules)
+
+
+def join_cameras(
+    observations: Observations,
+    label: TextArray,
+    ids: TextArray,
+    is_track: BoolArray,
+    rules: AssociationRules = _DEFAULT_RULES,
+) -> TextArray:
+    """Find out which tracks of different cameras show one object, whatever the drive's fixes are worth.
+
+    Parameters
+    ----------
+    observations : Observations (n,)
+        With the ids as objects: a poor track is corrected by them.
+    ids : str (n,)
+        Object or track id of each sighting; "" for none.
+    is_track : bool (n,)
+        Whether it is that of a track, which each camera numbers by itself.
+    label, rules
+        As in `associate`.
+
+    Returns
+    -------
+    str (n,)
+        Id of the object of each sighting, as `geoloc.association.across_cameras.join_tracks` names it.
+
+    Raises
+    ------
+    CalibrationError
+        If the rig lacks one of the cameras, or cannot compute with it.
+    """
+    names, numbers = np.unique(np.concatenate([[""], label]), return_inverse=True)
+    poses = poses_by_objects(observations, rules)
+    seen, _ = bearings_from_sightings(observations, poses, numbers[1:].astype(np.int64), rules)
+    usable = ids[seen.row]
+    joined = join_tracks(seen, usable, is_track[seen.row], _on_pole(names), rules)
+    # What cannot be used goes with the rest of its track.
+    name_of = dict(zip(usable.tolist(), joined.tolist(), strict=True))
+    return np.array([name_of.get(name, name) for name in ids.tolist()], dtype=ids.dtype)
 
 
 def _on_pole(names: TextArray) -> BoolArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
@@ -65,7 +67,11 @@ def refine(seen: Bearings, group: IntArray, rules: AssociationRules) -> tuple[In
 
 
 def merge(
-    seen: Bearings, group: IntArray, rules: AssociationRules, shared: float
+    seen: Bearings,
+    group: IntArray,
+    rules: AssociationRules,
+    shared: float,
+    allowed: Callable[[IntArray, IntArray], BoolArray] | None = None,
 ) -> tuple[IntArray, BoolArray]:
     """Merge tracks that stand at one place and do not appear in one picture.
 
@@ -74,6 +80,8 @@ def merge(
     shared : float
         In this share of the rarer one's pictures both may appear: a slip of the hand in a long track is no
         proof that two tracks are two objects.
+    allowed : callable, optional
+        Of the groups (n,) and pairs of them (k, 2): which pairs (k,) may be merged. Default: all.
 
     Returns
     -------
@@ -87,6 +95,7 @@ def merge(
         size = int(group.max(initial=-1)) + 1
         points = fit_points(seen, group, size)
         pairs = _same_place(seen, group, points, rules, shared)
+        pairs = pairs if allowed is None else pairs[allowed(group, pairs)]
         order = np.argsort(group, kind="stable")
         bounds = np.searchsorted(group[order], np.arange(size + 1))
         sides = [order[bounds[g] : bounds[g + 1]] for g in pairs.reshape(-1)]

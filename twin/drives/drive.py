@@ -35,6 +35,7 @@ class Annotation(NamedTuple):
     box_px: tuple[float, float, float, float]
     file: str
     is_measured: bool = True
+    is_track: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +71,8 @@ class Annotations:
         Where it stands: a file, or a folder of files of one image each.
     is_measured : bool (n,)
         Whether somebody put it there; False where the annotation tool interpolated it between key frames.
+    is_track : bool (n,)
+        Whether `object` is a track's id, which says nothing about what other cameras see.
     """
 
     camera: NDArray[np.str_]
@@ -84,12 +87,13 @@ class Annotations:
     box_px: FloatArray
     file: NDArray[np.str_]
     is_measured: NDArray[np.bool_]
+    is_track: NDArray[np.bool_]
 
     @classmethod
     def of(cls, rows: Sequence[Annotation]) -> Self:
         """Return rows as columns."""
         shapes = {"pixel_px": (-1, 2), "box_px": (-1, 4)}
-        floats, truths = ("pixel_px", "box_px"), ("has_id", "is_measured")
+        floats, truths = ("pixel_px", "box_px"), ("has_id", "is_measured", "is_track")
         kinds: dict[str, Any] = {"frame": np.int64, **dict.fromkeys(floats, np.float64)}
         kinds |= dict.fromkeys(truths, np.bool_)
         columns = zip(*rows, strict=True) if rows else ((),) * len(Annotation._fields)

@@ -24,7 +24,7 @@ from twin.drives.annotations.gather import only
 from twin.drives.annotations.key_frames import never_measured
 from twin.drives.drive import Drive
 from twin.drives.frames.stamp_files import NO_STAMP
-from twin.drives.objects.identify import id_warnings, with_objects
+from twin.drives.objects.identify import has_tracks_to_join, id_warnings, with_objects
 from twin.drives.plausibility import (
     annotation_warnings,
     check_enough_read,
@@ -254,7 +254,7 @@ def _with_objects(
 
         say("joining the detector's tracks")
         return with_joined_tracks(drive, trajectory)
-    if not drive.annotations.has_id.all():
+    if not drive.annotations.has_id.all() or has_tracks_to_join(drive.annotations):
         say("finding out which annotations show the same object")
     return with_objects(drive, trajectory)
 

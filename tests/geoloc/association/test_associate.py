@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from geoloc.arrays import IntArray
-from geoloc.association.associate import Association, associate, check_ids
+from geoloc.association.associate import Association, associate, check_ids, join_cameras
 from geoloc.errors import CalibrationError
 from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
@@ -26,6 +26,7 @@ from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
 
 FACE_HEIGHT_M = 2.5
+CAMERA = "C2_tricam60"
 
 
 class Score(NamedTuple):
@@ -298,3 +299,58 @@ def test_two_ids_of_one_sign_are_found() -> None:
     late = seen.epoch_ns > np.median(seen.epoch_ns[seen.truth == 3])
     ids = np.where(late & (seen.truth == 3), 99, seen.truth)
     assert seen.findings(ids) == [("merge", ("T3", "T99"))]
+
+
+def camera_by_camera(seen: Seen) -> NDArray[np.str_]:
+    """Ids of tracks that each camera numbers by itself, in an order of its own."""
+    rng = np.random.default_rng(7)
+    number = {camera: rng.permutation(seen.truth.max() + 1) for camera in np.unique(seen.sightings.camera)}
+    pairs = zip(seen.sightings.camera.tolist(), seen.truth.tolist(), strict=True)
+    return np.array([f"{camera}:{number[camera][pole]}" for camera, pole in pairs])
+
+
+def joined(seen: Seen, ids: NDArray[np.str_], is_track: NDArray[np.bool_] | None = None) -> NDArray[np.str_]:
+    """Join the tracks of cameras; all ids are tracks' where nothing else is said."""
+    tracks = np.ones(ids.size, dtype=bool) if is_track is None else is_track
+    number = np.unique(ids, return_inverse=True)[1]
+    return join_cameras(replace(seen.observations, object_index=number), seen.label, ids, tracks)
+
+
+@pytest.mark.parametrize("kinds", ["feet", "faces", "faces in one camera"])
+@pytest.mark.parametrize("name", ["urban", "highway"])
+def test_tracks_of_cameras_become_the_poles_they_show(name: str, kinds: str) -> None:
+    """Each camera has numbers of its own, and one may mark faces where the others mark feet."""
+    both = driven(scenario(name, None, 1), 1)
+    face = both.kind == "box"
+    wanted = {"feet": ~face, "faces": face, "faces in one camera": face == (both.sightings.camera == CAMERA)}
+    seen = both.take(np.flatnonzero(wanted[kinds]))
+    names = joined(seen, camera_by_camera(seen))
+    pairs = set(zip(names.tolist(), seen.truth.tolist(), strict=True))
+    poles = np.unique(seen.truth).size
+    assert len({name for name, _ in pairs}) == len(pairs) == poles
+    assert np.unique(camera_by_camera(seen)).size > 2 * poles
+
+
+def test_two_tracks_of_one_camera_are_never_one_object() -> None:
+    """One pole's two tracks, begun anew or side by side in other pictures: which is it is not guessed."""
+    seen = driven(scenario("urban", None, 1), 1).of("foot")
+    for part in (seen.epoch_ns > np.median(seen.epoch_ns), np.arange(seen.epoch_ns.size) % 2 == 0):
+        again = part & (seen.sightings.camera == CAMERA)
+        ids = np.where(again, np.char.add(camera_by_camera(seen), "again"), camera_by_camera(seen))
+        names = joined(seen, ids)
+        mine = seen.sightings.camera == CAMERA
+        pairs = set(zip(names[mine].tolist(), ids[mine].tolist(), strict=True))
+        assert len({name for name, _ in pairs}) == len(pairs)
+        assert np.unique(names).size < np.unique(ids).size
+
+
+def test_tracks_join_objects_that_an_annotator_named() -> None:
+    """The attribute's name stays and tracks of other cameras get it; two names given stay two objects."""
+    seen = driven(scenario("urban", None, 1), 1).of("foot")
+    mine = seen.sightings.camera == CAMERA
+    given = np.array([f"Z{number}" for number in seen.truth])
+    ids = np.where(mine, given, camera_by_camera(seen))
+    seen_by_it = np.isin(seen.truth, seen.truth[mine])
+    assert (joined(seen, ids, ~mine)[seen_by_it] == given[seen_by_it]).all()
+    apart = np.where(mine, given, np.char.add("other ", given))
+    assert (joined(seen, apart, np.zeros(apart.size, dtype=bool)) == apart).all()

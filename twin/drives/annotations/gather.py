@@ -249,7 +249,8 @@ def _rows(
             shape.pixel_px,
             shape.box_px,
             file.where,
-            shape.is_measured and is_key_frame(shape.attributes.get(KEY_FRAME)),
+            is_measured=shape.is_measured and is_key_frame(shape.attributes.get(KEY_FRAME)),
+            is_track=has_id and not name,
         )
         yield row, track
 

@@ -1,4 +1,4 @@
-"""Annotations without ids → objects, by where they stand; and a check of the ids that were given."""
+"""Tracks of several cameras, annotations without ids → objects, by where they stand; a check of given ids."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import IntArray
-from geoloc.association.associate import IdFinding, associate_drive, check_ids
+from geoloc.association.associate import IdFinding, associate_drive, check_ids, join_cameras
 from geoloc.doubts import Doubt
 from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
@@ -27,11 +27,12 @@ _FEW_IDS, _MANY_IDS = 3, 0.3
 
 
 def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
-    """Find out which object each annotation without an id belongs to.
+    """Find out which tracks of several cameras are one object, and which one annotations without an id show.
 
-    Ids that the annotator gave stay as they are, and an annotation without one joins them where it shows
-    the same object; the others are named ``auto1``, ``auto2``, … by first sighting. Slips of the hand are
-    left out and counted.
+    Each camera's tracks are numbered by themselves: those that stand at one place get the name of the first.
+    Ids that the annotator gave by the attribute ``object`` stay as they are, and what has none joins them
+    where it shows the same object; annotations without any id are else named ``auto1``, ``auto2``, … by first
+    sighting. Slips of the hand among these are left out and counted.
 
     Parameters
     ----------
@@ -43,13 +44,14 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
     Returns
     -------
     Drive
-        Unchanged if every annotation has an id; else with a warning that says what was done.
+        With warnings that say what was done.
 
     Raises
     ------
     CalibrationError
         If the rig cannot compute with an annotated camera.
     """
+    drive = _with_cameras_joined(drive, trajectory)
     annotations = drive.annotations
     if annotations.has_id.all():
         return drive
@@ -71,6 +73,33 @@ def with_objects(drive: Drive, trajectory: Trajectory) -> Drive:
         annotations=only(replace(annotations, object=placed.astype(np.str_)), ~slip),
         warnings=(*drive.warnings, Doubt(DriveDoubt.IDS, warning)),
         skipped=(*drive.skipped, *slips),
+    )
+
+
+def has_tracks_to_join(annotations: Annotations) -> bool:
+    """Whether several cameras have ids, and some of these are tracks'."""
+    return bool(annotations.is_track.any() and np.unique(annotations.camera[annotations.has_id]).size > 1)
+
+
+def _with_cameras_joined(drive: Drive, trajectory: Trajectory) -> Drive:
+    """Give the tracks of several cameras that show one object one id."""
+    annotations = drive.annotations
+    if not has_tracks_to_join(annotations):
+        return drive
+    ids = np.where(annotations.has_id, annotations.object, "")
+    joined = join_cameras(*association_input(drive, trajectory, ids), ids, annotations.is_track)
+    before, after = (np.unique(names[annotations.is_track]).size for names in (ids, joined))
+    if np.array_equal(joined, ids):
+        return drive
+    warning = (
+        f"{before:,} tracks have no attribute object: by position they are {after:,} objects, seen by one or"
+        " several cameras. Give the attribute object where that is wrong."
+    )
+    name = np.where(annotations.has_id, joined, annotations.object).astype(np.str_)
+    return replace(
+        drive,
+        annotations=replace(annotations, object=name),
+        warnings=(*drive.warnings, Doubt(DriveDoubt.IDS, warning)),
     )
 
 

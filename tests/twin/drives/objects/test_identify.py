@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from annotation_edits import edit_tracks
 
 from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.annotations.gather import only
@@ -69,6 +70,20 @@ def objects_by_place(drive: Drive) -> dict[tuple[str, int, float, float], str]:
 def bare(tmp_path_factory: pytest.TempPathFactory) -> Drive:
     """The sample's drive, of which no annotation has an id."""
     return without_ids(tmp_path_factory.mktemp("bare"))
+
+
+def test_tracks_of_two_cameras_become_the_poles_they_show(tmp_path: Path) -> None:
+    """Without the attribute object every track is its own camera's: by place they are the 15 poles."""
+    trip = Path(shutil.copytree(sample_folder() / "trip_trondheim", tmp_path / "trip"))
+    edit_tracks(trip, lambda track: re.sub(r'\s*<attribute name="object">[^<]*</attribute>', "", track))
+    apart = read_drive(trip)
+    drive = with_objects(apart, trajectory_of(apart))
+    assert (apart.annotations.is_track & apart.annotations.has_id).all()
+    assert np.unique(apart.annotations.object).size == 30
+    truth = objects_by_place(sample_drive()[0])
+    pairs = {(name, truth[place]) for place, name in objects_by_place(drive).items()}
+    assert len(pairs) == len({name for name, _ in pairs}) == 15
+    assert "30 tracks have no attribute object: by position they are 15" in drive.warnings[-1].sentence
 
 
 def test_annotations_without_ids_become_the_poles_they_show(bare: Drive) -> None:
