@@ -196,7 +196,7 @@ class Placed:
 CHI2_95_2DOF = 5.991
 BAR_RATIO, BAR_ONE = 1.10, 0.98
 POOR_FIXES_SHARE = 5
-"""Of five drives with RTK one more with poor fixes: their adjustments take ten times as long."""
+"""One drive with poor fixes for five with RTK: their adjustments take several times as long."""
 
 
 def placed(drive: SimulatedDrive, observations: Observations, number: IntArray) -> Placed:
@@ -251,9 +251,7 @@ def print_cameras(seeds: int) -> bool:
     few = max(seeds // POOR_FIXES_SHARE, 1)
     rows = [cameras(name, fixes, few if FIXES[fixes] else seeds) for name in WORLDS for fixes in FIXES]
     header = ["drives", "poles", "apart", "joined", "with ids", "one estimate", "of two poles", "bars"]
-    title = (
-        f"Three cameras without common ids, {seeds} simulated drives a row: median error, inside 95 % ellipse"
-    )
+    title = f"Three cameras without common ids, {seeds} drives (poor fixes: {few}): median error, in ellipse"
     print_table(title, header, [cells for cells, _ in rows], right_from=1)
     return all(keeps for _, keeps in rows)
 
