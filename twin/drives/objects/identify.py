@@ -96,9 +96,12 @@ def _with_cameras_joined(drive: Drive, trajectory: Trajectory) -> Drive:
         " several cameras. Give the attribute object where that is wrong."
     )
     name = np.where(annotations.has_id, joined, annotations.object).astype(np.str_)
+    now = dict(zip(ids.tolist(), joined.tolist(), strict=True))
+    between = [now.get(one, one) for one in drive.interpolated.object.tolist()]
     return replace(
         drive,
         annotations=replace(annotations, object=name),
+        interpolated=replace(drive.interpolated, object=np.array(between, dtype=np.str_)),
         warnings=(*drive.warnings, Doubt(DriveDoubt.IDS, warning)),
     )
 
