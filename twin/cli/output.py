@@ -52,7 +52,9 @@ def _escape(text: str) -> str:
 def print_json(value: Any) -> None:
     """Print one JSON document on stdout."""
     plain = asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
-    sys.stdout.write(json.dumps(plain, ensure_ascii=False, indent=2, default=str) + "\n")
+    text = json.dumps(plain, ensure_ascii=False, indent=2, default=str)
+    # A file's name may be no text at all, on any stream.
+    sys.stdout.write(text.encode("utf-8", errors="replace").decode() + "\n")
 
 
 def print_table(
