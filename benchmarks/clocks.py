@@ -1,6 +1,6 @@
 """A camera clock that is off by 0.2 to 2 s is named, or its signs are inside their ellipses.
 
-Usage: python benchmarks/clocks.py [--drives 8]
+Usage: python benchmarks/clocks.py [--drives 4]
 
 Each drive's frames are stamped late or early by as much as the row says. ``stated`` is a start that a person
 wrote into ``drive.toml`` (or a tag of the video), which `twin.ingest.budget` takes as good to a second;
@@ -123,7 +123,7 @@ def result_of(row: Row, seed: int, late_s: float) -> Result:
 def main() -> None:
     """Print one row a road, receiver, kind of stamps and offset."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--drives", type=int, default=8, help="drives a row (default 8)")
+    parser.add_argument("--drives", type=int, default=4, help="drives a row (default 4)")
     count = parser.parse_args().drives
     table: list[tuple[object, ...]] = []
     for row in ROWS:

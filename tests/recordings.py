@@ -84,6 +84,7 @@ def recorded(
     ins: bool = False,
     silent: bool = False,
     kerbs: bool = True,
+    straight: bool = False,
     crossfall_percent: float | None = None,
     minutes: float | None = None,
     **noise: float,
@@ -93,6 +94,8 @@ def recorded(
     world = without_noise(world) if silent else world
     if not kerbs:
         world = replace(world, road=replace(world.road, kerb_share=0.0, verge_sigma_m=0.0))
+    if straight:
+        world = replace(world, road=replace(world.road, curvature=((0.0, 0.0),)))
     if crossfall_percent is not None:
         road = replace(world.road, crossfall_percent=crossfall_percent, crossfall_spread=0.0)
         world = replace(world, road=road)

@@ -143,7 +143,7 @@ def _clock_warnings(fixes: GnssFixes, where: str) -> list[str]:
     if abs(delay_s) <= HOST_DELAY_LIMIT_S:
         return []
     warning = (
-        f"The host clock of {where} is {delay_s:+.2f} s from the UTC of its fixes (18 s would be GPS"
+        f"The host clock of {where} is {delay_s:+.1f} s from the UTC of its fixes (18 s would be GPS"
         " time, whole hours local time): if the same clock stamped the frames, give"
         f" camera_offset_ms = {-1000 * delay_s:.0f} in drive.toml."
     )

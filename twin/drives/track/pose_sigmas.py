@@ -33,9 +33,9 @@ def pose_sigma_doubts(taken: PoseSigmas | None, *, adjusted: bool = False) -> tu
     bearings = ", and from the bearings" if adjusted else ""
     return doubts(
         DriveDoubt.TRACK,
-        f"The poses state no sigmas: taken as {sigmas} (one sigma), from how the track trembles and steps"
-        f" aside from its own heading{bearings}. An error that is the same all the way shows in none of it:"
-        f" state {keys} under [poses] in {SETTINGS_FILE}.",
+        f"The poses state no sigmas: taken as {sigmas} (one sigma), from how the track trembles and"
+        f" steps aside from its own heading{bearings}. An error that is the same all the way shows in none"
+        f" of it: state {keys} under [poses] in {SETTINGS_FILE}.",
     )
 
 

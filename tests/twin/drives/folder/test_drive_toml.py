@@ -25,6 +25,9 @@ C3 = "C3.timestamps"
 [annotations]
 C3 = "C3.xml"
 C1 = ["a.xml", "b.xml"]
+[errors]
+boresight_deg = 0.1
+time_ms = 20
 """
 
 
@@ -42,6 +45,7 @@ def test_settings_read_every_key() -> None:
         poses=None,
         timestamps={"C3": "C3.timestamps"},
         annotations={"C3": ("C3.xml",), "C1": ("a.xml", "b.xml")},
+        errors={"boresight_deg": 0.1, "time_ms": 20.0},
     )
 
 
@@ -75,6 +79,14 @@ def test_settings_default_to_an_incomplete_euref89_drive() -> None:
         ("[timestamps]\nC3 = ''", r"timestamps\.C3"),
         ("[annotations]\nC3 = []", r"annotations\.C3"),
         ("[gnss]\nfiles = {a = 'a.nmea'}\n[poses]\nfile = 'p.csv'", "both GNSS files and the pose file"),
+        ("[errors]\nboresigth_deg = 0.1", r"\[errors\] boresigth_deg: the nearest .* boresight_deg"),
+        ("[errors]\nboresight_deg = 0", r"errors\.boresight_deg = 0.0: it must be one sigma, .* to 30"),
+        ("[errors]\ncamera_position_m = 500", r"errors\.camera_position_m = 500.0"),
+        ("[errors]\ntime_ms = 'good'", r"errors\.time_ms = 'good': it must be a number"),
+        (
+            "[poses]\nsigma_heading_deg = -1",
+            r"poses\.sigma_heading_deg = -1.0: it must be one sigma",
+        ),
         ("name = 1 2", "not valid TOML .*line 1"),
     ],
 )
