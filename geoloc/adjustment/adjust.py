@@ -213,14 +213,16 @@ class _Task:
 
         The adjustment takes the car's speed and turning as constant over what the clock is off.
         """
+        first = at
         for _ in range(_MOST_ROUNDS):
             if abs(at.solution.x[TIME]) <= _SAME_MOTION_S:
-                break
+                return at
             seen = self.seen(round(at.clock_s * NANOSECONDS))
-            if seen.scene.point.size == 0:
+            if seen.scene.point.size < first.seen.scene.point.size:
                 break
             at = self.solved(seen, priors)
-        return at
+        # It runs away from the drive, as where fixes are so poor that none of it tells the time.
+        return first
 
 
 def _wrong_clock(at: _Solved) -> Doubt:
