@@ -19,9 +19,11 @@ from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.plane import MULTIPATH_S, antenna_modes
 from geoloc.trajectory.smoother.receiver_motion import VELOCITY_EVERY_S
 
-# Roads climb by about 4 %, and their climb is another after a few hundred metres.
+# Roads climb by about 4 %, and their climb is another after a few hundred metres. On five KITTI drives of
+# 10.8 km together it changes by 0.6, 1.1, 2.0, 2.7, 3.4 and 4.0 degrees (rms) in 10, 20, 60, 120, 250 and
+# 1000 m, in 60 m by 0.2 to 3.1 from drive to drive. These constants give 0.7, 1.0, 1.6, 2.2, 2.8 and 3.5.
 _CLIMB = np.tan(np.radians(2.5))
-_CLIMB_LASTS_M = 1000.0
+_CLIMB_LASTS_M = 250.0
 # A road falls to both sides of its crown, by 3 % where it is straight (Statens vegvesen, håndbok N100), so
 # that a car on the right leans to the right. Bends that fall inwards, by up to 8 % and either way, yards and
 # the car's springs make that 2 ± 3 %. Half of that is the drive's own mean, which no length of road averages
