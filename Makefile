@@ -28,9 +28,10 @@ lint: $(VENV)/.installed          ## style, types and the walls between the pack
 
 check: lint test
 
-real: $(VENV)/.installed          ## real recordings (../shared/real): errors on KITTI and Argoverse, and between key frames
+real: $(VENV)/.installed          ## real recordings (../shared/real): errors on KITTI and Argoverse, between key frames, on real speeds and bends
 	$(BIN)/python benchmarks/real.py
 	$(BIN)/python benchmarks/interpolated.py
+	$(BIN)/python benchmarks/real_profiles.py
 
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 	$(BIN)/python -m twin.samples.sample data

@@ -259,12 +259,20 @@ def _enu_R_world() -> FloatArray:
     return enu_R_rig @ _rig_R_camera()
 
 
+def rig_in_enu(poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the rig is by camera poses ``(n, 3, 4)``, and its axes as columns: ``(n, 3)``, ``(n, 3, 3)``.
+
+    On the ground below the rear axle; east, north and up about the first camera.
+    """
+    enu_R_rig = _enu_R_world() @ poses[:, :, :3] @ _rig_R_camera().T
+    return poses[:, :, 3] @ _enu_R_world().T - enu_R_rig @ _camera0_in_rig_m(), enu_R_rig
+
+
 def _pose_rows(poses: FloatArray) -> Iterable[tuple[str, ...]]:
-    """Poses of the rig: on the ground below the rear axle, ISO 8855, each about its own vertical."""
+    """Poses of the rig, ISO 8855, each about its own vertical."""
     from scipy.spatial.transform import Rotation
 
-    enu_R_rig = _enu_R_world() @ poses[:, :, :3] @ _rig_R_camera().T
-    enu = poses[:, :, 3] @ _enu_R_world().T - enu_R_rig @ _camera0_in_rig_m()
+    enu, enu_R_rig = rig_in_enu(poses)
     lat, lon, height = _frame().geographic_from_enu(enu)
     local = _frame().rotation_local_from_frame(lat, lon) @ enu_R_rig
     yaw, pitch, roll = Rotation.from_matrix(local).as_euler("ZYX", degrees=True).T

@@ -70,10 +70,46 @@ class _Pair(NamedTuple):
     baseline_m: FloatArray
 
 
+class Fitted(NamedTuple):
+    """What was fitted to the fixes of a drive.
+
+    Attributes
+    ----------
+    knots : KnotFixes
+    arms_m : float64 (m, 3)
+        Lever arms, found from the drive if none was given.
+    track : PlaneTrack
+    tilt : TiltTrack
+    pair : bool
+        Whether two antennas give a heading.
+    """
+
+    knots: KnotFixes
+    arms_m: FloatArray
+    track: PlaneTrack
+    tilt: TiltTrack
+    pair: bool
+
+
 def rig_poses(
     fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], knot_ns: IntArray, max_gap_s: float
 ) -> tuple[Poses, LastingRoll]:
-    """Attitude and position of the rig's origin at each knot.
+    """Attitude and position of the rig's origin at each knot; parameters and errors are those of `fitted`.
+
+    Returns
+    -------
+    poses : Poses
+        Rows without a heading are NaN: the lever arm cannot be taken off.
+    lasting_roll : LastingRoll
+    """
+    fit = fitted(fixes, levers, knot_ns, max_gap_s)
+    return _poses(knot_ns, fit), fit.tilt.lasting_roll
+
+
+def fitted(
+    fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], knot_ns: IntArray, max_gap_s: float
+) -> Fitted:
+    """Fit track and tilt of the rig to all fixes of a drive.
 
     Parameters
     ----------
@@ -82,12 +118,6 @@ def rig_poses(
     knot_ns : int64 (n,)
     max_gap_s : float
         Nothing but a heading of a car that stood is carried over longer gaps.
-
-    Returns
-    -------
-    poses : Poses
-        Rows without a heading are NaN: the lever arm cannot be taken off.
-    lasting_roll : LastingRoll
 
     Raises
     ------
@@ -122,8 +152,7 @@ def rig_poses(
             iterations=iterations,
         )
         tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
-    still = Reason.STANDING if pair is None else Reason.STANDING_PAIR
-    return _poses(knot_ns, knots, arms, track, tilt, still), tilt.lasting_roll
+    return Fitted(knots, arms, track, tilt, pair is not None)
 
 
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:
@@ -265,9 +294,9 @@ def _start(
     return PlaneTrack(state, np.zeros(0), constants, np.zeros(0), weight)
 
 
-def _poses(
-    knot_ns: IntArray, knots: KnotFixes, arms_m: FloatArray, track: PlaneTrack, tilt: TiltTrack, still: Reason
-) -> Poses:
+def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
+    knots, arms_m, track, tilt, pair = fit
+    still = Reason.STANDING_PAIR if pair else Reason.STANDING
     lat, lon = knots.geographic(track.position_m)
     speed = np.hypot(track.velocity_mps[:, 0], track.velocity_mps[:, 1])
     heading_sigma = np.hypot(np.degrees(track.yaw_sigma_rad), _HEADING_FLOOR_DEG)

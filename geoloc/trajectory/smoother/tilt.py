@@ -102,13 +102,14 @@ def smoothed_tilt(
     own = variance[:, 2] - np.einsum("nc,cd,nd->n", by_state, shared, by_state)
     lasting = np.einsum("nc,cd,nd->n", by_constants, shared, by_constants)
     part = np.linalg.lstsq(fit.of_the_drive, by_constants)[0]
+    lean_sigma, not_shown_m = np.sqrt(own + lasting), np.mean(levers_m[:, 1] - fit.aside_m)
     return TiltTrack(
         height_m=state[:, 0],
-        height_sigma_m=sigma[:, 0],
+        height_sigma_m=np.hypot(sigma[:, 0], not_shown_m * lean_sigma),
         pitch_deg=-np.degrees(np.arctan(_between_axles(fixes, forward_mps, state[:, 1]))),
         pitch_sigma_deg=np.degrees(sigma[:, 1]),
         roll_deg=np.degrees(np.arctan(_CROSSFALL + fit.of_the_drive @ constants[-2:] + state[:, 2])),
-        roll_sigma_deg=np.degrees(np.sqrt(own + lasting)),
+        roll_sigma_deg=np.degrees(lean_sigma),
         lasting_roll=LastingRoll(*np.degrees(np.sqrt(np.diagonal(part @ shared @ part.T))).tolist()),
     )
 
@@ -129,6 +130,9 @@ class _Fit:
         self.of_the_drive = np.stack([np.ones_like(lateral_mps2), lateral_mps2], axis=1)
         self.fixes, self.levers_m, self.forward_mps = fixes, levers_m, forward_mps
         self.modes = antenna_modes(len(levers_m))
+        # How far aside each antenna shows a lean. The height of one alone shows none: the road climbs as
+        # well, and a hill in a bend would be found to lean by degrees, which moves the roof aside.
+        self.aside_m = levers_m[:, 1] if len(levers_m) > 1 else np.zeros(1)
         self.size = _OWN + len(levers_m)
         self.white_m, self.slow_m = fixes.up_over_plane * fixes.white_m, fixes.up_over_plane * fixes.slow_m
         self.rising = np.isfinite(fixes.velocity_mps[:, :, 2])
@@ -179,12 +183,12 @@ class _Fit:
     def _fix(
         self, antenna: int, state: FloatArray, constants: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        x, y, z = self.levers_m[antenna]
+        (x, y, z), aside = self.levers_m[antenna], self.aside_m[antenna]
         slow = self.slow_m[:, antenna] * self.scale[antenna]
         jacobian = np.zeros((len(state), 1, self.size))
         jacobian[:, 0, 0] = 1.0
         jacobian[:, 0, 1] = x + self.fixes.late_s[:, antenna] * self.forward_mps
-        jacobian[:, 0, 2] = y
+        jacobian[:, 0, 2] = aside
         jacobian[:, 0, _OWN + antenna] = slow
         crossfall = _CROSSFALL + self.of_the_drive @ constants[-2:]
         upright = z / np.sqrt(1.0 + state[:, 1] ** 2 + (crossfall + state[:, 2]) ** 2)
@@ -193,7 +197,7 @@ class _Fit:
         residual = np.where(self.fixes.seen[:, antenna], self.fixes.height_m[:, antenna] - expected, 0.0)
         by_constants = np.zeros((len(state), 1, constants.size))
         by_constants[:, 0, :-2] = self.modes[:, antenna]
-        by_constants[:, 0, -2:] = y * self.of_the_drive
+        by_constants[:, 0, -2:] = aside * self.of_the_drive
         return jacobian, by_constants, residual[:, None]
 
     def _start(self, chain: Chain, state: FloatArray) -> None:

@@ -12,6 +12,7 @@ from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig, wrap_deg
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
 from geoloc.trajectory.poses import GnssFixes, Poses
+from geoloc.trajectory.rig_poses import fitted
 from geoloc.trajectory.smoother.chain import Chain, Links
 from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
 
@@ -288,3 +289,27 @@ def test_what_lasts_of_the_roll_is_told_apart() -> None:
     )
     assert 0.8 < long.lasting_roll.sigma_deg < short.lasting_roll.sigma_deg < 1.1
     assert long.lasting_roll.sigma_deg_per_mps2 < short.lasting_roll.sigma_deg_per_mps2
+
+
+def test_one_antenna_shows_neither_slip_nor_lean() -> None:
+    """Its track fits any of them: both stay as expected beforehand, where two antennas find them."""
+    drive = simulate_drive(replace(scenario("highway", 80.0, 4), annotate_every=1000), 4)
+    arms = [drive.rig.antennas[one.antenna].rig_t_antenna_m for one in drive.gnss]
+    one, two = (fitted(drive.gnss[:m], arms[:m], drive.gnss[0].epoch_ns, 1.0) for m in (1, 2))
+    assert np.degrees(one.track.slip_rad_per_mps2) == pytest.approx((0.25, 0.15), rel=1e-6)
+    assert one.tilt.roll_deg == pytest.approx(np.degrees(np.arctan(0.02)))
+    assert np.degrees(two.track.slip_rad_per_mps2)[1] < 0.1
+    assert two.tilt.roll_sigma_deg.mean() < 0.6 * one.tilt.roll_sigma_deg.mean()
+
+
+def test_valley_is_followed_by_fixes_without_corrections() -> None:
+    """A road that falls by 7 % and climbs by 7 % 150 m later: fixes stated at a metre bring it out."""
+    world = scenario("highway", 60.0, 0)
+    hilly = replace(world.road, hills=((300.0, 3.4),), grade_percent=0.0)
+    drive = simulate_drive(replace(world, road=hilly, annotate_every=1000), 0)
+    one = replace(drive.gnss[0], quality=np.full(drive.gnss[0].epoch_ns.size, 2))
+    arms = {one.antenna: drive.rig.antennas[one.antenna].rig_t_antenna_m}
+    poses, truth = trajectory_from_gnss([one], arms).poses_at(drive.frame_epoch_ns), drive.poses
+    off_deg = poses.pitch_deg - truth.pitch_deg
+    assert np.abs(poses.height_m - truth.height_m).max() < 1.0
+    assert np.mean((off_deg / poses.sigma_pitch_deg) ** 2) < 1.5
