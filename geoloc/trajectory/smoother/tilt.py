@@ -1,9 +1,9 @@
 """Height, climb and crossfall of the road below the rig, by one least-squares fit to all heights of a drive.
 
 State at each knot: height of the rig's origin, rise a metre ahead, rise a metre to the left beyond what roads
-have, and what multipath adds to each antenna's height. Climb and crossfall change with the way driven, so
-that a car that stands keeps them. Vertical velocities of receivers tell the climb too. With the track in the
-plane known, all of it is linear.
+have, by how much the climb grows a metre ahead, and what multipath adds to each antenna's height. Climb and
+crossfall change with the way driven, so that a car that stands keeps them. Vertical velocities of receivers
+tell the climb too. With the track in the plane known, all of it is linear.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.plane import MULTIPATH_S, antenna_modes
 from geoloc.trajectory.smoother.receiver_motion import VELOCITY_EVERY_S
 
-# Roads climb by about 4 %, and their climb is another after a few hundred metres. On five KITTI drives of
-# 10.8 km together it changes by 0.6, 1.1, 2.0, 2.7, 3.4 and 4.0 degrees (rms) in 10, 20, 60, 120, 250 and
-# 1000 m, in 60 m by 0.2 to 3.1 from drive to drive. These constants give 0.7, 1.0, 1.6, 2.2, 2.8 and 3.5.
+# Roads climb by about 4 %, and their climb is another after a few hundred metres; crests and dips are metres
+# to tens of metres long, so that it does not change at once. On five KITTI drives of 10.8 km together it
+# changes by 0.6, 1.1, 1.4, 2.0, 2.7, 3.4 and 4.0 degrees (rms) in 10, 20, 30, 60, 120, 250 and 1000 m, in
+# 60 m by 0.2 to 3.1 from drive to drive. These constants give 0.6, 0.9, 1.1, 1.6, 2.2, 2.8 and 3.5.
 _CLIMB = np.tan(np.radians(2.5))
-_CLIMB_LASTS_M = 250.0
+_CLIMB_LASTS_M, _CREST_LASTS_M = 250.0, 2.5
+_CREST_PER_M = _CLIMB * np.sqrt((_CLIMB_LASTS_M + _CREST_LASTS_M) / _CREST_LASTS_M) / _CLIMB_LASTS_M
 # A road falls to both sides of its crown, by 3 % where it is straight (Statens vegvesen, håndbok N100), so
 # that a car on the right leans to the right. Bends that fall inwards, by up to 8 % and either way, yards and
 # the car's springs make that 2 ± 3 %. Half of that is the drive's own mean, which no length of road averages
@@ -43,7 +45,7 @@ _RISE_FLOOR_MPS = 0.05
 # rear axle. Taken for the slope below the rear axle, it is 85 ms ahead of its time at 60 km/h.
 _HALF_WHEELBASE_M = 1.4
 _ITERATIONS = 6
-_OWN = 3
+_OWN = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +123,29 @@ def _between_axles(fixes: KnotFixes, forward_mps: FloatArray, climb: FloatArray)
     way_m = np.concatenate([[0.0], np.cumsum(np.where(fixes.tied, tied_m, steps_m))])
     ahead_m = way_m + np.where(forward_mps < 0.0, -_HALF_WHEELBASE_M, _HALF_WHEELBASE_M)
     return np.asarray(np.interp(ahead_m, way_m, climb))
+
+
+def _road(way_m: FloatArray, ahead: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How climb and its growth go on along a road: what is left of them, and the noise's covariance.
+
+    The growth fades in `_CREST_LASTS_M`, the climb in `_CLIMB_LASTS_M`; both have their sigmas everywhere.
+
+    Parameters
+    ----------
+    way_m, ahead : float64 (n,)
+        How far, and 1 ahead or -1 backwards.
+
+    Returns
+    -------
+    float64 (n, 2, 2), float64 (n, 2, 2)
+    """
+    climb, growth = np.exp(-way_m / _CLIMB_LASTS_M), np.exp(-way_m / _CREST_LASTS_M)
+    left, everywhere = np.zeros((way_m.size, 2, 2)), np.zeros((way_m.size, 2, 2))
+    left[:, 0, 0], left[:, 1, 1] = climb, growth
+    left[:, 0, 1] = ahead * (climb - growth) / (1.0 / _CREST_LASTS_M - 1.0 / _CLIMB_LASTS_M)
+    everywhere[:, 0, 0], everywhere[:, 1, 1] = _CLIMB**2, _CREST_PER_M**2
+    everywhere[:, 0, 1] = everywhere[:, 1, 0] = ahead * _CLIMB**2 / _CLIMB_LASTS_M
+    return left, everywhere - left @ everywhere @ left.swapaxes(1, 2)
 
 
 class _Fit:
@@ -201,7 +226,7 @@ class _Fit:
         return jacobian, by_constants, residual[:, None]
 
     def _start(self, chain: Chain, state: FloatArray) -> None:
-        sigma = np.append([100.0, _CLIMB, _LEAN], np.ones(self.size - _OWN))
+        sigma = np.append([100.0, _CLIMB, _LEAN, _CREST_PER_M], np.ones(self.size - _OWN))
         weight = np.where(self.fixes.first[:, None], sigma**-2.0, 0.0)
         weight[1:, 1:] = 0.0
         residual = -state
@@ -220,10 +245,13 @@ class _Fit:
         here[:, 0, 1], there[:, 0, 1] = 0.5 * along, -0.5 * along
         information = np.zeros((h.size, size, size))
         information[:, 0, 0] = np.where(tied, 1.0 / (_HEAVE * h), 0.0)
-        for row, sigma, lasts in ((1, _CLIMB, _CLIMB_LASTS_M), (2, _LEAN, _LEAN_LASTS_M)):
-            fading = np.exp(-way / lasts)
-            here[:, row, row] = fading
-            information[:, row, row] = 1.0 / (sigma**2 * (1.0 - fading**2) + _RESTLESS * h)
+        climbs = np.ix_(np.arange(h.size), np.array([1, 3]), np.array([1, 3]))
+        here[climbs], noise = _road(way, np.where(along < 0.0, -1.0, 1.0))
+        restless = _RESTLESS * h[:, None, None] * np.diag([1.0, _CREST_LASTS_M**-2])
+        information[climbs] = np.linalg.inv(noise + restless)
+        fading = np.exp(-way / _LEAN_LASTS_M)
+        here[:, 2, 2] = fading
+        information[:, 2, 2] = 1.0 / (_LEAN**2 * (1.0 - fading**2) + _RESTLESS * h)
         fading = np.exp(-h / MULTIPATH_S)
         own = np.arange(_OWN, size)
         here[:, own, own] = fading[:, None]
