@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -307,24 +306,6 @@ def test_decide_refuses_what_it_cannot_know(store: Store) -> None:
     with pytest.raises(RefusedError, match="run `twin match` again"):
         decide(store, ["a"], "accept", by="kari")
     assert position(store.rows) == 0
-
-
-def test_decide_takes_no_finding_that_went_stale_a_moment_ago(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A sync that ends just before the decision is written makes it refuse."""
-    match(store, change("a"))
-    transaction = Store.transaction
-
-    def after_a_sync(opened: Store) -> AbstractContextManager[sa.Connection]:
-        with transaction(opened) as connection:
-            opened.touch(connection)
-        return transaction(opened)
-
-    monkeypatch.setattr(Store, "transaction", after_a_sync)
-    with pytest.raises(RefusedError, match="has changed since the last match"):
-        decide(store, ["a"], "accept", by="kari")
-    assert history(store.rows, "a") == []
 
 
 def _area(path: Path, east_m: float, north_m: float, kind: str = "FeatureCollection") -> Path:
