@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from checkout import ROOT
+from command_line import Twin
 
 from twin.export.layers import COLUMNS
 
@@ -29,8 +30,11 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
-    """The sample travels with the wheel: `twin demo` needs nothing but itself."""
+def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, twin: Twin, tmp_path: Path) -> None:
+    """The sample travels with the wheel: `twin demo` needs nothing but itself.
+
+    Again in the same folder, here without the wheel, its table shows all of it.
+    """
     code = (
         "import twin, sys; from twin.cli import run; "
         "assert 'site' in twin.__file__, twin.__file__; sys.exit(run(['demo', '--json']))"
@@ -47,7 +51,20 @@ def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, tmp_path: Path)
     assert done.returncode == 0, done.stderr
     numbers = json.loads(done.stdout)
     assert numbers["verdicts"] == numbers["verdicts_expected"]
-    assert (tmp_path / "demo-out" / "twin_utm33.gpkg").exists()
+    assert all((tmp_path / path).exists() for path in numbers["files"])
+    answer = twin("demo", "--out", tmp_path / "demo-out")
+    assert answer.code == 0
+    for word in (
+        "signs synced",
+        "drives",
+        "sightings",
+        "estimates",
+        "moved",
+        "median [m]",
+        "range [m]",
+        "twin_utm33.gpkg",
+    ):
+        assert word in answer.out
 
 
 def test_wheel_carries_types_and_no_tests(installed: Path) -> None:

@@ -136,18 +136,6 @@ def test_status_tells_what_the_store_holds(twin: Twin, store: Path) -> None:
     assert twin("status", "--store", store).code == 0
 
 
-def test_rerun_with_nothing_new_changes_no_finding(
-    twin: Twin, sample: Path, store: Path, tmp_path: Path
-) -> None:
-    """The same drive again, matched and exported again: the same files, byte for byte."""
-    twin("export", tmp_path / "a", "--store", store)
-    assert twin("ingest-drive", sample / "trip_trondheim", "--store", store).code == 0
-    assert twin("match", "--store", store).code == 0
-    twin("export", tmp_path / "b", "--store", store)
-    for name in ("changes.geojson", "twin_utm33.gpkg", "twin_wgs84.gpkg"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
-
-
 def test_evaluate_reports_every_method_and_draws(
     twin: Twin, sample: Path, store: Path, tmp_path: Path
 ) -> None:
@@ -159,28 +147,6 @@ def test_evaluate_reports_every_method_and_draws(
     assert min(methods[name]["coverage95"] for name in ("adjusted", "single-frame")) >= 0.8
     assert [Path(p).name for p in answer.json["plots"]] == ["error_distance.png", "error_speed.png"]
     assert all(Path(p).stat().st_size > 10_000 for p in answer.json["plots"])
-
-
-def test_demo_runs_and_says_which_files_to_open(twin: Twin, tmp_path: Path) -> None:
-    """The demo finds what the sample holds; again in the same folder, its table shows all of it."""
-    answer = twin("demo", "--out", tmp_path / "demo", "--json")
-    assert answer.code == 0
-    numbers = answer.json
-    assert numbers["verdicts"] == numbers["verdicts_expected"]
-    assert all(Path(p).exists() for p in numbers["files"])
-    answer = twin("demo", "--out", tmp_path / "demo")
-    assert answer.code == 0
-    for word in (
-        "signs synced",
-        "drives",
-        "sightings",
-        "estimates",
-        "moved",
-        "median [m]",
-        "range [m]",
-        "twin_utm33.gpkg",
-    ):
-        assert word in answer.out
 
 
 def test_match_and_export_before_their_time_say_what_to_run(twin: Twin, sample: Path, tmp_path: Path) -> None:
