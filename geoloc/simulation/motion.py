@@ -26,6 +26,8 @@ class MotionSpec:
     speed: tuple[tuple[float, float], ...] = ((0.0, 11.1),)
     """(time, speed) in seconds and metres per second, joined by smooth steps: no jump in the acceleration."""
     start_station_m: float = 0.0
+    against: bool = False
+    """Whether the car drives against the stations: its lane's offset is then a positive one."""
     lane_offset_m: float = -1.65
     """Of the rear axle's middle from the centre line, left positive: in the middle of the right lane."""
     wander_m: float = 0.12
@@ -52,6 +54,7 @@ class TrueMotion:
 
     def __init__(self, road: Road, spec: MotionSpec, noise: NoiseSpec, seed: int) -> None:
         self.road, self.spec, self.noise = road, spec, noise
+        self._ahead = -1.0 if spec.against else 1.0
         self._slip_deg_per_mps2 = drawn_slip_deg_per_mps2(noise, seed)
         self._station = np.arange(-MARGIN_M, road.spec.length_m + MARGIN_M, PATH_STEP_M)
         path = road.plan_m(self._station, self._offset(self._station)[0])
@@ -73,7 +76,7 @@ class TrueMotion:
 
     def station_m(self, time_s: FloatArray) -> FloatArray:
         """Where along the road the rig's origin is at times ``(n,)``."""
-        return np.asarray(np.interp(self.speed_mps(time_s)[2], self._travelled, self._station))
+        return np.asarray(np.interp(self._ahead * self.speed_mps(time_s)[2], self._travelled, self._station))
 
     def at(self, time_s: FloatArray) -> BodyState:
         """State of the body at times ``(n,)`` in seconds since the first frame.
@@ -83,7 +86,8 @@ class TrueMotion:
         GeolocError
             If the car has left the road by then.
         """
-        speed, acceleration, distance = self.speed_mps(time_s)
+        speed, acceleration, driven = self.speed_mps(time_s)
+        distance = self._ahead * driven
         low, high = float(np.min(distance, initial=0.0)), float(np.max(distance, initial=0.0))
         if low < self._travelled[0] or high > self._travelled[-1]:
             raise GeolocError(
@@ -93,8 +97,9 @@ class TrueMotion:
         station = np.interp(distance, self._travelled, self._station)
         offset, offset_slope = self._offset(station)
         curvature = self.road.curvature_per_m(station)
-        sideways = speed**2 * self._path_curvature_per_m(station, offset)
+        sideways = self._ahead * speed**2 * self._path_curvature_per_m(station, offset)
         yaw = self.road.yaw_rad(station) + np.arctan2(offset_slope, 1.0 - curvature * offset)
+        yaw = yaw + np.pi * self.spec.against
         # The path's tangent is the course; the body points further into the bend by the rear tyres' slip.
         yaw = yaw + np.radians(self._slip_deg_per_mps2 * sideways)
         pitch, roll, heave = self._attitude(time_s, station, offset, acceleration, sideways, speed)
@@ -116,13 +121,15 @@ class TrueMotion:
         noise = self.noise
         jitter = [np.interp(time_s, self._jitter_s, row) for row in self._jitter]
         liveliness = np.sqrt(speed / REFERENCE_SPEED_MPS)
-        rear, front = self.road.surface_m(station, offset), self.road.surface_m(station + WHEELBASE_M, offset)
+        rear, front = (
+            self.road.surface_m(at, offset) for at in (station, station + self._ahead * WHEELBASE_M)
+        )
         pitch = -np.arctan2(front - rear, WHEELBASE_M)
         pitch = pitch + np.radians(
             jitter[0] * (noise.idle_jitter_deg + noise.pitch_jitter_deg * liveliness)
             - acceleration * noise.dive_deg_per_mps2
         )
-        roll = np.arctan(self.road.across_slope(station, offset)) + np.radians(
+        roll = np.arctan(self._ahead * self.road.across_slope(station, offset)) + np.radians(
             jitter[1] * (noise.idle_jitter_deg + noise.roll_jitter_deg * liveliness)
             + sideways * noise.roll_deg_per_mps2
         )

@@ -63,6 +63,8 @@ class RoadSpec:
     """Share of the poles that stand behind a kerb of `kerb_height_m`."""
     verge_sigma_m: float = 0.03
     """One sigma of the ground's height at a pole about the extended road surface."""
+    seed: int | None = None
+    """Of what was built: drives with other seeds then pass the same road. None: a road for each drive."""
 
 
 class Road:
@@ -70,6 +72,7 @@ class Road:
 
     def __init__(self, spec: RoadSpec, seed: int) -> None:
         self.spec = spec
+        self._seed = seed if spec.seed is None else spec.seed
         self.frame = LocalFrame(spec.latitude_deg, spec.longitude_deg, spec.height_m)
         self._station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + STEP_M, STEP_M)
         start = int(np.searchsorted(self._station, -STEP_M / 2))
@@ -78,11 +81,11 @@ class Road:
         self._yaw = np.radians(90.0 - spec.heading_deg) + turn - turn[start]
         east, north = _cumulative(np.cos(self._yaw), STEP_M), _cumulative(np.sin(self._yaw), STEP_M)
         self._east, self._north = east - east[start], north - north[start]
-        spread = float(stream(seed, "crossfall").normal()) * spec.crossfall_spread
+        spread = float(stream(self._seed, "crossfall").normal()) * spec.crossfall_spread
         self._crossfall = spec.crossfall_percent * (1.0 + spread) / 100.0
-        self._crossfall_wander = _crossfall_wander(spec, seed)
+        self._crossfall_wander = _crossfall_wander(spec, self._seed)
         self._sharpest_per_m = float(np.abs(knots[:, 1]).max())
-        self._wave_per_m, self._wave_m, self._wave_phase = _roughness(spec.roughness_m3, seed)
+        self._wave_per_m, self._wave_m, self._wave_phase = _roughness(spec.roughness_m3, self._seed)
 
     def yaw_rad(self, station_m: FloatArray) -> FloatArray:
         """Direction of the centre line, counter-clockwise from east."""
@@ -138,9 +141,9 @@ class Road:
         inwards = -bend * self.spec.superelevation_percent / 100.0
         return np.asarray(crown * (1.0 - np.abs(bend)) + inwards)
 
-    def pole_feet_m(self, station_m: FloatArray, offset_m: FloatArray, seed: int) -> FloatArray:
+    def pole_feet_m(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
         """Feet of poles ``(n, 3)``: on the verge or behind the kerb."""
-        rng = stream(seed, "ground at the poles")
+        rng = stream(self._seed, "ground at the poles")
         behind_kerb = rng.random(station_m.size) < self.spec.kerb_share
         verge = rng.normal(size=station_m.size) * self.spec.verge_sigma_m
         up = self.surface_m(station_m, offset_m) + np.where(behind_kerb, self.spec.kerb_height_m, 0.0) + verge

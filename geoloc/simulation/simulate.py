@@ -166,7 +166,7 @@ def simulate_drive(world: Scenario, seed: int) -> SimulatedDrive:
     drawn = draw_errors(world.noise, seed, tuple(rig.cameras), tuple(rig.antennas))
     road = Road(world.road, seed)
     motion = TrueMotion(road, world.motion, world.noise, seed)
-    objects = _objects(world, road, seed)
+    objects = _objects(world, road)
     frame_s = (
         np.arange(int(world.motion.duration_s * world.motion.frame_rate_hz + 0.5))
         / world.motion.frame_rate_hz
@@ -186,10 +186,10 @@ def simulate_drive(world: Scenario, seed: int) -> SimulatedDrive:
     )
 
 
-def _objects(world: Scenario, road: Road, seed: int) -> SimulatedObjects:
+def _objects(world: Scenario, road: Road) -> SimulatedObjects:
     station = np.array([pole.station_m for pole in world.poles])
     offset = np.array([pole.offset_m for pole in world.poles])
-    feet = road.pole_feet_m(station, offset, seed)
+    feet = road.pole_feet_m(station, offset)
     latitude, longitude, height = road.frame.geographic_from_enu(feet)
     east, north = utm33_from_geographic(latitude, longitude)
     return SimulatedObjects(

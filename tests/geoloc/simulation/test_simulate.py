@@ -381,3 +381,25 @@ def test_simulator_borrows_nothing_from_the_estimator() -> None:
     assert imported["geoloc.cameras.base"] == {"CameraModel"}
     assert imported["geoloc.trajectory.trajectory"] == {"GnssFixes", "PoseTrack"}
     assert imported["geoloc.earth.geodesy"] == {"utm33_from_geographic", "rotation_from_rpy"}
+
+
+def test_one_road_is_driven_both_ways_on_different_days() -> None:
+    """With a seed of its own the road and its poles stay; the car heads the other way, in the other lane."""
+    there = replace(FLAT_WORLD, road=replace(scenario("highway").road, length_m=120.0, seed=7))
+    motion = replace(STRAIGHT_DRIVE, against=True, start_station_m=110.0, lane_offset_m=1.65)
+    back = replace(there, motion=motion)
+    first, second = simulate_drive(there, 1), simulate_drive(back, 2)
+    np.testing.assert_array_equal(first.objects.enu_m, second.objects.enu_m)
+    turned = np.interp(0.5, [0, 1], second.poses.heading_deg[:2]) - np.interp(
+        0.5, [0, 1], first.poses.heading_deg[:2]
+    )
+    assert turned % 360.0 == pytest.approx(180.0, abs=20.0)
+    motions = [
+        TrueMotion(Road(world.road, seed), world.motion, world.noise, seed)
+        for seed, world in ((1, there), (2, back))
+    ]
+    met = [one.at(np.array([5.0])) for one in motions]
+    # After 5 s they are 10 m from meeting, and drive on the right: each has the other to its left.
+    to_other = met[1].position_m[0] - met[0].position_m[0]
+    assert met[0].enu_R_rig[0][:, 1] @ to_other == pytest.approx(3.3, abs=0.3)
+    assert met[1].enu_R_rig[0][:, 1] @ -to_other == pytest.approx(3.3, abs=0.3)
