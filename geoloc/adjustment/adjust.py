@@ -97,6 +97,9 @@ def adjust(
     CalibrationError
         If the rig lacks one of the cameras.
     """
+    # A receiver that is late looks like a camera clock that is wrong.
+    late_ms = 1e3 * observations.trajectory.late_sigma_s
+    budget = replace(budget, time_ms=float(np.hypot(budget.time_ms, late_ms)))
     stated = budget if readout_ms is None else replace(budget, readout_ms=_STATED_READOUT_MS)
     readout_s = 1e-3 * (LIKELY_READOUT_MS if readout_ms is None else readout_ms)
     task = _Task(observations, stated, size_px, readout_s, pole_radius_m, noise, terrain)
@@ -112,7 +115,7 @@ def adjust(
     if cannot_be(rays, budget.time_ms):
         # The stated clock cannot be: let the rays say what it is.
         free = replace(stated, time_ms=_WIDER * abs(rays.value))
-        at = task.settled(task.solved(at.seen, free), free)
+        at, stated = task.settled(task.solved(at.seen, free), free), free
         doubts.append(_wrong_clock(at))
     elif may_not_be(rays, budget.time_ms):
         unsure_s = 1e-3 * abs(rays.value)
@@ -130,6 +133,7 @@ def adjust(
         OfTheTrack(budget.lever_arm_m, track_sigma_m, at.shift_s, unsure_s),
         tuple(doubts),
         task.observations.trajectory.estimated,
+        stated.time_ms,
     )
 
 

@@ -35,7 +35,7 @@ from geoloc.trajectory.trajectory import Trajectory
 _VERGE_SLOPE = 0.01
 _LEVEL = 0.005
 # Most of a fix's error outlasts the passage of a sign and moves everything with the car.
-_CHANGING_SHARE = 0.5
+_CHANGING_SHARE, _CHANGING_AT_MOST_M = 0.5, 0.3
 # A heading's error changes slowly, but for the noise of single fixes.
 _TREMBLING_SHARE = 0.25
 _FULL_RATE_MPS, _LEAST_RATE = 3.0, 0.001
@@ -282,6 +282,8 @@ def _falls(body: Bodies, at_most: float) -> FloatArray:
 
 def _slow_sigma(body: Bodies, fall: FloatArray) -> FloatArray:
     """Sigmas (n, 8) at a node: attitude, that part of the place that changes, the ground's falls."""
-    across = _CHANGING_SHARE * np.maximum(body.sigma_horizontal_m, _MIN_SIGMA_M)
-    up = _CHANGING_SHARE * np.maximum(body.sigma_vertical_m, _MIN_SIGMA_M)
+    across, up = (
+        np.clip(_CHANGING_SHARE * sigma, _CHANGING_SHARE * _MIN_SIGMA_M, _CHANGING_AT_MOST_M)
+        for sigma in (body.sigma_horizontal_m, body.sigma_vertical_m)
+    )
     return np.column_stack([np.maximum(body.sigma_rad, _MIN_SIGMA_RAD), across, across, up, fall, fall])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -93,6 +94,8 @@ class Adjusted:
         last one count as fewer.
     time_offset_ms, readout_ms : Correction
         Added to the camera clock; and the readout itself.
+    time_prior_ms : float
+        One sigma of the clock's offset that was taken for granted.
     boresight_deg : mapping camera → tuple of Correction
         About the camera's own x (pitch), y (yaw) and z (roll).
     doubts : tuple of Doubt
@@ -121,6 +124,7 @@ class Adjusted:
     boresight_deg: dict[str, tuple[Correction, ...]]
     doubts: tuple[Doubt, ...]
     pose_sigmas: PoseSigmas | None = None
+    time_prior_ms: float = math.nan
 
 
 def adjusted_of(
@@ -133,6 +137,7 @@ def adjusted_of(
     track: OfTheTrack,
     doubts: tuple[Doubt, ...],
     pose_sigmas: PoseSigmas | None,
+    time_prior_ms: float,
 ) -> Adjusted:
     """Bring points back to objects, positions to the ellipsoid, and add what no sighting can show."""
     scene, n, g = model.scene, rejected.size, objects.size
@@ -185,6 +190,7 @@ def adjusted_of(
         boresight_deg=_boresight_deg(model, solution, shared),
         doubts=doubts,
         pose_sigmas=pose_sigmas,
+        time_prior_ms=time_prior_ms,
     )
 
 

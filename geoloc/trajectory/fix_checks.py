@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -24,8 +24,13 @@ _SIGMA_OTHERWISE_M = 5.0
 SIGMA_FLOOR_M = 0.01
 """What receivers state below this is formal: base station and atmosphere are not in it."""
 _NAMES = {1: "single", 2: "DGNSS", 4: "RTK fixed", 5: "RTK float", 6: "dead reckoning"}
-_FIXED = 4
+_FIXED, _FLOAT = 4, 5
+_FILTER_LAG_S = 0.15
 _AS_GOOD_AS_FIXED_M = 0.05
+MULTIPATH_S = 10.0
+"""Correlation time of reflections as a car moves past them."""
+# The same of what code solutions err by: the atmosphere, and which satellites are in view.
+_CODE_LASTS_S = 120.0
 VERTICAL_FACTOR = 1.7
 """Vertical sigma of a fix over its horizontal one, where the receiver does not say."""
 
@@ -48,6 +53,15 @@ class _Positions(Protocol):
     def height_m(self) -> FloatArray: ...
 
 
+class _Rated(Protocol):
+    """What fixes say of how good they are."""
+
+    @property
+    def quality(self) -> IntArray: ...
+    @property
+    def sigma_horizontal_m(self) -> FloatArray: ...
+
+
 def sigma_of_quality(quality: IntArray) -> FloatArray:
     """Horizontal one sigma, metres, of GGA fix qualities; 5 m for a code that is not in the table."""
     sigma = np.full(quality.shape, _SIGMA_OTHERWISE_M)
@@ -68,8 +82,30 @@ def up_over_plane(stated_up_m: FloatArray, horizontal_m: FloatArray) -> FloatArr
     return np.where(np.isfinite(stated), stated, VERTICAL_FACTOR)
 
 
-def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sigma of fixes, and what of it two antennas of one car do *not* share.
+class FixNoise(NamedTuple):
+    """Noise of fixes, float64 (n,) each.
+
+    Attributes
+    ----------
+    sigma_m : float64 (n,)
+        One sigma a horizontal axis, in all.
+    white_m, slow_m : float64 (n,)
+        What two antennas of one car do *not* share of it: new at every fix, and lasting.
+    slow_lasts_s : float64 (n,)
+        Correlation time of what lasts.
+    white_every_s : float64 (n,)
+        Fixes of this time count as one, since what is new in them is not quite new at each; 0: each counts.
+    """
+
+    sigma_m: FloatArray
+    white_m: FloatArray
+    slow_m: FloatArray
+    slow_lasts_s: FloatArray
+    white_every_s: FloatArray
+
+
+def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> FixNoise:
+    """What fixes err by, and how long that lasts.
 
     Parameters
     ----------
@@ -78,16 +114,38 @@ def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> tuple[FloatArray,
     stated_m : float64 (n,)
         One sigma a horizontal axis by the receiver, NaN where it does not say.
 
-    Returns
-    -------
-    sigma_m, white_m, slow_m : float64 (n,)
-        One sigma a horizontal axis: in all, new at every fix, and lasting for seconds. A fixed solution is
-        6 mm of carrier-phase noise and 5 mm of multipath; the rest of its 15 mm is atmosphere and base
-        station, the same for both antennas. Other solutions err by ambiguities and code, each its own.
+    Notes
+    -----
+    A fixed solution is 6 mm of carrier-phase noise and 5 mm of multipath that lasts for seconds; the rest of
+    its 15 mm is atmosphere and base station, the same for both antennas. Other solutions err by ambiguities
+    and code, each its own: most of it by the atmosphere and the satellites' geometry, which change over
+    minutes, and some by reflections that last for seconds.
     """
     sigma = sigma_of_fixes(quality, stated_m)
-    fixed = (quality == _FIXED) | (stated_m < _AS_GOOD_AS_FIXED_M)
-    return sigma, 0.4 * sigma, np.where(fixed, 0.33, 0.9) * sigma
+    fixed = as_good_as_fixed(quality, stated_m)
+    return FixNoise(
+        sigma,
+        0.4 * sigma,
+        np.where(fixed, 0.33, 0.9) * sigma,
+        np.where(fixed, MULTIPATH_S, _CODE_LASTS_S),
+        np.where(fixed, 0.0, MULTIPATH_S),
+    )
+
+
+def as_good_as_fixed(quality: IntArray, stated_m: FloatArray) -> BoolArray:
+    """Whether each fix is a carrier-phase solution: by its quality, or by what the receiver states."""
+    return np.asarray((quality == _FIXED) | (stated_m < _AS_GOOD_AS_FIXED_M))
+
+
+def late_sigma_s(fixes: Sequence[_Rated]) -> float:
+    """One sigma of how late positions may be: of receivers without a carrier-phase solution 0.15 s, else 0.
+
+    Their filters lag: by 0.1 to 0.2 s in ordinary ones.
+    """
+    quality = np.concatenate([one.quality for one in fixes])
+    stated = np.concatenate([one.sigma_horizontal_m for one in fixes])
+    carrier = as_good_as_fixed(quality, stated) | (quality == _FLOAT)
+    return 0.0 if carrier.mean() >= 0.5 else _FILTER_LAG_S
 
 
 def check_positions(positions: _Positions, what: str) -> None:

@@ -303,9 +303,8 @@ def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
     known = heading_sigma < LIMIT_DEG
     pitch_sigma = np.hypot(tilt.pitch_sigma_deg, _PITCH_FLOOR_DEG)
     roll_sigma = np.hypot(tilt.roll_sigma_deg, _ROLL_FLOOR_DEG)
-    # What all antennas of a car share, atmosphere and base station, no smoothing removes.
-    fix_sigma = np.where(knots.seen, knots.sigma_m, np.inf).min(axis=1)
-    up_sigma = np.where(knots.seen, knots.up_over_plane * knots.sigma_m, np.inf).min(axis=1)
+    fix_sigma = np.where(knots.seen, knots.not_smoothed_m, np.inf).min(axis=1)
+    up_sigma = np.where(knots.seen, knots.up_over_plane * knots.not_smoothed_m, np.inf).min(axis=1)
     lean = lean_m(float(arms_m[:, 2].mean()), roll_sigma, pitch_sigma)
     columns = {
         "latitude_deg": lat,

@@ -13,7 +13,7 @@ from geoloc.earth.geodesy import metres_per_degree
 from geoloc.errors import TrajectoryError
 from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.trajectory.curves import pose_curves
-from geoloc.trajectory.fix_checks import check_positions, common_epochs, without_jumps
+from geoloc.trajectory.fix_checks import check_positions, common_epochs, late_sigma_s, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
 from geoloc.trajectory.pose_noise import PoseSigmas, with_estimated_sigmas
@@ -60,6 +60,8 @@ class Trajectory:
         How much of the roll's sigma is an error that lasts.
     estimated : PoseSigmas or None
         Sigmas of recorded poses that were not stated but estimated (NaN: stated); None where all were.
+    late_sigma_s : float
+        One sigma of how late the positions may be against their epochs, all alike.
     """
 
     knots: Poses
@@ -70,6 +72,7 @@ class Trajectory:
     measured_at_m: FloatArray = field(default_factory=lambda: np.zeros(3))
     lasting_roll: LastingRoll = field(default_factory=LastingRoll)
     estimated: PoseSigmas | None = None
+    late_sigma_s: float = 0.0
 
     @property
     def epoch_ns(self) -> IntArray:
@@ -244,6 +247,7 @@ def trajectory_from_gnss(
         dropped=(*dropped, *refused),
         measured_at_m=np.mean(levers, axis=0),
         lasting_roll=lasting_roll,
+        late_sigma_s=late_sigma_s(kept),
     )
 
 

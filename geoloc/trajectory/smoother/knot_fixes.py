@@ -10,12 +10,22 @@ from numpy.typing import NDArray
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu
-from geoloc.trajectory.fix_checks import HEADING_SIGMA_DEG, VELOCITY_SIGMA_MPS, noise_of_fixes, up_over_plane
+from geoloc.trajectory.fix_checks import (
+    HEADING_SIGMA_DEG,
+    MULTIPATH_S,
+    VELOCITY_SIGMA_MPS,
+    FixNoise,
+    noise_of_fixes,
+    up_over_plane,
+)
 from geoloc.trajectory.interpolation import NANOSECONDS, seconds
 from geoloc.trajectory.poses import GnssFixes
 
 # Loggers write epochs nanoseconds apart: no car does anything in less.
 _SHORTEST_STEP_S = 1e-3
+
+# Of the error of code solutions, what is the same all day: the receiver's own atmosphere model.
+_LASTING_SHARE = 0.3
 
 _BY_ANTENNA = (
     "plane_m",
@@ -25,6 +35,8 @@ _BY_ANTENNA = (
     "sigma_m",
     "white_m",
     "slow_m",
+    "slow_lasts_s",
+    "white_every_s",
     "up_over_plane",
     "heading_rad",
     "heading_sigma_rad",
@@ -56,7 +68,9 @@ class KnotFixes:
         Epoch of the fix minus that of its knot.
     sigma_m, white_m, slow_m : float64 (n, m)
         Horizontal sigma of the fix, and the parts of it that each antenna has of its own: new at every fix,
-        and lasting for seconds.
+        and lasting.
+    slow_lasts_s, white_every_s : float64 (n, m)
+        How long, and fixes of what time count as one (`fix_checks.FixNoise`).
     up_over_plane : float64 (n, m)
         Vertical sigma of the fix over its horizontal one.
     heading_rad, heading_sigma_rad : float64 (n, m)
@@ -77,6 +91,8 @@ class KnotFixes:
     sigma_m: FloatArray
     white_m: FloatArray
     slow_m: FloatArray
+    slow_lasts_s: FloatArray
+    white_every_s: FloatArray
     up_over_plane: FloatArray
     heading_rad: FloatArray
     heading_sigma_rad: FloatArray
@@ -104,6 +120,29 @@ class KnotFixes:
         step = np.where(self.tied, self.step_s, 0.0)
         both = np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])
         return np.asarray(np.maximum(0.5 * both, _SHORTEST_STEP_S))
+
+    @property
+    def count(self) -> FloatArray:
+        """As how many observations each fix counts ``(n, m)``: 1, or less where fixes err alike."""
+        return np.minimum(1.0, self.share_s[:, None] / np.maximum(self.white_every_s, 1e-9))
+
+    @property
+    def slow_fades(self) -> FloatArray:
+        """What is left at the next knot of what lasts of each antenna's error ``(n - 1, m)``."""
+        lasts_s = np.where(self.seen, self.slow_lasts_s, np.inf)
+        # Where an antenna has no fix, its error goes on as before.
+        known = np.minimum(lasts_s[:-1], lasts_s[1:])
+        return np.exp(-self.step_s[:, None] / np.where(np.isfinite(known), known, MULTIPATH_S))
+
+    @property
+    def not_smoothed_m(self) -> FloatArray:
+        """One sigma ``(n, m)`` of what no smoothing removes of each fix.
+
+        Of carrier-phase solutions all that a car's antennas share, atmosphere and base station. Of other
+        solutions most fades over minutes, which one antenna's own process says; two antennas share it.
+        """
+        alone = self.seen.shape[1] == 1
+        return np.where(alone & (self.white_every_s > 0.0), _LASTING_SHARE, 1.0) * self.sigma_m
 
     @property
     def first(self) -> BoolArray:
@@ -148,8 +187,7 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
     ]
     plane = path[:, None, :] + np.stack([np.stack(one, axis=1) for one in off], axis=1)
     noise = [noise_of_fixes(f.quality, f.sigma_horizontal_m) for f in fixes]
-    sigma, white, slow = (gathered([one[i] for one in noise]) for i in range(3))
-    up = [up_over_plane(f.sigma_vertical_m, one[0]) for f, one in zip(fixes, noise, strict=True)]
+    up = [up_over_plane(f.sigma_vertical_m, one.sigma_m) for f, one in zip(fixes, noise, strict=True)]
 
     def told(name: str, default: float | tuple[float, ...] = np.nan) -> FloatArray:
         columns = [getattr(f, name)[r] for f, r in zip(fixes, rows.T, strict=True)]
@@ -167,9 +205,7 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
         height_m=gathered([f.height_m for f in fixes]),
         seen=seen,
         late_s=np.stack(late_ns, axis=1) / NANOSECONDS,
-        sigma_m=sigma,
-        white_m=white,
-        slow_m=slow,
+        **{name: gathered([getattr(one, name) for one in noise]) for name in FixNoise._fields},
         up_over_plane=gathered(up),
         heading_rad=np.radians(90.0 - told("heading_deg")),
         heading_sigma_rad=np.radians(told("heading_sigma_deg", HEADING_SIGMA_DEG)),

@@ -62,8 +62,7 @@ SLIP_RAD_PER_MPS2 = (np.radians(0.25), np.radians(0.15))
 """Slip angle of the rear axle a lateral acceleration, and its sigma: 2 to 3° per g for passenger cars."""
 AXLE_KNOWN_M = (0.0, 1e-3)
 """How far ahead of the rear axle the rig's origin is, and its sigma: there, by definition."""
-MULTIPATH_S = 10.0
-"""Correlation time of what each antenna has of its own."""
+_HEADING_LASTS_S = 10.0
 # Before anything is known, at the first knot of a stretch.
 _START_SIGMA = np.array([100.0, 100.0, 50.0, 50.0, 5.0, 5.0, 2.0, 1.0])
 _GATE = 3.0
@@ -241,7 +240,8 @@ class _Fit:
         for antenna in range(self.levers_m.shape[1]):
             jacobian, by_constants, residual = self._fix(antenna, state, constants)
             variance = (self.fixes.white_m[:, antenna] * self.scale[antenna]) ** 2
-            information = weight[:, antenna] / np.where(self.fixes.seen[:, antenna], variance, 1.0)
+            known = weight[:, antenna] * self.fixes.count[:, antenna]
+            information = known / np.where(self.fixes.seen[:, antenna], variance, 1.0)
             chain.observe(jacobian, residual, np.repeat(information[:, None], 2, axis=1), by_constants)
         self.velocities.observe(chain, state, self._sits(constants))
         if self.headings is not None:
@@ -337,9 +337,11 @@ class _Fit:
             forward[:, YAW, YAW_RATE] = np.where(tied, h, 0.0)
             information[:, 6:8, 6:8] = np.where(tied[:, None, None], np.linalg.inv(turn), 0.0)
             information[:, YAW, YAW] += np.where(tied, 0.0, self._held())
-            fading, own = np.exp(-h / MULTIPATH_S), np.arange(OWN, size)
-            forward[:, own, own] = fading[:, None]
-            information[:, own, own] = (1.0 / np.maximum(1.0 - fading**2, 1e-9))[:, None]
+            own, told = np.arange(OWN, size), size - OWN - 2 * self.levers_m.shape[1]
+            headings = np.repeat(np.exp(-h / _HEADING_LASTS_S)[:, None], told, axis=1)
+            fading = np.column_stack([np.repeat(self.fixes.slow_fades, 2, axis=1), headings])
+            forward[:, own, own] = fading
+            information[:, own, own] = 1.0 / np.maximum(1.0 - fading**2, 1e-9)
         return Links(forward, np.broadcast_to(np.eye(size), forward.shape), information)
 
     def _jerk(self, acceleration_mps2: FloatArray) -> FloatArray:

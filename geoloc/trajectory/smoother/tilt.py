@@ -16,7 +16,7 @@ from geoloc.arrays import FloatArray
 from geoloc.trajectory.poses import LastingRoll
 from geoloc.trajectory.smoother.chain import MEDIAN_1D, Chain, Links, robust_weight
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
-from geoloc.trajectory.smoother.plane import MULTIPATH_S, antenna_modes
+from geoloc.trajectory.smoother.plane import antenna_modes
 from geoloc.trajectory.smoother.receiver_motion import VELOCITY_EVERY_S
 
 # Roads climb by about 4 %, and their climb is another after a few hundred metres; crests and dips are metres
@@ -176,7 +176,8 @@ class _Fit:
         for antenna in range(len(self.levers_m)):
             jacobian, by_constants, residual = self._fix(antenna, state, constants)
             variance = (self.white_m[:, antenna] * self.scale[antenna]) ** 2
-            information = weight[:, antenna] / np.where(self.fixes.seen[:, antenna], variance, 1.0)
+            known = weight[:, antenna] * self.fixes.count[:, antenna]
+            information = known / np.where(self.fixes.seen[:, antenna], variance, 1.0)
             chain.observe(jacobian, residual, information[:, None], by_constants)
             if self.rising[:, antenna].any():
                 self._rise(chain, state, antenna)
@@ -252,8 +253,8 @@ class _Fit:
         fading = np.exp(-way / _LEAN_LASTS_M)
         here[:, 2, 2] = fading
         information[:, 2, 2] = 1.0 / (_LEAN**2 * (1.0 - fading**2) + _RESTLESS * h)
-        fading = np.exp(-h / MULTIPATH_S)
+        fading = self.fixes.slow_fades
         own = np.arange(_OWN, size)
-        here[:, own, own] = fading[:, None]
-        information[:, own, own] = (1.0 / np.maximum(1.0 - fading**2, 1e-9))[:, None]
+        here[:, own, own] = fading
+        information[:, own, own] = 1.0 / np.maximum(1.0 - fading**2, 1e-9)
         return Links(here, there, information)

@@ -19,9 +19,10 @@ def test_stated_sigma_is_taken_where_there_is_one() -> None:
 
 def test_good_fix_of_unknown_kind_shares_its_error_like_a_fixed_one() -> None:
     """A third of the slow error is an antenna's own at 2 cm, nearly all of it at 2 m."""
-    sigma, white, slow = noise_of_fixes(np.array([1, 4, 1]), np.array([0.02, NAN, NAN]))
-    assert slow / sigma == pytest.approx([0.33, 0.33, 0.9])
-    assert white / sigma == pytest.approx([0.4] * 3)
+    noise = noise_of_fixes(np.array([1, 4, 1]), np.array([0.02, NAN, NAN]))
+    assert noise.slow_m / noise.sigma_m == pytest.approx([0.33, 0.33, 0.9])
+    assert noise.white_m / noise.sigma_m == pytest.approx([0.4] * 3)
+    assert noise.slow_lasts_s.tolist() == [10.0, 10.0, 120.0]
 
 
 def test_fixes_without_stated_sigmas_have_nan() -> None:
