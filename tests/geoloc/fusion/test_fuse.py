@@ -1,0 +1,155 @@
+"""Many drives past the same poles: what is averaged, what is not, and that the covariance says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import geoloc.fusion.fuse
+from geoloc.arrays import FloatArray
+from geoloc.fusion.fuse import TRACK_LASTS_S, Clocks, Passes, fuse
+from geoloc.fusion.sources import parts_of
+from geoloc.locate.accuracy import nees
+
+POLES, SPACING_S, SPEED_MPS = 12, 6.0, 15.0
+LATE_ALIKE_S, LATE_OWN_S, CLOCK_SIGMA_S = 0.14, 0.05, 0.1
+
+
+def passes(
+    rng: np.random.Generator, drives: int, *, both_ways: bool = True, poles: int = POLES
+) -> tuple[Passes, Clocks]:
+    """Draw drives past poles that stand at the origin, all as `fuse` takes them to be."""
+    parts, clocks = [], []
+    prior_s = float(np.hypot(LATE_ALIKE_S, LATE_OWN_S))
+    late_of_all = rng.normal() * LATE_ALIKE_S
+    common = rng.normal(size=(poles, 2)) * 0.1
+    for drive in range(drives):
+        back = both_ways and drive % 2 == 1
+        epoch_s = np.arange(poles) * SPACING_S
+        epoch_s = epoch_s[::-1] if back else epoch_s
+        lasts = np.exp(-np.abs(epoch_s[:, None] - epoch_s) / TRACK_LASTS_S)
+        track = np.linalg.cholesky(lasts) @ rng.normal(size=(poles, 2)) * 2.0
+        late = late_of_all + rng.normal() * LATE_OWN_S
+        # Sightings show the clock to a tenth of a second, and the drive draws that towards 0.
+        told = late + rng.normal() * CLOCK_SIGMA_S
+        sigma_s = (CLOCK_SIGMA_S**-2.0 + prior_s**-2.0) ** -0.5
+        found = told * (sigma_s / CLOCK_SIGMA_S) ** 2
+        ahead = np.array([-SPEED_MPS if back else SPEED_MPS, 0.0])
+        own = rng.normal(size=(poles, 2)) * 0.3
+        unit = np.tile(np.eye(2), (poles, 1, 1))
+        parts.append(
+            Passes(
+                np.arange(poles),
+                np.full(poles, drive),
+                (1e9 * epoch_s).astype(np.int64) + drive * 10**15,
+                track + (found - late) * ahead + own + common,
+                0.3**2 * unit,
+                0.1**2 * unit,
+                np.full(poles, 2.0),
+                np.tile(ahead, (poles, 1)),
+            )
+        )
+        clocks.append((found, sigma_s, prior_s))
+    columns = (np.concatenate([getattr(one, name) for one in parts]) for name in Passes.__dataclass_fields__)
+    return Passes(*columns), Clocks(np.zeros(drives, dtype=np.int64), *np.array(clocks).T)
+
+
+def covariance_alone(one: Passes, clocks: Clocks) -> FloatArray:
+    """Covariance of each pass as its drive states it."""
+    late = clocks.sigma_s[one.drive, None] * one.ahead_mps
+    whole = one.own_m2 + one.common_m2 + one.track_m[:, None, None] ** 2 * np.eye(2)
+    return np.asarray(whole + late[:, :, None] * late[:, None, :])
+
+
+def test_one_drive_comes_back_as_it_was() -> None:
+    """Places and covariances of a single drive are its own."""
+    one, clocks = passes(np.random.default_rng(1), 1)
+    fused = fuse(one, clocks)
+    assert fused.place_m == pytest.approx(one.place_m, abs=1e-6)
+    assert fused.covariance_m2 == pytest.approx(covariance_alone(one, clocks), abs=1e-5)
+
+
+@pytest.mark.parametrize("drives", [1, 5, 25])
+def test_covariances_are_as_large_as_the_errors(drives: int) -> None:
+    """Over many draws of tracks, clocks and pixels, squared errors are as large as their variances."""
+    squares = []
+    for seed in range(120):
+        fused = fuse(*passes(np.random.default_rng([drives, seed]), drives))
+        squares.append(nees(fused.place_m, fused.covariance_m2).mean() / 2.0)
+    # Poles of one road err together: one draw of it has two degrees of freedom, more or less.
+    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
+
+
+def test_twenty_five_drives_are_five_times_as_good() -> None:
+    """But for the ground and the car, which are the same in all of them."""
+    one, clocks = passes(np.random.default_rng(2), 25)
+    sigma = np.sqrt(np.trace(fuse(one, clocks).covariance_m2, axis1=1, axis2=2) / 2.0)
+    assert (
+        sigma < 0.25 * np.sqrt(np.trace(covariance_alone(one, clocks)[:POLES], axis1=1, axis2=2) / 2)
+    ).all()
+    same = replace(one, common_m2=one.common_m2 * 100.0)
+    assert (np.sqrt(np.trace(fuse(same, clocks).covariance_m2, axis1=1, axis2=2) / 2.0) > 0.99).all()
+
+
+def test_drives_both_ways_show_a_receiver_that_is_late() -> None:
+    """What clocks leave along the road cancels between the ways; one way alone keeps it."""
+    along = []
+    for both in (True, False):
+        one, clocks = passes(np.random.default_rng(3), 8, both_ways=both)
+        none = replace(clocks, sigma_s=clocks.prior_s, found_s=np.zeros(8))
+        along.append(fuse(one, none).covariance_m2[:, 0, 0].mean())
+    assert along[0] < 0.5 * along[1]
+
+
+def test_a_good_drive_places_what_a_poor_one_alone_saw() -> None:
+    """A drive with RTK past half of the poles shows how far the other's track is off at the next ones."""
+    poor, clocks = passes(np.random.default_rng(4), 1)
+    good = replace(poor, drive=poor.drive + 1, place_m=np.zeros((POLES, 2)), track_m=np.full(POLES, 0.02))
+    half = np.arange(POLES // 2)
+    both = Passes(
+        *(
+            np.concatenate([getattr(poor, name), getattr(good, name)[half]])
+            for name in Passes.__dataclass_fields__
+        )
+    )
+    two = Clocks(
+        np.arange(2),
+        *(np.repeat(values, 2) for values in (clocks.found_s, clocks.sigma_s)),
+        np.repeat(clocks.prior_s, 2),
+    )
+    two.sigma_s[1] = two.prior_s[1] = 0.005
+    two.found_s[1] = 0.0
+    fused = fuse(both, two)
+    next_pole = POLES // 2
+    alone = covariance_alone(poor, clocks)[next_pole]
+    assert np.trace(fused.covariance_m2[next_pole]) < 0.3 * np.trace(alone)
+    assert np.hypot(*fused.place_m[next_pole]) < np.hypot(*poor.place_m[next_pole])
+
+
+def test_neighbourhoods_leave_places_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """400 poles that are placed in parts come out as they do all at once, but for a share of their sigmas."""
+    one, clocks = passes(np.random.default_rng(5), 3, poles=400)
+    in_a_row = replace(one, place_m=one.place_m + np.outer(one.pole * SPACING_S * SPEED_MPS, [1.0, 0.0]))
+    parts = fuse(in_a_row, clocks)
+    monkeypatch.setattr(geoloc.fusion.fuse, "_WITHIN", 1000)
+    whole = fuse(in_a_row, clocks)
+    assert not np.array_equal(parts.place_m, whole.place_m)
+    sigma = np.sqrt(np.trace(whole.covariance_m2, axis1=1, axis2=2) / 2.0)
+    assert (np.abs(parts.place_m - whole.place_m).max(axis=1) < 0.2 * sigma).all()
+    assert parts.covariance_m2 == pytest.approx(whole.covariance_m2, rel=0.15, abs=0.02)
+
+
+def test_sources_are_what_they_are_said_to_be() -> None:
+    """The parts of an estimate add up to its covariance, and a clock moves it along the heading."""
+    rng = np.random.default_rng(6)
+    root = rng.normal(size=(3, 2, 2))
+    along = np.array([[0.0, 0.0], [0.0, 0.04]])
+    by_source = {"pixels": root @ root.swapaxes(1, 2), "ground": np.tile(0.01 * np.eye(2), (3, 1, 1))}
+    by_source |= {"gnss": np.tile(4.0 * np.eye(2), (3, 1, 1)), "time": np.tile(along, (3, 1, 1))}
+    parts = parts_of(by_source, np.array([0.0, 180.0, 0.0]), 0.02)
+    assert parts.ahead_mps == pytest.approx(np.array([[0.0, 10.0], [0.0, -10.0], [0.0, 10.0]]))
+    moved = (0.02 * parts.ahead_mps)[:, :, None] * (0.02 * parts.ahead_mps)[:, None, :]
+    whole = parts.own_m2 + parts.common_m2 + parts.track_m[:, None, None] ** 2 * np.eye(2) + moved
+    assert whole == pytest.approx(np.sum(list(by_source.values()), axis=0))
