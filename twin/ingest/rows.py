@@ -210,6 +210,7 @@ def corrections_of(adjusted: Adjusted | None) -> Corrections | None:
             camera: Boresight(*map(kept, pitch_yaw_roll))
             for camera, pitch_yaw_roll in adjusted.boresight_deg.items()
         },
+        camera_prior_ms=finite(adjusted.time_prior_ms),
     )
 
 

@@ -23,6 +23,7 @@ from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, stil
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
 from twin.matching.poles.keys import with_known_keys
+from twin.matching.poles.many_drives import Driven, with_fused_places
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.poles.same_pole import each_pole_once, may_be_one
 from twin.matching.poles.seen_in import known_marks, marks_of, pictures_of, seen_from
@@ -34,7 +35,7 @@ from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store import schema
 from twin.store.kinds import Method, Verdict
 from twin.store.poses import poses_from_blob
-from twin.store.records import Estimate, Finding
+from twin.store.records import Corrections, Estimate, Finding
 from twin.store.store import Row, Snapshot, Store, utc_now
 
 
@@ -107,6 +108,7 @@ def match(
         pairs = may_be_one(estimates, config)
         once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
         found = observed_poles(once, [drive.drive_id for drive in drives], config, directions)
+        found = with_fused_places(found, once, [drive.driven for drive in drives])
         marks = marks_of(view, estimates, method)
         poles = with_known_keys(found, marks, known_marks(view))
         points, plates = mirror_near(view, _places(drives, poles), config)
@@ -183,8 +185,13 @@ class _Drive:
     is_complete: bool
     absence_gap: str
     rig: Rig
-    poses: Poses
+    driven: Driven
     cameras: tuple[str, ...]
+
+    @property
+    def poses(self) -> Poses:
+        """Where it drove."""
+        return self.driven.poses
 
     @property
     def is_evidence(self) -> bool:
@@ -290,7 +297,7 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
     """Drives ingested by the method, in time order; only these can have seen or missed a sign."""
     d, m = schema.drive, schema.drive_method
     statement = (
-        sa.select(d, m.c.n_unplaced, m.c.misfits, m.c.absence_gap)
+        sa.select(d, m.c.n_unplaced, m.c.corrections, m.c.misfits, m.c.absence_gap)
         .join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
         .order_by(d.c.started_ns, d.c.drive_id)
     )
@@ -309,7 +316,12 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
                 is_complete=bool(row["annotations_complete"]),
                 absence_gap=row["absence_gap"] or unplaced,
                 rig=rig,
-                poses=poses_from_blob(row["poses"]),
+                driven=Driven(
+                    row["drive_id"],
+                    poses_from_blob(row["poses"]),
+                    Corrections.from_json(row["corrections"]),
+                    hashlib.sha256(row["rig"]).hexdigest(),
+                ),
                 cameras=tuple(row["cameras"]),
             )
         )

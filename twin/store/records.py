@@ -222,12 +222,15 @@ class Corrections:
     rolling_shutter_ms : Correction
         First to last row.
     boresight_deg : mapping of camera → Boresight
+    camera_prior_ms : float or None
+        One sigma of the camera clock that was taken for granted; None of drives ingested before it was kept.
     """
 
     pixel_noise_factor: float
     camera_offset_ms: Correction
     rolling_shutter_ms: Correction
     boresight_deg: Mapping[str, Boresight]
+    camera_prior_ms: float | None = None
 
     @classmethod
     def from_json(cls, document: Mapping[str, Any]) -> Corrections | None:
@@ -242,6 +245,7 @@ class Corrections:
                 camera: Boresight(**{axis: Correction(**one) for axis, one in axes.items()})
                 for camera, axes in document["boresight_deg"].items()
             },
+            camera_prior_ms=document.get("camera_prior_ms"),
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -1,0 +1,173 @@
+"""Places of poles from all drives at once, with what each drive shares estimated as such."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg, utm33_covariance_from_enu
+from geoloc.fusion.fuse import Clocks, Passes, fuse
+from geoloc.fusion.sources import parts_of
+from geoloc.trajectory.trajectory import Poses
+from twin.matching.poles.poles import ObservedPole
+from twin.store.records import Corrections, Covariance, Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """What fusing needs of a drive.
+
+    Attributes
+    ----------
+    poses : Poses
+        Where it drove, in time order.
+    corrections : Corrections or None
+        What its adjustment found; None where it was ingested by another method.
+    car : str
+        The same for drives with the same rig.
+    """
+
+    drive_id: str
+    poses: Poses
+    corrections: Corrections | None
+    car: str
+
+
+def with_fused_places(
+    poles: Sequence[ObservedPole], estimates: Sequence[Estimate], drives: Sequence[Driven]
+) -> list[ObservedPole]:
+    """Place poles by the estimates of all drives that are tied together by poles that several of them saw.
+
+    Drives that no other one shares a pole with keep their places, and so do poles of drives whose method
+    tells nothing of where its errors come from: covariance intersection holds for these.
+
+    Parameters
+    ----------
+    poles : sequence of ObservedPole
+    estimates : sequence of Estimate, of one method
+        What the poles were made of.
+    drives : sequence of Driven
+    """
+    by_id = {drive.drive_id: drive for drive in drives}
+    by_member = {member: estimate for estimate in estimates for member in estimate.members}
+    seen = [_best_of_drives(pole, by_member, by_id) for pole in poles]
+    number = {drive.drive_id: k for k, drive in enumerate(drives)}
+    group = _tied([[number[one.drive_id] for one in of_pole] for of_pole in seen], len(drives))
+    placed = list(poles)
+    for tied in np.unique(group):
+        ids = [drive.drive_id for drive, one in zip(drives, group, strict=True) if one == tied]
+        if len(ids) < 2:
+            continue
+        of_group = [k for k, one in enumerate(seen) if one and group[number[one[0].drive_id]] == tied]
+        fused = _fused([poles[k] for k in of_group], [seen[k] for k in of_group], [by_id[i] for i in ids])
+        for k, pole in zip(of_group, fused, strict=True):
+            placed[k] = pole
+    return placed
+
+
+def _best_of_drives(
+    pole: ObservedPole, by_member: Mapping[str, Estimate], drives: Mapping[str, Driven]
+) -> list[Estimate]:
+    """One estimate a drive, the best one; none at all where one does not tell its errors by source."""
+    best: dict[str, Estimate] = {}
+    for estimate in (by_member[member] for member in pole.members):
+        drive = drives[estimate.drive_id]
+        if not estimate.budget or drive.corrections is None or not drive.poses.epoch_ns.size:
+            return []
+        known = best.get(estimate.drive_id)
+        if known is None or _spread(estimate) < _spread(known):
+            best[estimate.drive_id] = estimate
+    return list(best.values())
+
+
+def _spread(estimate: Estimate) -> tuple[float, str]:
+    ee, _, nn = estimate.covariance_m2
+    return ee + nn, estimate.member
+
+
+def _tied(drives_of_poles: Sequence[Sequence[int]], drives: int) -> IntArray:
+    """Group ``(drives,)`` of each drive: those that poles tie together have the same."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = [(of_pole[0], one) for of_pole in drives_of_poles for one in of_pole[1:]]
+    ends = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(pairs)), (ends[0], ends[1])), shape=(drives, drives))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _fused(
+    poles: Sequence[ObservedPole], seen: Sequence[Sequence[Estimate]], drives: Sequence[Driven]
+) -> list[ObservedPole]:
+    mine: dict[str, list[tuple[int, Estimate]]] = {drive.drive_id: [] for drive in drives}
+    for k, of_pole in enumerate(seen):
+        for estimate in of_pole:
+            mine[estimate.drive_id].append((k, estimate))
+    parts = [_passes(number, drive, mine[drive.drive_id]) for number, drive in enumerate(drives)]
+    columns = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in Passes.__dataclass_fields__
+    )
+    fused = fuse(Passes(*columns), _clocks(drives))
+    return [
+        replace(
+            pole,
+            east_m=float(east),
+            north_m=float(north),
+            covariance_m2=covariance,
+            # What each drive has of its own is averaged in that covariance.
+            averaged=1.0,
+        )
+        for pole, (east, north), covariance in zip(poles, fused.place_m, fused.covariance_m2, strict=True)
+    ]
+
+
+def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) -> Passes:
+    """What one drive says of its poles, each with its number, in the grid."""
+    estimates = [estimate for _, estimate in seen]
+    place = np.array([(one.east_m, one.north_m) for one in estimates]).reshape(-1, 2)
+    last_ns = np.array([one.last_ns for one in estimates], dtype=np.int64)
+    where = geographic_from_utm33(*place.T)
+    sources = sorted({source for one in estimates for source in one.budget})
+    by_source = {
+        source: utm33_covariance_from_enu(
+            _matrices([one.budget.get(source, _NONE) for one in estimates]), *where
+        )
+        for source in sources
+    }
+    at = np.clip(np.searchsorted(drive.poses.epoch_ns, last_ns), 0, drive.poses.epoch_ns.size - 1)
+    heading = drive.poses.heading_deg[at] - grid_convergence_deg(*where)
+    sigma_s = _clocks([drive]).sigma_s[0]
+    return Passes(
+        np.array([pole for pole, _ in seen], dtype=np.int64),
+        np.full(len(seen), number),
+        last_ns,
+        place,
+        *parts_of(by_source, heading, sigma_s),
+    )
+
+
+_NONE: Covariance = (0.0, 0.0, 0.0)
+
+
+def _matrices(covariances: Sequence[Covariance]) -> FloatArray:
+    """Matrices ``(n, 2, 2)``."""
+    ee, en, nn = np.array(covariances).reshape(-1, 3).T
+    return np.stack([np.stack([ee, en], axis=1), np.stack([en, nn], axis=1)], axis=1)
+
+
+def _clocks(drives: Sequence[Driven]) -> Clocks:
+    """Clocks of drives that were adjusted."""
+    cars = sorted({drive.car for drive in drives})
+    found = [drive.corrections for drive in drives if drive.corrections is not None]
+    value, sigma = (
+        np.array([(one.camera_offset_ms.value, one.camera_offset_ms.sigma) for one in found]).T / 1e3
+    )
+    prior = (
+        np.array([one.camera_prior_ms or one.camera_offset_ms.sigma for one in found], dtype=np.float64) / 1e3
+    )
+    return Clocks(
+        np.array([cars.index(drive.car) for drive in drives]), value, sigma, np.maximum(prior, sigma)
+    )
