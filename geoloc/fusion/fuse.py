@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoloc.arrays import FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray
 
 TRACK_LASTS_S = 120.0
 """Correlation time of a fix's error: atmosphere and the satellites' geometry change over minutes."""
@@ -104,6 +104,31 @@ class Clocks:
 
 
 @dataclass(frozen=True, slots=True)
+class Known:
+    """Places of poles that somebody measured, one row a pole's number.
+
+    Attributes
+    ----------
+    place_m : float64 (m, 2)
+        NaN for a pole that nobody measured.
+    sigma_m : float64 (m,)
+        One sigma an axis.
+    """
+
+    place_m: FloatArray
+    sigma_m: FloatArray
+
+    @property
+    def there(self) -> BoolArray:
+        """Which poles have one."""
+        return np.isfinite(self.place_m[:, 0])
+
+    def part(self, poles: IntArray) -> Known:
+        """Those of some poles."""
+        return Known(self.place_m[poles], self.sigma_m[poles])
+
+
+@dataclass(frozen=True, slots=True)
 class Fused:
     """Places of poles, one row each, in the order of their numbers.
 
@@ -118,13 +143,19 @@ class Fused:
     covariance_m2: FloatArray
 
 
-def fuse(passes: Passes, clocks: Clocks, track_lasts_s: float = TRACK_LASTS_S) -> Fused:
+def fuse(
+    passes: Passes, clocks: Clocks, known: Known | None = None, track_lasts_s: float = TRACK_LASTS_S
+) -> Fused:
     """Fuse all passes of all drives.
+
+    Poles whose places are known tie the drives' tracks down. Such a pole itself is placed without its own
+    known place: what is compared with that later has not been drawn to it.
 
     Parameters
     ----------
     passes : Passes (n,)
     clocks : Clocks (d,)
+    known : Known (m,), optional
     track_lasts_s : float
         Correlation time of the track's error.
 
@@ -143,7 +174,8 @@ def fuse(passes: Passes, clocks: Clocks, track_lasts_s: float = TRACK_LASTS_S) -
         rows = np.flatnonzero(np.isin(passes.pole, there[window]))
         part = Passes(*(getattr(passes, name)[rows] for name in Passes.__dataclass_fields__))
         number = np.searchsorted(there[window], part.pole)
-        place, covariance = _solved(replace(part, pole=number), clocks, middle, track_lasts_s)
+        of_window = None if known is None else known.part(there[window])
+        place, covariance = _solved(replace(part, pole=number), clocks, of_window, middle, track_lasts_s)
         wanted = np.searchsorted(window, some)
         fused.place_m[there[some]], fused.covariance_m2[there[some]] = place[wanted], covariance[wanted]
     return fused
@@ -163,7 +195,7 @@ def _neighbourhoods(place_m: FloatArray) -> Iterator[IntArray]:
 
 
 def _solved(
-    passes: Passes, clocks: Clocks, origin_m: FloatArray, lasts_s: float
+    passes: Passes, clocks: Clocks, known: Known | None, origin_m: FloatArray, lasts_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Places and covariances of all poles ``(m, 2)``, ``(m, 2, 2)``, whose numbers have no gaps.
 
@@ -187,11 +219,25 @@ def _solved(
         normal[clock, clock] += -ahead @ by_clock
         right[columns] += weight @ seen
         right[clock] += by_clock @ seen
-    inverse = np.linalg.inv(normal)
-    place = (inverse @ right)[: 2 * poles].reshape(-1, 2) + origin_m
     at = 2 * np.arange(poles)
+    tied = np.zeros(poles, dtype=bool) if known is None else known.there
+    if known is not None:
+        information = known.sigma_m[tied] ** -2.0
+        for axis in range(2):
+            columns = at[tied] + axis
+            normal[columns, columns] += information
+            right[columns] += information * (known.place_m[tied, axis] - origin_m[axis])
+    inverse = np.linalg.inv(normal)
+    place = (inverse @ right)[: 2 * poles].reshape(-1, 2)
     blocks = np.array([[inverse[at + i, at + j] for j in (0, 1)] for i in (0, 1)]).transpose(2, 0, 1)
-    return place, 0.5 * (blocks + blocks.swapaxes(1, 2)) + _not_averaged(passes, clocks, poles)
+    if known is not None and tied.any():
+        whole = np.linalg.inv(blocks[tied])
+        others = np.linalg.inv(whole - information[:, None, None] * np.eye(2))
+        pull = (whole @ place[tied, :, None])[:, :, 0]
+        pull -= information[:, None] * (known.place_m[tied] - origin_m)
+        blocks[tied], place[tied] = others, (others @ pull[:, :, None])[:, :, 0]
+    covariance = 0.5 * (blocks + blocks.swapaxes(1, 2)) + _not_averaged(passes, clocks, poles)
+    return place + origin_m, covariance
 
 
 def _of_clocks(clocks: Clocks, first: int) -> tuple[FloatArray, FloatArray]:
