@@ -36,13 +36,14 @@ real: $(VENV)/.installed          ## real recordings (../shared/real): errors on
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 	$(BIN)/python -m twin.samples.sample data
 
-bench: $(VENV)/.installed         ## errors and ellipses on simulated drives against the bars: methods, lengths, labels, clocks, poses, cameras
+bench: $(VENV)/.installed         ## errors and ellipses on simulated drives against the bars: methods, lengths, labels, clocks, poses, cameras, 25 drives
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/drifting_labels.py
 	$(BIN)/python benchmarks/long_drives.py
 	$(BIN)/python benchmarks/association.py --seeds 10 --only-cameras
 	$(BIN)/python benchmarks/clocks.py
 	$(BIN)/python benchmarks/unstated_poses.py
+	$(BIN)/python benchmarks/many_drives.py
 
 bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, on one core
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/locate.py

@@ -11,6 +11,7 @@ from geoloc.simulation.motion import TrueMotion
 from geoloc.simulation.noise import gauss_markov, stream
 from geoloc.simulation.road import Road
 from geoloc.simulation.scenarios import Scenario
+from geoloc.simulation.simulate import SimulatedDrive, simulate_drive
 from geoloc.trajectory.trajectory import GnssFixes
 
 # Central difference of positions: shorter than anything a car does.
@@ -110,3 +111,50 @@ def as_single_fixes(fixes: GnssFixes, sigma_m: float) -> GnssFixes:
     """Return fixes of `metre_fixes` as a receiver without corrections states them."""
     n = fixes.epoch_ns.size
     return replace(fixes, quality=np.ones(n, dtype=np.int64), sigma_horizontal_m=np.full(n, sigma_m))
+
+
+@dataclass(frozen=True, slots=True)
+class ConsumerSpec:
+    """A receiver without corrections, in a phone or a dashboard camera; ranges of a uniform draw a drive."""
+
+    error_m: tuple[float, float] = (2.0, 4.0)
+    """Horizontal error of its fixes, root mean square of both axes together."""
+    lasts_s: tuple[float, float] = (60.0, 180.0)
+    """Correlation time of 95 % of that: atmosphere, and which satellites are in view."""
+    late_s: tuple[float, float] = (0.1, 0.2)
+    """By how much its filter is late, positions and velocities alike."""
+    multipath_share: float = 0.3
+    """Of the error: reflections, 10 s."""
+    white_m: float = 0.1
+    velocity_mps: float | None = 0.05
+    """Of its Doppler velocities, each horizontal axis; None for a receiver that has none."""
+    velocity_stated_mps: float = 0.05
+
+
+def consumer_drive(world: Scenario, seed: int, spec: ConsumerSpec) -> tuple[SimulatedDrive, GnssFixes]:
+    """Drive once with a consumer receiver at the first antenna; its fixes, which state no sigma."""
+    rng = stream(seed, "consumer receiver")
+    axis_m = rng.uniform(*spec.error_m) / np.sqrt(2.0)
+    lasts_s, late_s = rng.uniform(*spec.lasts_s), rng.uniform(*spec.late_s)
+    slow_m = np.sqrt(1.0 - spec.multipath_share**2) * axis_m
+    noise = replace(
+        world.noise,
+        gnss_white_horizontal_m=spec.white_m,
+        gnss_white_vertical_m=1.7 * spec.white_m,
+        gnss_slow_horizontal_m=slow_m,
+        gnss_slow_vertical_m=1.7 * slow_m,
+        gnss_slow_tau_s=lasts_s,
+        gnss_multipath_m=spec.multipath_share * axis_m,
+        gnss_multipath_tau_s=10.0,
+    )
+    drive = simulate_drive(replace(world, noise=noise), seed)
+    fixes = drive.gnss[0]
+    n = fixes.epoch_ns.size
+    if spec.velocity_mps is not None:
+        arm_m = drive.rig.antennas[fixes.antenna].rig_t_antenna_m + drive.drawn.lever_arm_m[fixes.antenna]
+        receiver = ReceiverSpec(heading_deg=0.0, velocity_mps=spec.velocity_mps)
+        fixes = with_receiver_motion(fixes, drive.scenario, seed, arm_m, receiver)
+        stated = np.full((n, 2), spec.velocity_stated_mps) * [1.0, 2.0]
+        fixes = replace(fixes, velocity_sigma_mps=stated)
+    late_ns = round(1e9 * late_s)
+    return drive, replace(fixes, quality=np.ones(n, dtype=np.int64), epoch_ns=fixes.epoch_ns + late_ns)

@@ -27,6 +27,8 @@ def fuse_with_agreeing(passes: Passes, clocks: Clocks, known: Known) -> tuple[Fu
     used : bool (m,)
         Which known places count.
     """
+    if known.there.sum() < LEAST:
+        return fuse(passes, clocks), np.zeros_like(known.there)
     sigma_m = known.sigma_m
     for _ in range(_ROUNDS):
         square = _squares(fuse(passes, clocks, Known(known.place_m, sigma_m)), known)

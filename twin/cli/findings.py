@@ -54,6 +54,13 @@ def match(
     tolerance: Annotated[
         float, typer.Option(help="Metres from NVDB's position beyond which a sign has moved.")
     ] = 1.0,
+    map_aided: Annotated[
+        bool,
+        typer.Option(
+            "--map-aided",
+            help="Let signs that NVDB has measured to 10 cm tie drives to the ground, where they agree.",
+        ),
+    ] = False,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="Exit with 1 if findings are open, 0 if none is.")
     ] = False,
@@ -66,7 +73,7 @@ def match(
     from twin.matching.match_store import match as run
     from twin.store.store import Store
 
-    config = MatchConfig(tolerance_m=tolerance)
+    config = MatchConfig(tolerance_m=tolerance, map_aided=map_aided)
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         report = run(opened, method=method, config=config, progress=progress)
         changes = latest_findings(opened.rows)

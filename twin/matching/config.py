@@ -86,6 +86,10 @@ class MatchConfig:
     seen_twice_m: float = 3.0
     """Objects of one drive with the same plates, never marked in one picture, are one pole within this
     distance, if the measurement cannot tell their places apart."""
+    map_aided: bool = False
+    """Whether signs that NVDB has measured well tie drives to the ground, where they agree."""
+    measured_m: float = 0.1
+    """Stated accuracy down to which a sign of NVDB counts as measured well."""
 
     def __post_init__(self) -> None:
         for field in fields(self):

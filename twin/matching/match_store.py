@@ -24,6 +24,7 @@ from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
 from twin.matching.poles.keys import with_known_keys
 from twin.matching.poles.many_drives import Driven, with_fused_places
+from twin.matching.poles.map_aided import map_aided
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.poles.same_pole import each_pole_once, may_be_one
 from twin.matching.poles.seen_in import known_marks, marks_of, pictures_of, seen_from
@@ -56,7 +57,8 @@ class MatchReport:
     n_outdated : int
         Poles of earlier drives that a later, completely annotated drive passed without seeing them: left out.
     warnings : tuple of str
-        Drives that do not fit themselves, and complete ones that cannot show that a sign is missing.
+        What measured signs did to the poles, if these were asked to; drives that do not fit themselves, and
+        complete ones that cannot show that a sign is missing.
     """
 
     method: str
@@ -108,11 +110,17 @@ def match(
         pairs = may_be_one(estimates, config)
         once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
         found = observed_poles(once, [drive.drive_id for drive in drives], config, directions)
-        found = with_fused_places(found, once, [drive.driven for drive in drives])
+        driven = [drive.driven for drive in drives]
+        found = with_fused_places(found, once, driven).poles
         marks = marks_of(view, estimates, method)
         poles = with_known_keys(found, marks, known_marks(view))
         points, plates = mirror_near(view, _places(drives, poles), config)
     sites = _sites(store, points, plates, config, has_network=has_network)
+    told: list[str] = []
+    if config.map_aided:
+        say("tying drives to measured signs")
+        poles, sentence = map_aided(poles, sites, once, driven, config)
+        told = [sentence]
     say("finding which signs were in view")
     current = still_seen(poles, [drive.past(poles, config) for drive in drives], config)
     seen = evidence_of_absence([drive.past(sites, config) for drive in drives], sites, config)
@@ -149,7 +157,7 @@ def match(
         n_sites=len(sites),
         n_in_view=int((seen.complete >= config.min_views).sum()),
         n_outdated=len(poles) - len(current),
-        warnings=tuple(warning for drive in drives for warning in drive.warnings()),
+        warnings=(*told, *(warning for drive in drives for warning in drive.warnings())),
     )
 
 

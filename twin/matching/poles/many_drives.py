@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg, utm33_covariance_from_enu
-from geoloc.fusion.fuse import Clocks, Passes, fuse
+from geoloc.fusion.agreeing import LEAST, fuse_with_agreeing
+from geoloc.fusion.fuse import Clocks, Known, Passes
 from geoloc.fusion.sources import parts_of
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.poles.poles import ObservedPole
@@ -36,9 +39,27 @@ class Driven:
     car: str
 
 
+class Measured(NamedTuple):
+    """Where NVDB has a sign that was measured: EPSG:25833, and one sigma of an axis."""
+
+    east_m: float
+    north_m: float
+    sigma_m: float
+
+
+class Placed(NamedTuple):
+    """Poles as all drives place them, and the numbers of those whose measured places tied drives down."""
+
+    poles: list[ObservedPole]
+    tied_by: frozenset[int]
+
+
 def with_fused_places(
-    poles: Sequence[ObservedPole], estimates: Sequence[Estimate], drives: Sequence[Driven]
-) -> list[ObservedPole]:
+    poles: Sequence[ObservedPole],
+    estimates: Sequence[Estimate],
+    drives: Sequence[Driven],
+    measured: Mapping[int, Measured] | None = None,
+) -> Placed:
     """Place poles by the estimates of all drives that are tied together by poles that several of them saw.
 
     Drives that no other one shares a pole with keep their places, and so do poles of drives whose method
@@ -50,22 +71,41 @@ def with_fused_places(
     estimates : sequence of Estimate, of one method
         What the poles were made of.
     drives : sequence of Driven
+    measured : mapping of a pole's number → Measured, optional
+        Places that tie drives down where they agree with one another; never the pole itself.
     """
+    measured = measured or {}
     by_id = {drive.drive_id: drive for drive in drives}
     by_member = {member: estimate for estimate in estimates for member in estimate.members}
     seen = [_best_of_drives(pole, by_member, by_id) for pole in poles]
     number = {drive.drive_id: k for k, drive in enumerate(drives)}
     group = _tied([[number[one.drive_id] for one in of_pole] for of_pole in seen], len(drives))
-    placed = list(poles)
+    placed, tied_by = list(poles), set[int]()
     for tied in np.unique(group):
         ids = [drive.drive_id for drive, one in zip(drives, group, strict=True) if one == tied]
-        if len(ids) < 2:
-            continue
         of_group = [k for k, one in enumerate(seen) if one and group[number[one[0].drive_id]] == tied]
-        fused = _fused([poles[k] for k in of_group], [seen[k] for k in of_group], [by_id[i] for i in ids])
-        for k, pole in zip(of_group, fused, strict=True):
-            placed[k] = pole
-    return placed
+        known = [measured.get(k, _NOWHERE) for k in of_group]
+        if len(ids) < 2 and sum(one is not _NOWHERE for one in known) < LEAST:
+            continue
+        passes, clocks = _group_of([seen[k] for k in of_group], [by_id[i] for i in ids])
+        places = np.array(known).reshape(-1, 3)
+        fused, used = fuse_with_agreeing(passes, clocks, Known(places[:, :2], places[:, 2]))
+        if len(ids) < 2 and not used.any():
+            continue
+        tied_by |= {k for k, counts in zip(of_group, used, strict=True) if counts}
+        for k, (east, north), covariance in zip(of_group, fused.place_m, fused.covariance_m2, strict=True):
+            placed[k] = replace(
+                poles[k],
+                east_m=float(east),
+                north_m=float(north),
+                covariance_m2=covariance,
+                # What each drive has of its own is averaged in that covariance.
+                averaged=1.0,
+            )
+    return Placed(placed, frozenset(tied_by))
+
+
+_NOWHERE = Measured(math.nan, math.nan, 1.0)
 
 
 def _best_of_drives(
@@ -99,9 +139,8 @@ def _tied(drives_of_poles: Sequence[Sequence[int]], drives: int) -> IntArray:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def _fused(
-    poles: Sequence[ObservedPole], seen: Sequence[Sequence[Estimate]], drives: Sequence[Driven]
-) -> list[ObservedPole]:
+def _group_of(seen: Sequence[Sequence[Estimate]], drives: Sequence[Driven]) -> tuple[Passes, Clocks]:
+    """What drives say of poles, whose numbers are their places in `seen`."""
     mine: dict[str, list[tuple[int, Estimate]]] = {drive.drive_id: [] for drive in drives}
     for k, of_pole in enumerate(seen):
         for estimate in of_pole:
@@ -110,18 +149,7 @@ def _fused(
     columns = (
         np.concatenate([getattr(part, name) for part in parts]) for name in Passes.__dataclass_fields__
     )
-    fused = fuse(Passes(*columns), _clocks(drives))
-    return [
-        replace(
-            pole,
-            east_m=float(east),
-            north_m=float(north),
-            covariance_m2=covariance,
-            # What each drive has of its own is averaged in that covariance.
-            averaged=1.0,
-        )
-        for pole, (east, north), covariance in zip(poles, fused.place_m, fused.covariance_m2, strict=True)
-    ]
+    return Passes(*columns), _clocks(drives)
 
 
 def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) -> Passes:

@@ -1,0 +1,256 @@
+"""One road driven many times: error of its poles, and the share inside the ellipses, against the drives.
+
+Usage: python benchmarks/many_drives.py [--receivers rtk consumer] [--roads 6] [--minutes 20] [--figure FILE]
+
+Journeys of so many minutes at 60 km/h, each on a day of its own, that pass the same poles on a kilometre of
+road in their middle, every other one the other way. One camera (120°), one antenna. Each drive is adjusted by
+itself, as `twin ingest-drive` does it, and `geoloc.fusion` puts their estimates together. Groups of drives
+do not overlap: one road gives 25 single drives, five groups of five, one of 25. "Tied to measured signs" is
+what `twin match --map-aided` does with every other pole measured to 10 cm. Nothing here is a timing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from accuracy import CHI2_95, Recorded, adjusted_of, offsets
+from rich.progress import track
+from simulated_receiver import ConsumerSpec, consumer_drive
+
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.fusion.agreeing import fuse_with_agreeing
+from geoloc.fusion.fuse import Clocks, Fused, Known, Passes, fuse
+from geoloc.fusion.sources import parts_of
+from geoloc.locate.accuracy import nees
+from geoloc.locate.records import Sightings
+from geoloc.simulation.scenarios import Scenario, scenario
+from geoloc.simulation.simulate import SimulatedDrive, simulate_drive
+from geoloc.trajectory.trajectory import GnssFixes, trajectory_from_gnss
+from twin.cli.output import console, print_table
+from twin.figures import png
+
+CAMERA = "C3_tricam120"
+DRIVES = 25
+COUNTS = (1, 2, 5, 10, 25)
+BARS_M = {"consumer": 0.25}
+"""Bar on the median at 25 drives; ellipses are to hold 90 to 98 % at 1, 5 and 25."""
+RECEIVERS: dict[str, ConsumerSpec | None] = {
+    "rtk": None,
+    "consumer": ConsumerSpec(),
+    "consumer-good": ConsumerSpec(error_m=(1.2, 2.4)),
+    "consumer-nmea": ConsumerSpec(velocity_mps=0.1, velocity_stated_mps=0.15),
+    "consumer-fixes": ConsumerSpec(velocity_mps=None),
+}
+LABELS = {
+    "rtk": "RTK",
+    "consumer": "consumer, fixes off by 2–4 m (rms), Doppler velocities",
+    "consumer-good": "consumer, fixes off by 2–4 m (95 %), Doppler velocities",
+    "consumer-nmea": "consumer, 2–4 m (rms), speed and course of RMC or VTG",
+    "consumer-fixes": "consumer, 2–4 m (rms), fixes alone",
+}
+_FIRST_SEED = 90_000
+_HALF_M = 500.0
+_MOST_POLES, _MEASURED_M = 100, 0.1
+
+
+class Estimates(NamedTuple):
+    """What one drive says of the poles: errors east and north stand for places."""
+
+    pole: IntArray
+    epoch_ns: IntArray
+    heading_deg: FloatArray
+    offset_m: FloatArray
+    by_source: dict[str, FloatArray]
+    clock_s: tuple[float, float, float]
+    """Found, one sigma of that, and one sigma beforehand."""
+
+
+def road(seed: int, minutes: float, *, against: bool) -> Scenario:
+    """A road with poles on the kilometre in its middle, and a car that drives it one way or the other."""
+    world = scenario("highway", None, seed, minutes)
+    length_m, motion = world.road.length_m, world.motion
+    middle = tuple(pole for pole in world.poles if abs(pole.station_m - length_m / 2.0) < _HALF_M)
+    if against:
+        motion = replace(motion, against=True, start_station_m=length_m, lane_offset_m=-motion.lane_offset_m)
+    built = replace(world.road, seed=seed)
+    return replace(world, road=built, motion=motion, poles=middle, cameras=(CAMERA,), annotate_every=6)
+
+
+def driven(world: Scenario, seed: int, spec: ConsumerSpec | None) -> tuple[SimulatedDrive, GnssFixes]:
+    """Drive once, with RTK or a consumer receiver."""
+    if spec is not None:
+        return consumer_drive(world, seed, spec)
+    drive = simulate_drive(world, seed)
+    return drive, drive.gnss[0]
+
+
+def estimates_of(drive: SimulatedDrive, fixes: GnssFixes) -> Estimates:
+    """Adjust one drive."""
+    seen = drive.sightings
+    arms = {fixes.antenna: drive.rig.antennas[fixes.antenna].rig_t_antenna_m}
+    trajectory = trajectory_from_gnss((fixes,), arms)
+    stamps = drive.frame_host_ns[CAMERA][seen.frame]
+    sightings = Sightings(seen.camera, seen.pixel_px)
+    recording = Recorded(drive, trajectory, sightings, seen.true_pixel_px, seen.object_index, stamps, 1)
+    adjusted = adjusted_of(recording, sightings)
+    pole = adjusted.object
+    offset = offsets(drive, pole, adjusted.latitude_deg, adjusted.longitude_deg)[pole]
+    last = np.array([stamps[seen.object_index == one].max() for one in pole])
+    heading = trajectory.poses_at(last).heading_deg
+    there, clock = np.isfinite(offset[:, 0]), adjusted.time_offset_ms
+    return Estimates(
+        pole[there],
+        last[there],
+        heading[there],
+        offset[there],
+        {source: covariance[there] for source, covariance in adjusted.by_source.items()},
+        (1e-3 * clock.value, 1e-3 * clock.sigma, 1e-3 * adjusted.time_prior_ms),
+    )
+
+
+def fused_of(drives: Sequence[Estimates], known: Known | None = None) -> Fused:
+    """Fuse drives of one car, tied to measured signs if there are any."""
+    parts = [
+        Passes(
+            one.pole,
+            np.full(one.pole.size, number),
+            one.epoch_ns,
+            one.offset_m,
+            *parts_of(one.by_source, one.heading_deg, one.clock_s[1]),
+        )
+        for number, one in enumerate(drives)
+    ]
+    columns = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in Passes.__dataclass_fields__
+    )
+    clocks = np.array([one.clock_s for one in drives]).T
+    all_passes, all_clocks = Passes(*columns), Clocks(np.zeros(len(drives), dtype=np.int64), *clocks)
+    if known is None:
+        return fuse(all_passes, all_clocks)
+    poles = int(all_passes.pole.max()) + 1
+    part = Known(known.place_m[:poles], known.sigma_m[:poles])
+    return fuse_with_agreeing(all_passes, all_clocks, part)[0]
+
+
+def measured(number: int) -> Known:
+    """Signs of a road as NVDB has them: every other one measured to 10 cm, one in ten of these moved 3 m."""
+    rng = np.random.default_rng([_FIRST_SEED, number])
+    place = rng.normal(size=(_MOST_POLES, 2)) * _MEASURED_M
+    place[rng.random(_MOST_POLES) < 0.1] += [3.0, 0.0]
+    place[1::2] = np.nan
+    return Known(place, np.full(_MOST_POLES, _MEASURED_M))
+
+
+class Row(NamedTuple):
+    """Of a number of drives: lengths of errors, and squares over the variances."""
+
+    count: int
+    groups: int
+    error_m: FloatArray
+    square: FloatArray
+
+    def cells(self) -> tuple[str, ...]:
+        """What is printed."""
+        return (
+            f"{self.groups}",
+            f"{np.median(self.error_m):.2f} / {np.percentile(self.error_m, 95):.2f}",
+            f"{np.mean(self.square <= CHI2_95):.0%}",
+            f"{np.mean(self.square) / 2.0:.2f}",
+        )
+
+
+def rows_of(roads: Sequence[Sequence[Estimates]], *, map_aided: bool = False) -> list[Row]:
+    """Fuse groups of drives."""
+    rows = []
+    for count in COUNTS:
+        errors, squares, groups = [], [], 0
+        for number, drives in enumerate(roads):
+            known = measured(number) if map_aided else None
+            for first in range(0, len(drives) - count + 1, count):
+                fused = fused_of(drives[first : first + count], known)
+                there = np.isfinite(fused.place_m[:, 0])
+                errors.append(np.hypot(*fused.place_m[there].T))
+                squares.append(nees(fused.place_m[there], fused.covariance_m2[there]))
+                groups += 1
+        rows.append(Row(count, groups, np.concatenate(errors), np.concatenate(squares)))
+    return rows
+
+
+def run(receiver: str, roads: int, minutes: float) -> list[list[Estimates]]:
+    """All drives with one receiver, road by road."""
+    spec = RECEIVERS[receiver]
+    jobs = [(number, drive) for number in range(roads) for drive in range(DRIVES)]
+    found: list[list[Estimates]] = [[] for _ in range(roads)]
+    for number, drive in track(jobs, description=receiver, console=console(stderr=True), transient=True):
+        world = road(_FIRST_SEED + number, minutes, against=drive % 2 == 1)
+        found[number].append(estimates_of(*driven(world, _FIRST_SEED + 100 * (number + 1) + drive, spec)))
+    return found
+
+
+_COLOURS = ("#009e73", "#0072b2", "#cc79a7", "#d55e00", "#777777")
+
+
+def draw(found: Mapping[str, Sequence[Row]], path: Path) -> None:
+    """Draw error against the number of drives: medians as lines, 95th percentiles dashed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained", dpi=80)
+    axes = figure.add_subplot()
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for k, (label, rows) in enumerate(found.items()):
+        drives, colour = [row.count for row in rows], _COLOURS[k % len(_COLOURS)]
+        axes.plot(drives, [np.median(row.error_m) for row in rows], "o-", label=label, color=colour)
+        axes.plot(drives, [np.percentile(row.error_m, 95) for row in rows], "--", linewidth=1.0, color=colour)
+    axes.set_xticks(COUNTS, [str(count) for count in COUNTS])
+    ticks = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+    axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    axes.set_xlabel("drives past a pole")
+    axes.set_ylabel("error [m]: median, 95 % dashed")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small")
+    path.write_bytes(png(figure))
+
+
+def main() -> None:
+    """Print one row a receiver and number of drives."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--receivers", choices=RECEIVERS, nargs="+", default=["rtk", "consumer", "consumer-good"]
+    )
+    parser.add_argument("--roads", type=int, default=6, help="roads, each driven 25 times (default 6)")
+    parser.add_argument("--minutes", type=float, default=20.0, help="length of a journey (default 20)")
+    parser.add_argument("--markdown", action="store_true", help="print a table for the docs")
+    parser.add_argument("--figure", type=Path, help="draw error against the number of drives into this file")
+    options = parser.parse_args()
+    found: dict[str, list[Row]] = {}
+    for name in options.receivers:
+        roads = run(name, options.roads, options.minutes)
+        found[LABELS[name]] = rows_of(roads)
+        if name in BARS_M:
+            found[f"{LABELS[name]}, tied to measured signs"] = rows_of(roads, map_aided=True)
+    header = ["receiver", "drives", "groups", "median / p95 [m]", "in ellipse", "NEES / 2", "bar"]
+    bars = {LABELS[name]: f"{bar:.2f}" for name, bar in BARS_M.items()}
+    table = [
+        (label, row.count, *row.cells(), bars.get(label, "") if row.count == DRIVES else "")
+        for label, rows in found.items()
+        for row in rows
+    ]
+    if options.markdown:
+        print("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
+        for line in table:
+            print("| " + " | ".join(map(str, line)) + " |")
+    else:
+        print_table("Error against the number of drives", header, table, right_from=1)
+    if options.figure:
+        draw(found, options.figure)
+
+
+if __name__ == "__main__":
+    main()
