@@ -8,6 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 import sqlalchemy as sa
@@ -46,6 +47,27 @@ def test_match_takes_absence_only_from_drives_of_its_method(synced: Path, trip: 
         ingest_drive(store, trip, method="paper")
         ingest_drive(store, other, method="single-frame")
         assert match(store, method="single-frame").verdicts["missing"] == 0
+
+
+def test_two_drives_place_poles_better_than_one_and_map_aided_says_what_it_did(
+    synced: Path, trip: Path
+) -> None:
+    """The same road on two days: smaller ellipses, the same findings, also with the map's help."""
+    other = Path(shutil.copytree(trip, trip.with_name("other")))
+    days_later(other, 1)
+    sigma_m = []
+    with Store.open(synced) as store:
+        for folder in (trip, other):
+            ingest_drive(store, folder)
+            assert match(store).verdicts == AS_MADE
+            rows = store.rows(
+                sa.select(schema.change.c.cov_ee_m2).where(schema.change.c.cov_ee_m2.is_not(None))
+            )
+            sigma_m.append(np.sqrt(np.mean([row["cov_ee_m2"] for row in rows])))
+        assert sigma_m[1] < 0.9 * sigma_m[0]
+        report = match(store, config=MatchConfig(map_aided=True))
+    assert report.verdicts == AS_MADE
+    assert report.warnings[0].startswith("Map-aided: ")
 
 
 def test_match_finds_the_same_with_ids_of_each_camera(synced: Path, trip: Path) -> None:
