@@ -33,7 +33,6 @@ from geoloc.simulation.simulate import Scenario, scenario, simulate_drive
 from geoloc.trajectory.trajectory import trajectory_from_gnss
 from twin.cli.output import console, print_table
 from twin.drives.frames.clocks import STATED_MS
-from twin.ingest.budget import LAG_MS
 
 ROADS = ("urban", "highway", "straight")
 LATE_S = (0.2, -0.5, 1.0, -2.0)
@@ -65,8 +64,7 @@ class Row:
     def budget(self) -> ErrorBudget:
         """As `twin ingest-drive` takes it."""
         usual = ErrorBudget()
-        stated, lag = STATED_MS * self.is_stated, LAG_MS * self.is_poor
-        return replace(usual, time_ms=float(np.sqrt(usual.time_ms**2 + stated**2 + lag**2)))
+        return replace(usual, time_ms=float(np.hypot(usual.time_ms, STATED_MS * self.is_stated)))
 
 
 ROWS = tuple(

@@ -10,17 +10,12 @@ import numpy as np
 from geoloc.adjustment.result import Adjusted
 from geoloc.doubts import Doubt
 from geoloc.locate.single_frame import ErrorBudget
-from geoloc.trajectory.fix_checks import sigma_of_fixes
 from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.notes import DriveDoubt
 from twin.drives.folder.stated_errors import TERMS, can_be, wanted
 from twin.errors import ConfigError
 
-_POOR_M = 0.5
-"""Horizontal sigma of a receiver without carrier phases of a base station."""
-LAG_MS = 150.0
-"""How late the positions of such receivers are: their filters lag by 0.1 to 0.2 s, and none says it."""
 _WELL_KNOWN_MS = 50.0
 _NOTICED = 3.0
 
@@ -50,14 +45,8 @@ def budget_of(drive: Drive, budget: ErrorBudget | None, errors: Mapping[str, flo
         return replace(budget, **errors)
     usual = ErrorBudget()
     stated_ms = 0.0 if drive.clock is None else drive.clock.sigma_ms
-    time_ms = float(np.sqrt(usual.time_ms**2 + stated_ms**2 + _lag_ms(drive) ** 2))
+    time_ms = float(np.hypot(usual.time_ms, stated_ms))
     return replace(usual, **{"time_ms": time_ms, **drive.errors, **errors})
-
-
-def _lag_ms(drive: Drive) -> float:
-    """How late the fixes of the best receiver may be."""
-    sigma_m = [float(np.median(sigma_of_fixes(f.quality, f.sigma_horizontal_m))) for f in drive.gnss]
-    return LAG_MS if sigma_m and min(sigma_m) > _POOR_M else 0.0
 
 
 def clock_doubts(drive: Drive, budget: ErrorBudget, adjusted: Adjusted | None) -> tuple[Doubt, ...]:

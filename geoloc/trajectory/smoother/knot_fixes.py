@@ -134,6 +134,13 @@ class KnotFixes:
         known = np.minimum(lasts_s[:-1], lasts_s[1:])
         return np.exp(-self.step_s[:, None] / np.where(np.isfinite(known), known, MULTIPATH_S))
 
+    def slow_scale(self, antenna: int, scale: float) -> FloatArray:
+        """By how much what lasts is larger (n,) where fixes scatter more than they should by `scale`.
+
+        What lasts for minutes of code solutions does not scatter.
+        """
+        return np.where(self.white_every_s[:, antenna] > 0.0, 1.0, scale)
+
     @property
     def not_smoothed_m(self) -> FloatArray:
         """One sigma ``(n, m)`` of what no smoothing removes of each fix.

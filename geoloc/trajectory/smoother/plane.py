@@ -285,7 +285,7 @@ class _Fit:
             jacobian[:, :, YAW] = turned(arm)
             jacobian[:, :, YAW_RATE] = late * turned(arm)
             own = OWN + 2 * antenna
-            slow = self.fixes.slow_m[:, antenna] * self.scale[antenna]
+            slow = self.fixes.slow_m[:, antenna] * self.fixes.slow_scale(antenna, self.scale[antenna])
             jacobian[:, 0, own] = jacobian[:, 1, own + 1] = slow
             expected = expected + arm + slow[:, None] * state[:, own : own + 2]
             by_constants[:, :, :c] = ahead[:, :, None] * mode

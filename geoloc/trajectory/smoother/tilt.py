@@ -210,7 +210,7 @@ class _Fit:
         self, antenna: int, state: FloatArray, constants: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         (x, y, z), aside = self.levers_m[antenna], self.aside_m[antenna]
-        slow = self.slow_m[:, antenna] * self.scale[antenna]
+        slow = self.slow_m[:, antenna] * self.fixes.slow_scale(antenna, self.scale[antenna])
         jacobian = np.zeros((len(state), 1, self.size))
         jacobian[:, 0, 0] = 1.0
         jacobian[:, 0, 1] = x + self.fixes.late_s[:, antenna] * self.forward_mps
