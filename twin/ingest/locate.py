@@ -150,6 +150,8 @@ def locate_annotations(
     epoch = stamp + drive.camera_offset_ns
     sightings = Sightings(camera=camera, pixel_px=notes.pixel_px[index])
     poses = widened(trajectory.poses_at(epoch), datum_sigma_m)
+    # `adjust` adds by itself how late the positions may be.
+    late = replace(budget, time_ms=float(np.hypot(budget.time_ms, 1e3 * trajectory.late_sigma_s)))
     if method == "paper":
         # The paper pairs host stamps, late as they are: that is part of what it is measured by.
         located = locate_paper(
@@ -161,9 +163,9 @@ def locate_annotations(
             delay_ms=trajectory.delay_ms()[0],
         )
     elif terrain is not None:
-        located = locate_on_terrain(drive.rig, sightings, poses, terrain, budget)
+        located = locate_on_terrain(drive.rig, sightings, poses, terrain, late)
     else:
-        located = locate_single_frame(drive.rig, sightings, poses, budget)
+        located = locate_single_frame(drive.rig, sightings, poses, late)
     if method != "adjusted":
         return SightedObjects(index, name, group, epoch, poses, located, is_foot)
     adjusted = adjust(

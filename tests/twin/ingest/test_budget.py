@@ -18,7 +18,7 @@ from twin.drives.frames.clocks import STATED_MS, StatedClock, computed, of_host
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.read import read_drive
 from twin.errors import ConfigError
-from twin.ingest.budget import LAG_MS, budget_of, clock_doubts
+from twin.ingest.budget import budget_of, clock_doubts
 from twin.ingest.locate import locate_annotations, trajectory_of
 from twin.samples.demo import sample_folder
 
@@ -48,12 +48,6 @@ def test_what_is_asked_for_counts_before_what_the_drive_states() -> None:
     assert budget.time_ms == pytest.approx(STATED_MS, rel=1e-4)
     assert budget_of(replace(drive, errors={"time_ms": 8.0}), None, {}).time_ms == 8.0
     assert budget_of(drive, USUAL, {"time_ms": 7.0}) == replace(USUAL, time_ms=7.0)
-
-
-def test_receiver_without_corrections_may_lag() -> None:
-    """Single fixes are late by 0.1 to 0.2 s, and no receiver says so."""
-    single = tuple(replace(one, quality=np.ones_like(one.quality)) for one in sample().gnss)
-    assert budget_of(replace(sample(), gnss=single), None, {}).time_ms == pytest.approx(LAG_MS, rel=1e-2)
 
 
 @pytest.mark.parametrize(
