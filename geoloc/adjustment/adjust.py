@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.adjustment.build_model import Placed, model_of, on_terrain, scene_of
-from geoloc.adjustment.clock import about, cannot_be, clock_of_the_rays, may_not_be
+from geoloc.adjustment.clock import about, cannot_be, clock_of_the_rays, lasting_doubt_s, may_not_be
+from geoloc.adjustment.clock_search import first_shift_s
 from geoloc.adjustment.corrected_poses import corrected_poses
 from geoloc.adjustment.covariance import Spread, spread
 from geoloc.adjustment.model import Model
@@ -107,20 +108,28 @@ def adjust(
     seen = task.seen(0)
     if seen.scene.point.size == 0:
         return nothing_adjusted(objects, seen.rejected, seen.poses)
+    shift_s = task.first_shift_s()
+    if shift_s:
+        # The stated clock is seconds off: begin near the right one, where the rays say what it is.
+        stated = replace(stated, time_ms=_WIDER * 1e3 * abs(shift_s))
+        seen = task.seen(round(shift_s * NANOSECONDS))
     at = task.settled(task.solved(seen, stated), stated)
     task, at = task.with_pose_sigmas(at, stated)
     doubts = list(_doubts(at.model, at.solution, terrain))
-    rays = clock_of_the_rays(at.solution, at.found, budget.time_ms, at.shift_s)
+    rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
     unsure_s = 0.0
     if cannot_be(rays, budget.time_ms):
         # The stated clock cannot be: let the rays say what it is.
         free = replace(stated, time_ms=_WIDER * abs(rays.value))
         at, stated = task.settled(task.solved(at.seen, free), free), free
+        rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
         doubts.append(_wrong_clock(at))
     elif may_not_be(rays, budget.time_ms):
         unsure_s = 1e-3 * abs(rays.value)
         doubts.append(_doubted_clock(rays, budget))
     seen = at.seen
+    lasting_s = lasting_doubt_s(rays, stated.time_ms, seen.scene.body, is_poor=late_ms > 0.0)
+    unsure_s = float(np.hypot(unsure_s, lasting_s))
     seen.rejected[seen.scene.row[~at.solution.inlier]] = Reason.OUTLIER
     corrected = corrected_poses(at.model, at.solution.x, seen.poses)
     return adjusted_of(
@@ -185,6 +194,12 @@ class _Task:
         scene = scene_of(asked.rig, asked.sightings.camera, placed)
         rejected[np.setdiff1d(placed.row, scene.row)] = Reason.NO_CROSSING
         return _Seen(shift_ns, scene, rejected, poses)
+
+    def first_shift_s(self) -> float:
+        """What to add to the clock before anything else, where it is seconds off."""
+        placed, _, _ = _placed(self.observations, self.budget, self.size_px)
+        asked = self.observations
+        return first_shift_s(asked.rig, asked.sightings.camera, placed, asked.trajectory)
 
     def solved(self, seen: _Seen, priors: ErrorBudget) -> _Solved:
         """Solve by these priors."""

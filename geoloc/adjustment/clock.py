@@ -6,6 +6,7 @@ import numpy as np
 
 from geoloc.adjustment.covariance import Spread
 from geoloc.adjustment.result import Correction
+from geoloc.adjustment.scene import Bodies
 from geoloc.adjustment.solve import Solution
 from geoloc.adjustment.unknowns import TIME, Prior
 
@@ -14,6 +15,11 @@ from geoloc.adjustment.unknowns import TIME, Prior
 _CERTAIN = 6.0
 # From here on a clock is doubted: the stated one is kept, and what the rays say is added to the ellipses.
 _DOUBTED = 2.5
+
+# Bends and the driver's wander show a clock by the yaw rate; what tyres do beyond a slip in proportion looks
+# the same, and goes on for as long as the drive.
+_LOOKS_ALIKE_MS = 5.0
+_NOTHING_TOLD_MS = 1000.0
 
 
 def clock_of_the_rays(solution: Solution, found: Spread, time_ms: float, shift_s: float) -> Correction:
@@ -41,6 +47,31 @@ def cannot_be(rays: Correction, time_ms: float) -> bool:
 def may_not_be(rays: Correction, time_ms: float) -> bool:
     """Whether the rays speak against such a clock."""
     return bool(abs(rays.value) > _DOUBTED * np.hypot(rays.sigma, time_ms))
+
+
+def lasting_doubt_s(rays: Correction, time_ms: float, body: Bodies, *, is_poor: bool) -> float:
+    """One sigma to add to the clock's, since what looks like a clock in the rays does not average.
+
+    Parameters
+    ----------
+    rays : Correction
+        From `clock_of_the_rays`.
+    time_ms : float
+        One sigma of the clock's prior.
+    body : Bodies
+        The car at each sighting.
+    is_poor : bool
+        Whether the track is of fixes without a carrier-phase solution. Its heading is off for minutes, and
+        over the rate at which the car turns that is a time.
+    """
+    alike_ms = _LOOKS_ALIKE_MS
+    if is_poor:
+        turning = float(np.sqrt(np.mean(body.yaw_rate_radps**2)))
+        alike_ms = min(1e3 * float(np.median(body.sigma_rad[:, 2])) / max(turning, 1e-6), _NOTHING_TOLD_MS)
+    taken, honest = (
+        1.0 / (time_ms**-2.0 + 1.0 / (rays.sigma**2 + more_ms**2)) for more_ms in (0.0, alike_ms)
+    )
+    return 1e-3 * float(np.sqrt(honest - taken))
 
 
 def about(prior: Prior, shift_s: float) -> Prior:

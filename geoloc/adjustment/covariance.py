@@ -11,6 +11,7 @@ import numpy as np
 from geoloc.adjustment.equations import epochs_of_unknowns, factorised
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.solve import Solution
+from geoloc.adjustment.unknowns import TIME
 from geoloc.arrays import FloatArray, IntArray
 
 # What correlates points other than what all share fades with the attitude's processes, the slowest in 8 s on
@@ -29,11 +30,14 @@ class Spread:
         They add up to `covariance_m2`.
     shared : float64 (g, g)
         Covariance of the unknowns that all points share: time, readout, cameras.
+    with_clock : float64 (m, 3)
+        Covariance of the points with the clock's offset, metres times seconds.
     """
 
     covariance_m2: FloatArray
     by_source: dict[str, FloatArray]
     shared: FloatArray
+    with_clock: FloatArray
 
 
 def spread(model: Model, solution: Solution) -> Spread:
@@ -82,7 +86,7 @@ def spread(model: Model, solution: Solution) -> Spread:
                 cross = mine.T @ part.mixed[low:high] @ through[point].T
                 by_source[source][point] += mine.T @ weighed[low:high] + cross + cross.T
     rest = covariance - np.sum(list(by_source.values()), axis=0)
-    return Spread(covariance, {"pixels": rest, **by_source}, shared)
+    return Spread(covariance, {"pixels": rest, **by_source}, shared, through[:, :, TIME])
 
 
 class _Quadratic(NamedTuple):

@@ -148,7 +148,8 @@ def adjusted_of(
     by_source = _every_source(found, model, track)
     total = np.sum(list(by_source.values()), axis=0)
     # A clock that no bend shows moves all points of a drive alike: that makes no bearing vague.
-    sigma_major, _, _ = ellipse(total - by_source["time"])
+    late = found.with_clock[:, :2] / np.sqrt(found.shared[TIME, TIME])
+    sigma_major, _, _ = ellipse(found.covariance_m2[:, :2, :2] - late[:, :, None] * late[:, None, :])
     firm = (sigma_major <= _WORST_SIGMA_M) & ~_leapt(model, points)
     index = np.searchsorted(objects, scene.object)
     chosen = _best_points(index, g, scene.is_foot, firm)

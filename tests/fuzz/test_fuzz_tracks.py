@@ -54,9 +54,9 @@ def checked(read: Callable[[], Any]) -> None:
     assert np.isfinite([track.latitude_deg, track.longitude_deg, track.height_m]).all()
     assert all(skipped.count > 0 for skipped in result.skipped)
     if not isinstance(result, FixesRead):
-        assert np.isfinite(
-            [track.roll_deg, track.pitch_deg, track.heading_deg, track.sigma_heading_deg]
-        ).all()
+        assert np.isfinite([track.roll_deg, track.pitch_deg, track.heading_deg]).all()
+        stated = track.sigma_heading_deg[~np.isnan(track.sigma_heading_deg)]
+        assert ((stated > 0.0) & np.isfinite(stated)).all()
     else:
         assert np.all(track.quality > 0)
         headings, velocities = track.heading_deg, track.velocity_mps

@@ -23,6 +23,16 @@ def test_clock_that_is_seconds_off_is_found_where_the_road_bends(late_ms: int) -
     assert np.hypot(*late.errors_m(adjusted).T).max() < 0.3
 
 
+@pytest.mark.parametrize("late_ms", [-2000, 2000])
+def test_clock_that_is_two_seconds_off_is_found_in_wide_bends(late_ms: int) -> None:
+    """Where the adjustment by itself goes the wrong way: it begins where rays cross best."""
+    recording = recorded("highway", 60.0, 70_000)
+    late = recording._replace(epoch_ns=recording.epoch_ns + late_ms * 1_000_000)
+    adjusted = late.adjusted()
+    assert AdjustmentDoubt.CLOCK in {doubt.kind for doubt in adjusted.doubts}
+    assert (nees(late.errors_m(adjusted), adjusted.covariance_m2) < 5.99).mean() > 0.9
+
+
 def test_clock_that_is_stated_to_a_second_is_in_the_ellipses_or_found() -> None:
     """A start that is stated a second late is no doubt: it is found to centimetres where bends show it."""
     recording = recorded("urban")

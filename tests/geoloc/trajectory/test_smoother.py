@@ -311,5 +311,5 @@ def test_valley_is_followed_by_fixes_without_corrections() -> None:
     arms = {one.antenna: drive.rig.antennas[one.antenna].rig_t_antenna_m}
     poses, truth = trajectory_from_gnss([one], arms).poses_at(drive.frame_epoch_ns), drive.poses
     off_deg = poses.pitch_deg - truth.pitch_deg
-    assert np.abs(poses.height_m - truth.height_m).max() < 1.0
+    assert np.abs(poses.height_m - truth.height_m).max() < 1.2
     assert np.mean((off_deg / poses.sigma_pitch_deg) ** 2) < 1.5
