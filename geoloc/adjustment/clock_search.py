@@ -77,7 +77,8 @@ def _miss(
     away = np.einsum("nij,nj->ni", rotation, ray[there])
     home = np.full((point.max() + 1, 2), np.nan)
     home[point] = np.stack([body.latitude_deg, body.longitude_deg], axis=1)[there]
-    east, north = enu_offset(home[point, 0], home[point, 1], body.latitude_deg[there], body.longitude_deg[there])
+    latitude, longitude = body.latitude_deg[there], body.longitude_deg[there]
+    east, north = enu_offset(home[point, 0], home[point, 1], latitude, longitude)
     eye = np.stack([east, north, body.height_m[there]], axis=1)
     eye = eye + np.einsum("nij,nj->ni", rotation, arm_m[there])
     across = np.eye(3) - away[:, :, None] * away[:, None, :]

@@ -162,7 +162,7 @@ def test_match_calls_nothing_missing_without_an_annotation_file(synced: Path, tr
 
 
 def test_match_asks_for_review_of_a_drive_that_does_not_fit_itself(synced: Path, trip: Path) -> None:
-    """Camera stamps one second late are found, yet no difference is more than a review, and the drive is named."""
+    """Stamps one second late are found; no difference is more than a review, and the drive is named."""
     frames_later(1.0)(trip)
     with Store.open(synced) as store:
         report = ingest_drive(store, trip)
