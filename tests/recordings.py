@@ -84,6 +84,7 @@ def recorded(
     ins: bool = False,
     silent: bool = False,
     kerbs: bool = True,
+    kerb_everywhere_m: float | None = None,
     straight: bool = False,
     crossfall_percent: float | None = None,
     minutes: float | None = None,
@@ -94,6 +95,9 @@ def recorded(
     world = without_noise(world) if silent else world
     if not kerbs:
         world = replace(world, road=replace(world.road, kerb_share=0.0, verge_sigma_m=0.0))
+    if kerb_everywhere_m is not None:
+        road = replace(world.road, kerb_share=1.0, kerb_height_m=kerb_everywhere_m)
+        world = replace(world, road=road)
     if straight:
         world = replace(world, road=replace(world.road, curvature=((0.0, 0.0),)))
     if crossfall_percent is not None:

@@ -39,3 +39,15 @@ def test_coarse_annotations_look_like_no_slower_shutter(name: str, seed: int) ->
     readout = recording._replace(pixel_px=recording.pixel_px + noise_px).adjusted().readout_ms
     true_ms = 1e-3 * recording.drive.scenario.noise.row_delay_us * 1208
     assert abs(readout.value - true_ms) < readout.sigma
+
+
+def test_ground_that_rises_under_all_feet_is_no_pitch() -> None:
+    """Kerbs of 25 cm under every pole are found as what they share, and the cameras stay where they are."""
+    recording = recorded("highway", seed=2, minutes=2.0, ins=True, kerb_everywhere_m=0.25)
+    adjusted = recording.adjusted()
+    height_m = adjusted.height_m - recording.drive.objects.height_m[adjusted.object]
+    assert abs(np.mean(height_m)) < 0.05
+    assert np.mean((height_m / adjusted.sigma_height_m) ** 2) < 2.5
+    for camera, (pitch, _, _) in adjusted.boresight_deg.items():
+        true = recording.drive.rig.camera(camera).rig_R_camera.T @ recording.drive.drawn.boresight_deg[camera]
+        assert abs(pitch.value - true[0]) < 3.0 * pitch.sigma
