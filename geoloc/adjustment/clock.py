@@ -16,10 +16,10 @@ _CERTAIN = 6.0
 # From here on a clock is doubted: the stated one is kept, and what the rays say is added to the ellipses.
 _DOUBTED = 2.5
 
-# Bends and the driver's wander show a clock by the yaw rate; what tyres do beyond a slip in proportion looks
-# the same, and goes on for as long as the drive.
-_LOOKS_ALIKE_MS = 5.0
-_NOTHING_TOLD_MS = 1000.0
+# Bends and the driver's wander show a clock by the yaw rate. What tyres do beyond a slip in proportion looks
+# the same, and so does that part of a heading's error which goes on for as long as the drive.
+_LOOKS_ALIKE_MS, _NOTHING_TOLD_MS = 5.0, 1000.0
+_LASTING_SHARE = 0.3
 
 
 def clock_of_the_rays(solution: Solution, found: Spread, time_ms: float, shift_s: float) -> Correction:
@@ -61,13 +61,12 @@ def lasting_doubt_s(rays: Correction, time_ms: float, body: Bodies, *, is_poor: 
     body : Bodies
         The car at each sighting.
     is_poor : bool
-        Whether the track is of fixes without a carrier-phase solution. Its heading is off for minutes, and
-        over the rate at which the car turns that is a time.
+        Whether the track is of fixes without a carrier-phase solution, whose headings are off for minutes.
     """
-    alike_ms = _LOOKS_ALIKE_MS
-    if is_poor:
-        turning = float(np.sqrt(np.mean(body.yaw_rate_radps**2)))
-        alike_ms = min(1e3 * float(np.median(body.sigma_rad[:, 2])) / max(turning, 1e-6), _NOTHING_TOLD_MS)
+    turning = max(float(np.sqrt(np.mean(body.yaw_rate_radps**2))), 1e-6)
+    share = 1.0 if is_poor else _LASTING_SHARE
+    heading_ms = 1e3 * share * float(np.median(body.sigma_rad[:, 2])) / turning
+    alike_ms = min(max(heading_ms, _LOOKS_ALIKE_MS), _NOTHING_TOLD_MS)
     taken, honest = (
         1.0 / (time_ms**-2.0 + 1.0 / (rays.sigma**2 + more_ms**2)) for more_ms in (0.0, alike_ms)
     )
