@@ -66,8 +66,8 @@ class Estimates(NamedTuple):
     heading_deg: FloatArray
     offset_m: FloatArray
     by_source: dict[str, FloatArray]
-    clock_s: tuple[float, float, float]
-    """Found, one sigma of that, and one sigma beforehand."""
+    clock_s: tuple[float, float, float, float]
+    """Found, one sigma of that, one sigma beforehand, and how late the receiver may be."""
 
 
 def road(seed: int, minutes: float, *, against: bool) -> Scenario:
@@ -109,7 +109,7 @@ def estimates_of(drive: SimulatedDrive, fixes: GnssFixes) -> Estimates:
         heading[there],
         offset[there],
         {source: covariance[there] for source, covariance in adjusted.by_source.items()},
-        (1e-3 * clock.value, 1e-3 * clock.sigma, 1e-3 * adjusted.time_prior_ms),
+        (1e-3 * clock.value, 1e-3 * clock.sigma, 1e-3 * adjusted.time_prior_ms, trajectory.late_sigma_s),
     )
 
 

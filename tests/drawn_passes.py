@@ -44,6 +44,6 @@ def passes(
                 np.tile(ahead, (poles, 1)),
             )
         )
-        clocks.append((found, sigma_s, prior_s))
+        clocks.append((found, sigma_s, prior_s, prior_s))
     columns = (np.concatenate([getattr(one, name) for one in parts]) for name in Passes.__dataclass_fields__)
     return Passes(*columns), Clocks(np.zeros(drives, dtype=np.int64), *np.array(clocks).T)

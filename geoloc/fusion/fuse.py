@@ -28,8 +28,8 @@ from geoloc.arrays import BoolArray, FloatArray, IntArray
 TRACK_LASTS_S = 120.0
 """Correlation time of a fix's error: atmosphere and the satellites' geometry change over minutes."""
 _STAMPED_S = 0.005
-# Shares of a clock's variance that all drives of a car have in common: of how frames are stamped, and of what
-# a receiver's filter is late beyond that.
+# Shares of variances that all drives of a car have in common: of how frames are stamped, and of how late the
+# receiver's filter is. A clock that is known to the second only is each drive's own.
 _STAMPED_ALIKE, _LATE_ALIKE = 0.5, 0.9
 # (1 mm)²: keeps weights finite where an estimate states nothing of its own.
 _FLOOR_M2 = 1e-6
@@ -81,12 +81,15 @@ class Clocks:
         What the adjustment of that drive alone says.
     prior_s : float64 (d,)
         One sigma, about 0, that it took for granted.
+    late_s : float64 (d,)
+        One sigma of how late the receiver may be, which is part of it.
     """
 
     car: IntArray
     found_s: FloatArray
     sigma_s: FloatArray
     prior_s: FloatArray
+    late_s: FloatArray
 
     def by_rays(self) -> tuple[FloatArray, FloatArray]:
         """What sightings alone say of the clocks: their value, and the information in it (one over s²)."""
@@ -97,8 +100,8 @@ class Clocks:
 
     def alike_s(self) -> tuple[FloatArray, FloatArray]:
         """One sigma of what all drives of a car have in common, and of what each has of its own."""
-        stamped = np.minimum(self.prior_s, _STAMPED_S) ** 2
-        late = self.prior_s**2 - stamped
+        late = np.minimum(self.late_s, self.prior_s) ** 2
+        stamped = np.minimum(self.prior_s**2 - late, _STAMPED_S**2)
         alike = _STAMPED_ALIKE * stamped + _LATE_ALIKE * late
         return np.sqrt(alike), np.sqrt(self.prior_s**2 - alike)
 

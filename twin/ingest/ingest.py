@@ -190,7 +190,7 @@ def ingest_drive(
         sighting_rows(drive, sighted, trajectory, method),
         estimates,
         n_unplaced,
-        corrections_of(sighted.adjusted),
+        corrections_of(sighted.adjusted, trajectory),
         misfits=[misfit.what for misfit in misfits],
         absence_gap=gap,
         annotations_sha256=drive.annotations_sha256,

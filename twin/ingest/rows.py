@@ -194,7 +194,7 @@ def _why_rejected(sighted: SightedObjects, trajectory: Trajectory) -> list[str]:
     )
 
 
-def corrections_of(adjusted: Adjusted | None) -> Corrections | None:
+def corrections_of(adjusted: Adjusted | None, trajectory: Trajectory) -> Corrections | None:
     """What the adjustment found out about the car; None for other methods."""
     if adjusted is None:
         return None
@@ -211,6 +211,7 @@ def corrections_of(adjusted: Adjusted | None) -> Corrections | None:
             for camera, pitch_yaw_roll in adjusted.boresight_deg.items()
         },
         camera_prior_ms=finite(adjusted.time_prior_ms),
+        receiver_late_ms=1e3 * trajectory.late_sigma_s,
     )
 
 

@@ -224,6 +224,8 @@ class Corrections:
     boresight_deg : mapping of camera → Boresight
     camera_prior_ms : float or None
         One sigma of the camera clock that was taken for granted; None of drives ingested before it was kept.
+    receiver_late_ms : float
+        One sigma of how late the positions may be, which is part of it.
     """
 
     pixel_noise_factor: float
@@ -231,6 +233,7 @@ class Corrections:
     rolling_shutter_ms: Correction
     boresight_deg: Mapping[str, Boresight]
     camera_prior_ms: float | None = None
+    receiver_late_ms: float = 0.0
 
     @classmethod
     def from_json(cls, document: Mapping[str, Any]) -> Corrections | None:
@@ -246,6 +249,7 @@ class Corrections:
                 for camera, axes in document["boresight_deg"].items()
             },
             camera_prior_ms=document.get("camera_prior_ms"),
+            receiver_late_ms=document.get("receiver_late_ms", 0.0),
         )
 
     def to_json(self) -> dict[str, Any]:

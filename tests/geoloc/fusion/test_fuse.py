@@ -62,6 +62,14 @@ def test_drives_both_ways_show_a_receiver_that_is_late() -> None:
     assert along[0] < 0.5 * along[1]
 
 
+def test_clocks_that_are_stated_to_the_second_are_each_drives_own() -> None:
+    """What one drive's frames begin too late says nothing of the next: only a receiver's lateness does."""
+    _, clocks = passes(np.random.default_rng(3), 2)
+    alike, own = replace(clocks, prior_s=np.ones(2), late_s=np.array([0.0, 0.15])).alike_s()
+    assert alike == pytest.approx([0.0, 0.15], abs=0.01)
+    assert own == pytest.approx(1.0, abs=0.02)
+
+
 def test_a_good_drive_places_what_a_poor_one_alone_saw() -> None:
     """A drive with RTK past half of the poles shows how far the other's track is off at the next ones."""
     poor, clocks = passes(np.random.default_rng(4), 1)
@@ -76,7 +84,7 @@ def test_a_good_drive_places_what_a_poor_one_alone_saw() -> None:
     two = Clocks(
         np.arange(2),
         *(np.repeat(values, 2) for values in (clocks.found_s, clocks.sigma_s)),
-        np.repeat(clocks.prior_s, 2),
+        *(np.repeat(values, 2) for values in (clocks.prior_s, clocks.late_s)),
     )
     two.sigma_s[1] = two.prior_s[1] = 0.005
     two.found_s[1] = 0.0

@@ -196,6 +196,6 @@ def _clocks(drives: Sequence[Driven]) -> Clocks:
     prior = (
         np.array([one.camera_prior_ms or one.camera_offset_ms.sigma for one in found], dtype=np.float64) / 1e3
     )
-    return Clocks(
-        np.array([cars.index(drive.car) for drive in drives]), value, sigma, np.maximum(prior, sigma)
-    )
+    car = np.array([cars.index(drive.car) for drive in drives])
+    late = np.array([one.receiver_late_ms for one in found]) / 1e3
+    return Clocks(car, value, sigma, np.maximum(prior, sigma), late)
