@@ -117,6 +117,11 @@ def adjust(
     task, at = task.with_pose_sigmas(at, stated)
     doubts = list(_doubts(at.model, at.solution, terrain))
     rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
+    if shift_s and not cannot_be(rays, budget.time_ms):
+        # The stated clock can be after all: it counts for what it was stated to.
+        stated = task.budget
+        at = task.settled(task.solved(at.seen, stated), stated)
+        rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
     unsure_s = 0.0
     if cannot_be(rays, budget.time_ms):
         # The stated clock cannot be: let the rays say what it is.
@@ -126,7 +131,7 @@ def adjust(
         doubts.append(_wrong_clock(at))
     elif may_not_be(rays, budget.time_ms):
         unsure_s = 1e-3 * abs(rays.value)
-        doubts.append(_doubted_clock(rays, budget))
+        doubts.append(_doubted_clock(rays, budget, at))
     seen = at.seen
     lasting_s = lasting_doubt_s(rays, stated.time_ms, seen.scene.body, is_poor=late_ms > 0.0)
     unsure_s = float(np.hypot(unsure_s, lasting_s))
@@ -253,12 +258,13 @@ def _wrong_clock(at: _Solved) -> Doubt:
     )
 
 
-def _doubted_clock(rays: Correction, budget: ErrorBudget) -> Doubt:
+def _doubted_clock(rays: Correction, budget: ErrorBudget, at: _Solved) -> Doubt:
     return Doubt(
         AdjustmentDoubt.CLOCK_DOUBTED,
         f"The camera clock is doubted: the bearings ask for {rays.value:+.0f} ± {rays.sigma:.0f} ms, and it"
-        f" was stated to {budget.time_ms:.0f} ms. It was kept, and the ellipses were made as long along the"
-        " road: check camera_offset_ms and the frame stamps.",
+        f" was stated to {budget.time_ms:.0f} ms. {1e3 * at.clock_s:+.0f} ms were added to it, and the"
+        " ellipses were made longer along the road by what the bearings ask for: check camera_offset_ms and"
+        " the frame stamps.",
     )
 
 
