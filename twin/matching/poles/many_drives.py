@@ -177,6 +177,8 @@ def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) ->
     )
 
 
+# Beyond rounding: where nothing tells the time, a clock is known as well as it was stated to.
+_DOUBTED = 1.01
 _NONE: Covariance = (0.0, 0.0, 0.0)
 
 
@@ -193,9 +195,10 @@ def _clocks(drives: Sequence[Driven]) -> Clocks:
     value, sigma = (
         np.array([(one.camera_offset_ms.value, one.camera_offset_ms.sigma) for one in found]).T / 1e3
     )
-    prior = (
-        np.array([one.camera_prior_ms or one.camera_offset_ms.sigma for one in found], dtype=np.float64) / 1e3
-    )
+    prior = np.array([one.camera_prior_ms or 0.0 for one in found]) / 1e3
+    # A clock that was doubted is known worse than it was stated to; and drives of older versions do not say
+    # what it was stated to. What was found is then the drive's own: it alone stays where it is.
+    prior = np.where(sigma > _DOUBTED * prior, 2.0 * sigma, np.maximum(prior, sigma))
     car = np.array([cars.index(drive.car) for drive in drives])
     late = np.array([one.receiver_late_ms for one in found]) / 1e3
-    return Clocks(car, value, sigma, np.maximum(prior, sigma), late)
+    return Clocks(car, value, sigma, prior, late)

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fused_drives import CONFIG, EAST_M, NORTH_M, driven, estimate
+from fused_drives import BUDGET, CONFIG, EAST_M, NORTH_M, driven, estimate
 
 from twin.matching.poles.many_drives import Driven, with_fused_places
 from twin.matching.poles.poles import ObservedPole, observed_poles
-from twin.store.records import Estimate
+from twin.store.records import Correction, Corrections, Estimate
 
 
 def placed(estimates: list[Estimate], drives: list[Driven]) -> tuple[list[ObservedPole], list[ObservedPole]]:
@@ -53,3 +53,14 @@ def test_without_sources_covariance_intersection_holds(untold: str) -> None:
         rows = [replace(row, budget={}) for row in rows]
     before, after = placed(rows, [driven(name, adjusted=untold != "corrections") for name in "ab"])
     assert after == before
+
+
+@pytest.mark.parametrize("stated_ms", [100.0, None])
+def test_a_clock_that_was_doubted_moves_no_pole_by_itself(stated_ms: float | None) -> None:
+    """Two drives that agree, each with 250 ms added to a clock that is known to 254 ms: they stay there."""
+    clock, sigma_s, speed = Correction(-250.0, 254.0), 0.254, 10.0
+    found = Corrections(1.0, clock, clock, {}, camera_prior_ms=stated_ms)
+    budget = {**BUDGET, "time": (0.0, 0.0, (sigma_s * speed) ** 2)}
+    rows = [replace(estimate(name, "1", 10.0), budget=budget) for name in "ab"]
+    _, (pole,) = placed(rows, [replace(driven(name), corrections=found) for name in "ab"])
+    assert pole.north_m - NORTH_M == pytest.approx(10.0, abs=0.01)
