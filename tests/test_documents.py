@@ -30,6 +30,19 @@ def test_every_link_leads_somewhere() -> None:
     assert len(PAGES) > 25
 
 
+def test_every_test_that_a_page_names_is_there() -> None:
+    """`test_x` in a page is a module under tests/."""
+    modules = {path.stem for path in (ROOT / "tests").rglob("test_*.py")}
+    named = {
+        (page.name, name)
+        for page in PAGES
+        if page.name != "CHANGELOG.md"
+        for name in re.findall(r"`(test_\w+)`", page.read_text(encoding="utf-8"))
+    }
+    assert sorted((page, name) for page, name in named if name not in modules) == []
+    assert len(named) > 10
+
+
 def test_every_picture_is_shown() -> None:
     """No picture lies in docs/images that no page shows."""
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
