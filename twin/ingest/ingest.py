@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -264,12 +264,17 @@ def _id_doubts(
 ) -> tuple[Doubt, ...]:
     """Check what annotators marked as one object.
 
-    Not where a camera is turned: its rays miss one another, which looks as if ids marked two signs.
+    Not where a camera is turned: its rays miss one another, which looks as if ids marked two signs. So they
+    do with the stated clock where the adjustment found another one: the ids are held against that.
     """
-    if sighted.adjusted and any(turned_cameras(sighted.adjusted)):
-        return ()
+    in_time = drive
+    if sighted.adjusted is not None:
+        if any(turned_cameras(sighted.adjusted)):
+            return ()
+        later_ns = round(1e6 * sighted.adjusted.time_offset_ms.value)
+        in_time = replace(drive, camera_offset_ns=drive.camera_offset_ns + later_ns)
     say("checking the annotators' ids")
-    return clocks_apart(id_warnings(drive, trajectory), drive, trajectory)
+    return clocks_apart(id_warnings(in_time, trajectory), drive, trajectory)
 
 
 def _ground(

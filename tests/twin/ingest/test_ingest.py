@@ -54,6 +54,15 @@ def test_ingest_brings_itrf2020_to_euref89_and_adds_its_uncertainty(empty: Store
     assert min(as_itrf[name] - as_euref[name] for name in as_euref) > 0.8 * 2 * sigma_m**2
 
 
+def test_clock_a_second_off_casts_no_doubt_on_ids(empty: Store, trip: Path) -> None:
+    """Ids are held against the clock that the adjustment found, not against the one that was stated."""
+    settings = trip / "drive.toml"
+    settings.write_text("camera_offset_ms = 1000\n" + settings.read_text())
+    warnings = ingest_drive(empty, trip).warnings
+    assert any("The camera clock does not fit the track" in warning for warning in warnings)
+    assert not any("marks two signs" in warning for warning in warnings)
+
+
 def test_ingest_takes_full_poses_instead_of_gnss(empty: Store, tmp_path: Path) -> None:
     """With the simulator's true poses the errors are those of the ground and the pixels alone."""
     drive = simulate_drive(scenario("approach", 15.0, 3), 3)
