@@ -174,6 +174,9 @@ def _print(exported: QgisExport, folder: Path) -> None:
         note(f"or in QGIS: in the browser panel, the project {PROJECT} below the file {exported.file.name}.")
     layers = [(layer.name, f"{layer.rows:,}", layer.what) for layer in exported.layers]
     print_table(f"Layers of {exported.file}", ["layer", "rows", "what"], layers, right_from=3)
+    if not any(layer.name == "changes" and layer.rows for layer in exported.layers):
+        note("There are no findings to decide about: `twin match`, then `twin export` brings them.")
+        return
     print_table("Decisions", ["decision", "findings"], list(exported.decisions.items()))
     if exported.edited:
         note(f"{len(exported.edited)} decided in QGIS since the export: the next export brings them home.")

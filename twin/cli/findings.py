@@ -99,7 +99,8 @@ def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: 
     if report.n_outdated:
         note(f"{report.n_outdated} poles of earlier drives were left out: a later drive no longer saw them.")
     if n_open:
-        note(f"{n_open} findings are open: decide with `twin decide`, or in QGIS after `twin export`.")
+        verb = "is" if n_open == 1 else "are"
+        note(f"{_findings(n_open)} {verb} open: decide with `twin decide`, or in QGIS after `twin export`.")
 
 
 def _print_findings(changes: Sequence[FindingStatus]) -> None:
@@ -240,7 +241,7 @@ def _decide(
     from twin.decisions.record import decide
 
     done = decide(store, change_ids, decision, by=by, reason=reason, dry_run=dry_run)
-    findings = _findings(done.change_ids)
+    findings = _findings(len(done.change_ids))
     if dry_run:
         sentence = f"Would {decision} {findings}; nothing was decided (--dry-run)."
     else:
@@ -254,7 +255,7 @@ def _from_file(store: Store, path: Path, by: str, reason: str) -> _Outcome:
 
     change_ids = decide_as_in(store, path, by=by, reason=reason)
     document = {"from": str(path), "change_ids": list(change_ids)}
-    return _Outcome(document, f"{_findings(change_ids)} decided as in {path}.")
+    return _Outcome(document, f"{_findings(len(change_ids))} decided as in {path}.")
 
 
 def _undo(store: Store, numbers: Sequence[str], by: str) -> _Outcome:
@@ -263,11 +264,11 @@ def _undo(store: Store, numbers: Sequence[str], by: str) -> _Outcome:
     _refuse(len(numbers) > 1 or not all(word.isdigit() for word in numbers), "undo takes one number")
     change_ids = undo(store, int(numbers[0]) if numbers else 1, by=by)
     document = {"undone": True, "change_ids": list(change_ids)}
-    return _Outcome(document, f"{_findings(change_ids)}: the decision of before holds again.")
+    return _Outcome(document, f"{_findings(len(change_ids))}: the decision of before holds again.")
 
 
-def _findings(change_ids: Sequence[str]) -> str:
-    return "1 finding" if len(change_ids) == 1 else f"{len(change_ids):,} findings"
+def _findings(n: int) -> str:
+    return "1 finding" if n == 1 else f"{n:,} findings"
 
 
 @app.command("explain", epilog="Example: twin explain 3f09a1b2c4d5")

@@ -20,7 +20,7 @@ from twin.errors import ExportRefusedError
 from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY
 from twin.export.qgis.project import PROJECTS_TABLE, project_row
 from twin.export.qgis.qml import style
-from twin.store.kinds import Decision
+from twin.store.kinds import QUIET, Decision
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -267,7 +267,8 @@ class Contents:
     rows : mapping of layer → number of rows
         In the order of :data:`twin.export.layers.COLUMNS`.
     decisions : mapping of decision → number of changes
-        As they stand in the file, in the order of :class:`twin.store.kinds.Decision`, then others.
+        As they stand in the file, in the order of :class:`twin.store.kinds.Decision`, then others. What
+        nobody has to decide (unchanged, not observable) does not count as open.
     projects : tuple of str
         Names of its QGIS projects.
     """
@@ -284,8 +285,13 @@ def contents_of(path: Path) -> Contents:
             name: database.execute(f'SELECT count(*) FROM "{name}"').fetchone()[0]  # noqa: S608 - our names
             for name in COLUMNS
         }
-        said = "SELECT coalesce(decision, 'open') AS said, count(*) FROM changes GROUP BY said ORDER BY said"
-        counts = dict(database.execute(said).fetchall())
+        # What agrees with NVDB, or could not be seen, waits for nobody: "open" there is nothing to decide.
+        said = (
+            "SELECT coalesce(decision, 'open') AS said, count(*) FROM changes "
+            "WHERE said <> 'open' OR verdict NOT IN (SELECT value FROM json_each(?)) "
+            "GROUP BY said ORDER BY said"
+        )
+        counts = dict(database.execute(said, (json.dumps(sorted(QUIET)),)).fetchall())
         known: dict[str, int] = {name: counts.pop(name) for name in Decision if name in counts}
         has = database.execute("SELECT 1 FROM sqlite_master WHERE name = 'qgis_projects'").fetchone()
         names = database.execute("SELECT name FROM qgis_projects ORDER BY name").fetchall() if has else []

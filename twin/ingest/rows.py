@@ -282,7 +282,7 @@ def _flags(positions: Positions, sighted: SightedObjects, g: int, used: IntArray
         flags.append(f"never nearer than {_FAR_M:g} m")
     rejected = int(positions.n_rejected[g])
     if rejected:
-        flags.append(f"{rejected} outliers left out")
+        flags.append("1 outlier left out" if rejected == 1 else f"{rejected} outliers left out")
     if rejected >= 2 and rejected > _MANY_REJECTED * (used.size + rejected):
         flags.append("its track may hold two signs")
     if sighted.adjusted is not None and not (sighted.is_foot[used]).any():

@@ -52,9 +52,10 @@ def read_truth(path: Path | str) -> list[Truth]:
     reader = csv.DictReader(text.splitlines())
     missing = [name for name in _REQUIRED if name not in (reader.fieldnames or ())]
     if missing:
+        columns = "column" if len(missing) == 1 else "columns"
         raise TruthError(
-            f"The truth file {path} lacks the column {', '.join(missing)}: it needs object, label, easting, "
-            "northing (EPSG:25833), separated by commas."
+            f"The truth file {path} lacks the {columns} {', '.join(missing)}: it needs object, label, "
+            "easting, northing (EPSG:25833), separated by commas."
         )
     truths = [_truth(row, path, number) for number, row in enumerate(reader, start=2)]
     if not truths:

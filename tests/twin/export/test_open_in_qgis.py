@@ -37,7 +37,7 @@ def test_qgis_as_json_has_the_same(twin: Twin, exported: Path) -> None:
     found = twin("qgis", exported, "--json").json
     assert found["command"] == ["qgis", "--project", found["project"]]
     assert {layer["name"]: layer["rows"] for layer in found["layers"]}["changes"] == 16
-    assert (found["decisions"], found["decided_in_qgis"]) == ({"open": 16}, {})
+    assert (found["decisions"], found["decided_in_qgis"]) == ({"open": 4}, {})
 
 
 def test_qgis_counts_decisions_that_wait_in_the_file(twin: Twin, exported: Path) -> None:
@@ -45,7 +45,7 @@ def test_qgis_counts_decisions_that_wait_in_the_file(twin: Twin, exported: Path)
     with opened_as_qgis_does(exported / "twin_utm33.gpkg") as database:
         database.execute("UPDATE changes SET decision = 'dismiss' WHERE verdict = 'new'")
     found = twin("qgis", exported, "--json").json
-    assert found["decisions"] == {"open": 15, "dismiss": 1}
+    assert found["decisions"] == {"open": 3, "dismiss": 1}
     assert list(found["decided_in_qgis"].values()) == ["dismiss"]
     assert "1 decided in QGIS since the export" in twin("qgis", exported).err
 
@@ -58,6 +58,18 @@ def test_qgis_without_a_project_says_how_to_get_one(twin: Twin, store: Path, tmp
     assert "twin_utm33.gpkg" in answer.out
     assert "geopackage:" not in answer.out
     assert f"`twin export {tmp_path / 'out'} --project` puts one in" in answer.err
+
+
+def test_qgis_of_an_export_without_a_match_asks_for_no_decision(
+    twin: Twin, trip: Path, tmp_path: Path
+) -> None:
+    """Where there are no findings, it says how to get some."""
+    for command in (["ingest-drive", trip], ["export", tmp_path / "out"]):
+        assert twin(*command, "--store", tmp_path / "new.db").code == 0
+    answer = twin("qgis", tmp_path / "out")
+    assert "no findings to decide about: `twin match`" in answer.err
+    assert "Decide in the column" not in answer.err
+    assert "Decisions" not in answer.out
 
 
 def test_qgis_of_a_folder_without_an_export_says_what_to_run(twin: Twin, tmp_path: Path) -> None:

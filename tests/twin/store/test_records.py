@@ -33,7 +33,7 @@ ESTIMATE = Estimate(
     n_cameras=2,
     range_min_m=6.5,
     n_rejected=1,
-    flags=("one sighting", "1 outliers left out"),
+    flags=("one sighting", "1 outlier left out"),
     nvdb_type=25,
 )
 FINDING = finding(
