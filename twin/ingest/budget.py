@@ -60,11 +60,11 @@ def clock_doubts(drive: Drive, budget: ErrorBudget, adjusted: Adjusted | None) -
             f" road: state [errors] time_ms in {SETTINGS_FILE} if it is better known"
         )
     elif abs(clock.value) > _NOTICED * clock.sigma:
-        offset_ms = drive.camera_offset_ns / 1e6 + clock.value
+        # As a prior of the same drive it would count twice: sigmas of 1/sqrt(2), around the same error.
         rest = (
-            f"the drive shows that it is off, and {clock.value:+.0f} ± {clock.sigma:.0f} ms were added: write"
-            f" camera_offset_ms = {offset_ms:.0f} in {SETTINGS_FILE} and [errors] time_ms ="
-            f" {max(clock.sigma, 1.0):.0f}"
+            f"the drive shows that it is off, and {clock.value:+.0f} ± {clock.sigma:.0f} ms were added,"
+            " with that sigma in the ellipses: nothing needs to be written. Give camera_offset_ms and"
+            f" [errors] time_ms in {SETTINGS_FILE} only from another measurement"
         )
     else:
         return ()
