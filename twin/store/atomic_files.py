@@ -106,7 +106,7 @@ def refuse_if_open(path: Path) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Write one small file: as it was or completely new.
+    """Write one small file: as it was or completely new. Into a device or pipe it is written as it is.
 
     Raises
     ------
@@ -115,6 +115,10 @@ def replace_file(path: Path, content: bytes) -> None:
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:
+        if path.exists() and not path.is_file():
+            # A new file in its place would take away the device itself, such as /dev/full for root.
+            path.write_bytes(content)
+            return
         temporary.write_bytes(content)
         _flush(temporary)
         temporary.replace(path)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from twin.errors import ExportRefusedError
-from twin.store.atomic_files import STAGING, replacing
+from twin.store.atomic_files import STAGING, replace_file, replacing
 
 NAMES = ("a", "b", "c")
 
@@ -230,3 +230,17 @@ def test_export_that_always_loses_its_folder_gives_up(folder: Path, monkeypatch:
         _replace(folder)
     monkeypatch.undo()
     assert all((folder / name).read_text() == f"old {name}" for name in NAMES)
+
+
+def test_pipe_is_written_into_and_stays(tmp_path: Path) -> None:
+    """What is no regular file is not replaced by one."""
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        replace_file(pipe, b"a,b\n")
+        assert os.read(reader, 100) == b"a,b\n"
+    finally:
+        os.close(reader)
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]
