@@ -254,7 +254,9 @@ def _wrong_clock(at: _Solved) -> Doubt:
     return Doubt(
         AdjustmentDoubt.CLOCK,
         f"The camera clock does not fit the track: {later:+.0f} ± {sigma:.0f} ms were added to it. Do not"
-        " trust the positions before camera_offset_ms is right, and frames and fixes are both UTC.",
+        " trust the positions before the cause is found: a start, a time zone, frames that are missing. If"
+        " nothing else tells the time, state [errors] time_ms = 1000; copying this number would count the"
+        " drive twice.",
     )
 
 
