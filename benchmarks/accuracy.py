@@ -13,6 +13,7 @@ machine; nothing here is a timing.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -243,6 +244,16 @@ def _honesty(squares: FloatArray, height_squares: FloatArray) -> tuple[str, str,
     return f"{inside:.0%}", f"{np.mean(squares) / 2.0:.2f}", f"{np.mean(height_squares):.2f}"
 
 
+def show(title: str, header: Sequence[str], rows: Sequence[Sequence[object]], *, markdown: bool) -> None:
+    """Print a table, for people or as it stands in the docs."""
+    if not markdown:
+        print_table(title, header, rows, right_from=1)
+        return
+    print("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
+    for row in rows:
+        print("| " + " | ".join(map(str, row)) + " |")
+
+
 def main() -> None:
     """Print one row a case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -270,12 +281,7 @@ def main() -> None:
     last = _honesty(whole["adjusted"], np.concatenate(heights))
     rows.append(("truth inside the 95 % ellipse", whole["adjusted"].size, *share, "93-97%", "", *last))
     header = ["case", "objects", *METHODS, "bar", "bound", "in ellipse", "NEES / 2", "height NEES"]
-    if options.markdown:
-        print("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
-        for row in rows:
-            print("| " + " | ".join(map(str, row)) + " |")
-    else:
-        print_table("Horizontal error, median / 95th percentile [m]", header, rows, right_from=1)
+    show("Horizontal error, median / 95th percentile [m]", header, rows, markdown=options.markdown)
 
 
 if __name__ == "__main__":

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from accuracy import CHI2_95, Case, Recorded, adjusted_of, offsets, recorded
+from accuracy import CHI2_95, Case, Recorded, adjusted_of, offsets, recorded, show
 from rich.progress import track
 
 from geoloc.arrays import FloatArray
 from geoloc.locate.accuracy import nees
-from twin.cli.output import console, print_table
+from twin.cli.output import console
 
 KINDS = ("urban", "highway")
 _FIRST_SEED = 50_000
@@ -133,14 +133,12 @@ def main() -> None:
         "clock NEES",
         "boresight NEES",
     ]
-    if options.markdown:
-        print("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
-        for line in table:
-            print("| " + " | ".join(map(str, line)) + " |")
-    else:
-        print_table(
-            "Error and what is known of it, against the length of the drive", header, table, right_from=1
-        )
+    show(
+        "Error and what is known of it, against the length of the drive",
+        header,
+        table,
+        markdown=options.markdown,
+    )
 
 
 if __name__ == "__main__":

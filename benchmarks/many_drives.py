@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from accuracy import CHI2_95, Recorded, adjusted_of, offsets
+from accuracy import CHI2_95, Recorded, adjusted_of, offsets, show
 from rich.progress import track
 from simulated_receiver import ConsumerSpec, consumer_drive
 
@@ -31,7 +31,7 @@ from geoloc.locate.records import Sightings
 from geoloc.simulation.scenarios import Scenario, scenario
 from geoloc.simulation.simulate import SimulatedDrive, simulate_drive
 from geoloc.trajectory.trajectory import GnssFixes, trajectory_from_gnss
-from twin.cli.output import console, print_table
+from twin.cli.output import console
 from twin.figures import png
 
 CAMERA = "C3_tricam120"
@@ -242,12 +242,7 @@ def main() -> None:
         for label, rows in found.items()
         for row in rows
     ]
-    if options.markdown:
-        print("| " + " | ".join(header) + " |\n|" + "---|" * len(header))
-        for line in table:
-            print("| " + " | ".join(map(str, line)) + " |")
-    else:
-        print_table("Error against the number of drives", header, table, right_from=1)
+    show("Error against the number of drives", header, table, markdown=options.markdown)
     if options.figure:
         draw(found, options.figure)
 
