@@ -108,7 +108,8 @@ def adjust(
     seen = task.seen(0)
     if seen.scene.point.size == 0:
         return nothing_adjusted(objects, seen.rejected, seen.poses)
-    shift_s = task.first_shift_s()
+    camera = observations.sightings.camera
+    shift_s = first_shift_s(observations.rig, camera, seen.placed, observations.trajectory)
     if shift_s:
         # The stated clock is seconds off: begin near the right one, where the rays say what it is.
         stated = replace(stated, time_ms=_WIDER * 1e3 * abs(shift_s))
@@ -155,6 +156,7 @@ class _Seen(NamedTuple):
     """The sightings of a drive where the car was when they were made, with so much added to their epochs."""
 
     shift_ns: int
+    placed: Placed
     scene: Scene
     rejected: TextArray
     poses: Poses
@@ -198,13 +200,7 @@ class _Task:
         placed, rejected, poses = _placed(later, self.budget, self.size_px)
         scene = scene_of(asked.rig, asked.sightings.camera, placed)
         rejected[np.setdiff1d(placed.row, scene.row)] = Reason.NO_CROSSING
-        return _Seen(shift_ns, scene, rejected, poses)
-
-    def first_shift_s(self) -> float:
-        """What to add to the clock before anything else, where it is seconds off."""
-        placed, _, _ = _placed(self.observations, self.budget, self.size_px)
-        asked = self.observations
-        return first_shift_s(asked.rig, asked.sightings.camera, placed, asked.trajectory)
+        return _Seen(shift_ns, placed, scene, rejected, poses)
 
     def solved(self, seen: _Seen, priors: ErrorBudget) -> _Solved:
         """Solve by these priors."""

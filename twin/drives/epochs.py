@@ -9,6 +9,9 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
+HOST_DELAY_LIMIT_S = 0.5
+"""A fix stamped further than this from its epoch tells of clocks that differ, not of a slow link."""
+
 EARLIEST_NS = 946_684_800_000_000_000
 """2000-01-01 UTC: an earlier stamp is a clock that was never set."""
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from geoloc.arrays import IntArray
 from geoloc.trajectory.trajectory import GnssFixes
+from twin.drives.epochs import HOST_DELAY_LIMIT_S
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.frames.stamp_files import NO_STAMP
 
@@ -19,7 +20,7 @@ seconds off itself, or to the second."""
 WHOLE_SECONDS_MS = 500.0
 """One sigma of times in whole seconds, of which the fraction was cut off."""
 _FEWEST, _ROUNDED_NS = 10, 1_000
-_DELAYS_S = (-0.05, 0.5)
+_DELAYS_S = (-0.05, HOST_DELAY_LIMIT_S)
 """A link is not faster than light, and slower than this no receiver sends its fixes."""
 
 

@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from geoloc.earth.geodesy import metres_per_degree
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
-from twin.drives.epochs import credible, longest_increasing
+from twin.drives.epochs import HOST_DELAY_LIMIT_S, credible, longest_increasing
 from twin.drives.folder.notes import Skipped
 from twin.errors import DriveError
 
 HIGHEST_M = 20_000
 """No road lies further from the ellipsoid, up or down."""
-
-HOST_DELAY_LIMIT_S = 0.5
-"""A fix stamped further than this from its epoch tells of clocks that differ, not of a slow link."""
 
 LARGEST_SIGMA_M = 10_000.0
 """A fix that may be anywhere in the county says nothing already."""
