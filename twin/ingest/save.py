@@ -36,11 +36,14 @@ class Saved:
         or is not kept.
     deleted : tuple of int
         Numbers of the drive's other sets, which were deleted because that was asked for.
+    unseen : tuple of str
+        Cameras of which `other` has annotations and what was saved has none.
     """
 
     annotation_set: AnnotationSet
     other: AnnotationSet | None = None
     deleted: tuple[int, ...] = ()
+    unseen: tuple[str, ...] = ()
 
     def sentence(self) -> str:
         """Say what became of the sets; "" if there is nothing to say."""
@@ -56,10 +59,15 @@ class Saved:
                 f"count now (set {now.number}), not the {other.n_objects} of before, which are kept as set "
                 f"{other.number}; back: `twin drives use {now.drive_id} {other.number}`."
             )
+        why = (
+            f"they have nothing of {', '.join(self.unseen)}, and set {other.number} does"
+            if self.unseen
+            else f"they are not of a completely annotated drive, and those of set {other.number} are"
+        )
         return (
-            f"These annotations do not count: they are not of a completely annotated drive, and those of "
-            f"set {other.number} are ({other.n_objects} objects); they are kept as set {now.number} "
-            f"({now.n_objects} objects); to let them count: `twin drives use {now.drive_id} {now.number}`."
+            f"These annotations do not count: {why} ({other.n_objects} objects); they are kept as set "
+            f"{now.number} ({now.n_objects} objects); to let them count: "
+            f"`twin drives use {now.drive_id} {now.number}`, or --replace, which deletes the other sets."
         )
 
 
@@ -83,7 +91,8 @@ def save_drive(
     The same annotations read again replace their own results; results of another method from files that were
     since changed are of another recording: they go too. Other annotations of the same recording are a set of
     their own: it becomes the current one, and what came of the others is kept. Only a set of a drive that is
-    not declared completely annotated does not take the place of one that is.
+    not declared completely annotated does not take the place of one that is, nor does a set without
+    annotations of a camera (its file was saved empty, or forgotten) that of one with them.
 
     Parameters
     ----------
@@ -118,6 +127,7 @@ def save_drive(
             _refuse_emptying(store, connection, drive, folder)
         sets = annotation_sets(connection, drive_id)
         before = current_of(sets)
+        unseen = tuple(sorted(_annotated_cameras(connection, drive_id) - set(drive["cameras"])))
         read = AnnotationSet(
             drive_id=drive_id,
             number=_number(connection, sets, annotations_sha256, drive),
@@ -133,7 +143,7 @@ def save_drive(
         _make_way(connection, sets, read)
         _replace_results(connection, drive, method, results)
         put(connection, read)
-        saved = _settle(connection, sets, before, read, replace=replace)
+        saved = _settle(connection, sets, before, read, unseen, replace=replace)
         if saved.annotation_set.is_current:
             store.touch(connection)
     return saved
@@ -149,6 +159,12 @@ def _number(connection: sa.Connection, sets: Sequence[AnnotationSet], sha256: st
         if connection.execute(stored).scalar() == drive["content_sha256"]:
             same = [current.number]
     return same[0] if same else max((one.number for one in sets), default=0) + 1
+
+
+def _annotated_cameras(connection: sa.Connection, drive_id: str) -> set[str]:
+    """Cameras of the current set."""
+    stored = sa.select(schema.drive.c.cameras).where(schema.drive.c.drive_id == drive_id)
+    return set(connection.execute(stored).scalar() or ())
 
 
 def _make_way(connection: sa.Connection, sets: Sequence[AnnotationSet], read: AnnotationSet) -> None:
@@ -187,10 +203,14 @@ def _settle(
     sets: Sequence[AnnotationSet],
     before: AnnotationSet | None,
     read: AnnotationSet,
+    unseen: tuple[str, ...],
     *,
     replace: bool,
 ) -> Saved:
-    """Delete the other sets if that was asked for; else let the newest complete one count."""
+    """Delete the other sets if that was asked for; else let the newest complete one count.
+
+    `unseen` are the cameras that were annotated before and are not now.
+    """
     if replace:
         others = [one for one in sets if one.number != read.number]
         for one in others:
@@ -198,11 +218,11 @@ def _settle(
         return Saved(read, deleted=tuple(one.number for one in others))
     if before is None or before.number == read.number or not before.n_annotations:
         return Saved(read)
-    if read.is_complete or not before.is_complete:
+    if not unseen and (read.is_complete or not before.is_complete):
         return Saved(read, before)
     put_aside(connection, read)
     take_back(connection, before)
-    return Saved(dataclasses.replace(read, is_current=False), before)
+    return Saved(dataclasses.replace(read, is_current=False), before, unseen=unseen)
 
 
 def _refuse_emptying(store: Store, connection: sa.Connection, drive: Row, folder: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
-from annotation_edits import without_tracks
+from annotation_edits import edit_tracks, without_tracks
 from command_line import Twin
 from store_rows import row
 
@@ -144,6 +144,25 @@ def test_annotations_of_an_incomplete_drive_do_not_replace_complete_ones(
     answer = twin("drives", "use", report.drive_id, 2, "--store", opened.path, "--json")
     assert [one["is_current"] for one in answer.json] == [False, True]
     assert opened.count(schema.estimate) == report.n_estimates
+
+
+@pytest.mark.parametrize("is_cut_off", [False, True])
+def test_one_cameras_empty_file_does_not_replace_its_annotations(
+    twin: Twin, opened: Store, trip: Path, *, is_cut_off: bool
+) -> None:
+    """An export without tracks, and a file of no bytes: the fuller set counts on unless asked."""
+    file = "C2_tricam60.xml"
+    edit_tracks(trip, lambda _track: "", file)
+    if is_cut_off:
+        (trip / file).write_bytes(b"")
+    before, revision = content(opened), opened.revision()
+    report = ingest_drive(opened, trip, method="paper")
+    assert "they have nothing of C2_tricam60, and set 1 does" in report.warnings[-1]
+    assert f"twin drives use {report.drive_id} 2" in report.warnings[-1]
+    assert (content(opened), opened.revision()) == (before, revision)
+    answer = twin("ingest-drive", trip, "--replace", "--method", "paper", "--store", opened.path)
+    assert answer.code == 0
+    assert [(one.number, one.is_current) for one in sets_of(opened)] == [(2, True)]
 
 
 def test_replace_deletes_the_other_sets(twin: Twin, opened: Store, other_trip: Path) -> None:
