@@ -171,7 +171,7 @@ def adjusted_of(
         longitude_deg=of_objects(longitude),
         height_m=of_objects(points[:, 2]),
         covariance_m2=of_objects(total),
-        sigma_height_m=of_objects(np.sqrt(found.covariance_m2[:, 2, 2])),
+        sigma_height_m=of_objects(np.sqrt(found.covariance_m2[:, 2, 2] + _of_the_track_up_m2(model, track))),
         by_source={source: of_objects(value) for source, value in by_source.items()},
         reason=reason,
         used=rejected == "",
@@ -275,6 +275,13 @@ def _of_the_track(model: Model, track: OfTheTrack) -> dict[str, FloatArray]:
         "lever arm": lever[:, None, None] * np.eye(2),
         "time": late[:, :, None] * late[:, None, :],
     }
+
+
+def _of_the_track_up_m2(model: Model, track: OfTheTrack) -> FloatArray:
+    """Variance (m,) of a height that moves with the whole track: of the fixes, and of the antennas' arms."""
+    scene = model.scene
+    fixes = np.bincount(scene.point, weights=scene.body.sigma_vertical_m**2) / np.bincount(scene.point)
+    return np.asarray(fixes + track.lever_arm_m**2)
 
 
 def _carried_along(model: Model, count: IntArray) -> FloatArray:

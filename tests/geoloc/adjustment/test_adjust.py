@@ -199,6 +199,14 @@ def test_sources_add_up_to_the_covariance() -> None:
         assert np.linalg.eigvalsh(part).min() > -1e-9
 
 
+def test_height_is_no_surer_than_the_track_above_which_it_was_found() -> None:
+    """What lifts all fixes of a drive, or its antennas on the roof, lifts all objects: no ray shows it."""
+    recording = recorded("urban")
+    fixes_m = np.nanmin(recording.trajectory.knots.sigma_vertical_m)
+    least_m = np.hypot(fixes_m, ErrorBudget().lever_arm_m)
+    assert (recording.adjusted().sigma_height_m > least_m).all()
+
+
 def test_order_of_sightings_does_not_matter() -> None:
     """Sightings may come in any order."""
     recording = recorded("urban")
