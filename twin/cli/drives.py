@@ -243,7 +243,7 @@ def trajectory(
     out: Annotated[
         Path,
         typer.Option(
-            help="CSV as poses.csv of a drive folder, or a GeoPackage where the name ends with .gpkg.",
+            help="A name that ends with .csv (as poses.csv of a drive folder) or .gpkg (a GeoPackage).",
             metavar="FILE",
         ),
     ],
@@ -257,11 +257,13 @@ def trajectory(
 
     from twin.drives.epochs import utc_text
     from twin.drives.track.formats.poses_csv import write_poses
-    from twin.errors import RefusedError
+    from twin.errors import ConfigError, RefusedError
     from twin.export.poses import write_poses_geopackage
     from twin.ingest.trajectory import smoothed_poses
     from twin.store.atomic_files import replace_file
 
+    if out.suffix.lower() not in (".csv", ".gpkg"):
+        raise ConfigError(f"{out} ends with neither .csv nor .gpkg, the formats of a trajectory: name it so.")
     if out.resolve().is_relative_to(drive.resolve()):
         raise RefusedError(f"{out} lies in the drive's folder, and would be its recording: name another.")
     with steps(quiet=json_output) as say:

@@ -26,6 +26,15 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 _UNDO = "undo"
+_FOR = {
+    "position": "position",
+    "code": "sign codes",
+    "text": "texts",
+    "facing": "way it faces",
+    "side": "side of the road",
+    "presence": "NVDB's sign is still there",
+}
+"""The terms of :data:`twin.matching.likelihood.TERMS` in plain words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +105,8 @@ def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: 
         f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
         f"{report.n_in_view} of them in view of a completely annotated drive."
     )
+    if report.map_aided:
+        note(report.map_aided)
     if report.n_outdated:
         note(f"{report.n_outdated} poles of earlier drives were left out: a later drive no longer saw them.")
     if n_open:
@@ -111,8 +122,8 @@ def _print_findings(changes: Sequence[FindingStatus]) -> None:
 WordsArgument = Annotated[
     list[str] | None,
     typer.Argument(
-        help="accept, dismiss, defer or open, and change ids (or their first six digits); or undo, and "
-        "how many commands.",
+        help="accept, dismiss, defer or open, and change ids (or their first six digits); or undo, and how "
+        "many of the last commands to take back (1 if not said).",
         metavar="CHANGE_ID… DECISION",
         show_default=False,
     ),
@@ -261,10 +272,15 @@ def _from_file(store: Store, path: Path, by: str, reason: str) -> _Outcome:
 def _undo(store: Store, numbers: Sequence[str], by: str) -> _Outcome:
     from twin.decisions.record import undo
 
-    _refuse(len(numbers) > 1 or not all(word.isdigit() for word in numbers), "undo takes one number")
+    _refuse(
+        len(numbers) > 1 or not all(word.isdigit() for word in numbers),
+        "undo takes back the last commands, not single findings: say how many, as in twin decide undo 2, or"
+        " open findings again by twin decide open and their ids",
+    )
     change_ids = undo(store, int(numbers[0]) if numbers else 1, by=by)
     document = {"undone": True, "change_ids": list(change_ids)}
-    return _Outcome(document, f"{_findings(len(change_ids))}: the decision of before holds again.")
+    has = "has" if len(change_ids) == 1 else "have"
+    return _Outcome(document, f"Taken back: {_findings(len(change_ids))} {has} the decision of before again.")
 
 
 def _findings(n: int) -> str:
@@ -291,7 +307,10 @@ def explain(
     sys.stdout.write(f"{explained.sentence}\n")
     print_pairs(f"Change {explained.change.change_id}", _pairs(explained))
     if explained.terms:
-        print_pairs("Term by term", dict(_flat("", explained.terms)))
+        terms = {_PLAIN.get(name, name): value for name, value in _flat("", explained.terms)}
+        print_pairs("Term by term", terms)
+        if "log_odds" in explained.terms:
+            note("Speaks for the pairing: natural log odds; 0 says nothing, -3 is 20 to 1 against it.")
     if explained.history:
         print_table(
             "Decisions",
@@ -321,6 +340,26 @@ def _pairs(explained: ChangeExplained) -> dict[str, object]:
     }
 
 
+_PLAIN = {
+    "match": "probability of this pairing",
+    **{f"log odds, {term}": f"speaks for the pairing: {words}" for term, words in _FOR.items()},
+    "sigmas": "distance, in sigmas",
+    "nvdb sigma m": "NVDB's position, one sigma [m]",
+    "beyond tolerance": "probability: beyond the tolerance",
+    "pole": "observed pole",
+    "seen, first": "first seen",
+    "seen, last": "last seen",
+    "seen, drives": "seen in drives",
+    "taken down": "probability: taken down since",
+    "code": "probability: the code was read right",
+    "site, nvdb type": "stands on, NVDB type",
+    "site, nvdb id": "stands on, NVDB id",
+    "absence, frames": "in view, frames",
+    "absence, drives": "in view, drives",
+    "absence, gone": "probability: it is gone",
+}
+
+
 def _flat(name: str, value: Any) -> Iterator[tuple[str, object]]:
     """Give nested terms as pairs: ``log_odds, code``; of several the number; nothing of an empty one."""
     if isinstance(value, Mapping):
@@ -328,7 +367,8 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, object]]:
     elif isinstance(value, list):
         parts = list(enumerate(value, start=1))
     else:
-        yield name.replace("_", " "), value
+        is_id = name.endswith(("nvdb_id", "nvdb_type"))
+        yield name.replace("_", " "), str(value) if is_id and value is not None else value
         return
     for key, part in parts:
         yield from _flat(f"{name}, {key}" if name else str(key), part)

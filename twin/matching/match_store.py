@@ -56,9 +56,10 @@ class MatchReport:
         Sites that a completely annotated drive had in view.
     n_outdated : int
         Poles of earlier drives that a later, completely annotated drive passed without seeing them: left out.
+    map_aided : str
+        What measured signs did to the poles, if these were asked to; "" if not.
     warnings : tuple of str
-        What measured signs did to the poles, if these were asked to; drives that do not fit themselves, and
-        complete ones that cannot show that a sign is missing.
+        Drives that do not fit themselves, and complete ones that cannot show that a sign is missing.
     """
 
     method: str
@@ -67,6 +68,7 @@ class MatchReport:
     n_sites: int
     n_in_view: int
     n_outdated: int
+    map_aided: str
     warnings: tuple[str, ...] = ()
 
 
@@ -116,11 +118,10 @@ def match(
         poles = with_known_keys(found, marks, known_marks(view))
         points, plates = mirror_near(view, _places(drives, poles), config)
     sites = _sites(store, points, plates, config, has_network=has_network)
-    told: list[str] = []
+    tied = ""
     if config.map_aided:
         say("tying drives to measured signs")
-        poles, sentence = map_aided(poles, sites, once, driven, config)
-        told = [sentence]
+        poles, tied = map_aided(poles, sites, once, driven, config)
     say("finding which signs were in view")
     current = still_seen(poles, [drive.past(poles, config) for drive in drives], config)
     seen = evidence_of_absence([drive.past(sites, config) for drive in drives], sites, config)
@@ -157,7 +158,8 @@ def match(
         n_sites=len(sites),
         n_in_view=int((seen.complete >= config.min_views).sum()),
         n_outdated=len(poles) - len(current),
-        warnings=(*told, *(warning for drive in drives for warning in drive.warnings())),
+        map_aided=tied,
+        warnings=tuple(warning for drive in drives for warning in drive.warnings()),
     )
 
 

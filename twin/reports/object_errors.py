@@ -34,13 +34,13 @@ class ObjectError:
 
     Attributes
     ----------
-    east_m, north_m : float
+    error_east_m, error_north_m : float
         Grid axes of EPSG:25833.
-    along_m, across_m : float or None
+    error_along_m, error_across_m : float or None
         The same forward and to the left of the way in which the car passed; None of a car that stood.
     error_m : float
         Horizontal.
-    height_m : float or None
+    error_height_m : float or None
         Ellipsoidal.
     sigma_major_m, sigma_minor_m, sigma_height_m : float or None
         One sigma along and across the estimate's error ellipse, and of its height.
@@ -55,12 +55,12 @@ class ObjectError:
     drive_id: str
     object: str
     truth: str
-    east_m: float
-    north_m: float
-    along_m: float | None
-    across_m: float | None
+    error_east_m: float
+    error_north_m: float
+    error_along_m: float | None
+    error_across_m: float | None
     error_m: float
-    height_m: float | None
+    error_height_m: float | None
     sigma_major_m: float | None
     sigma_minor_m: float | None
     sigma_height_m: float | None
@@ -114,7 +114,7 @@ def mean_nees(errors: Sequence[ObjectError]) -> float | None:
 
 def height_errors(errors: Sequence[ObjectError]) -> HeightErrors:
     """Summarise the errors in height."""
-    known = [one.height_m for one in errors if one.height_m is not None]
+    known = [one.error_height_m for one in errors if one.error_height_m is not None]
     square = _mean([value**2 for value in known])
     return HeightErrors(
         n=len(known),
@@ -149,12 +149,12 @@ def _object_error(placed: Placed, truth: Truth, line: shapely.LineString | None)
         drive_id=placed.drive_id,
         object=placed.object,
         truth=truth.object,
-        east_m=east,
-        north_m=north,
-        along_m=along,
-        across_m=across,
+        error_east_m=east,
+        error_north_m=north,
+        error_along_m=along,
+        error_across_m=across,
         error_m=math.hypot(east, north),
-        height_m=height,
+        error_height_m=height,
         sigma_major_m=_known(float(major[0])),
         sigma_minor_m=_known(float(minor[0])),
         sigma_height_m=sigma,

@@ -53,9 +53,13 @@ def test_a_drive_of_those_poses_drives_the_same_way(twin: Twin, trip: Path, tmp_
     again = shutil.copytree(trip, tmp_path / "again")
     assert twin("trajectory", trip, "--out", tmp_path / "poses.csv").code == 0
     shutil.move(tmp_path / "poses.csv", again / "poses.csv")
+    (told,) = [str(one) for one in read_drive(again).warnings if "poses.csv" in str(one)]
+    assert '[poses] file = "poses.csv"' in told
     settings = again / "drive.toml"
     settings.write_text(settings.read_text() + '[poses]\nfile = "poses.csv"\n')
-    read = trajectory_of(read_drive(again))
+    drive = read_drive(again)
+    assert not any("is not used" in str(one) for one in drive.warnings)
+    read = trajectory_of(drive)
     between = recorded.epoch_ns[:-1] + np.diff(recorded.epoch_ns) // 2
     ours, theirs = recorded.poses_at(between), read.poses_at(between)
     apart = np.array(utm33_from_geographic(ours.latitude_deg, ours.longitude_deg))
@@ -82,6 +86,14 @@ def test_geopackage_has_points_and_the_way_between(
     np.testing.assert_allclose(path["sigma_horizontal_m"], np.maximum(sigma[:-1], sigma[1:]))
     assert points.crs.to_epsg() == path.crs.to_epsg() == 25833
     assert [file.name for file in tmp_path.iterdir()] == ["poses.gpkg"]
+
+
+def test_ending_that_names_no_format_is_refused(twin: Twin, trip: Path, tmp_path: Path) -> None:
+    """Nothing is written under a name that says text and holds CSV."""
+    answer = twin("trajectory", trip, "--out", tmp_path / "x.txt")
+    assert answer.code == 2
+    assert ".csv nor .gpkg" in " ".join(answer.err.split())
+    assert not (tmp_path / "x.txt").exists()
 
 
 def test_a_recording_is_not_written_over(twin: Twin, trip: Path) -> None:

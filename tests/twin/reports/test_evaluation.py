@@ -181,12 +181,13 @@ def test_evaluate_tells_the_error_of_each_object(twin: Twin, tmp_path: Path) -> 
         up = row["height_m"] - float(surveyed["height"])
         squares.append(d @ np.linalg.solve(c, d) / 2)
         heights.append(up)
-        assert (one["east_m"], one["north_m"], one["height_m"]) == pytest.approx((*d, up))
+        assert (one["error_east_m"], one["error_north_m"], one["error_height_m"]) == pytest.approx((*d, up))
         assert one["nees"] == pytest.approx(squares[-1])
         assert one["height_nees"] == pytest.approx((up / row["sigma_height_m"]) ** 2)
         assert one["inside95"] == (squares[-1] * 2 <= 5.991)
         assert one["sigma_major_m"] == pytest.approx(np.sqrt(np.linalg.eigvalsh(c)[1]), rel=1e-6)
-        assert np.hypot(one["along_m"], one["across_m"]) == pytest.approx(one["error_m"])
+        assert np.hypot(one["error_along_m"], one["error_across_m"]) == pytest.approx(one["error_m"])
+        assert float(line["error_east_m"]) == pytest.approx(d[0], abs=1e-4)
         assert float(line["error_m"]) == pytest.approx(one["error_m"], abs=1e-4)
     assert adjusted["nees"] == pytest.approx(np.mean(squares))
     assert adjusted["heights"]["rmse"] == pytest.approx(np.sqrt(np.mean(np.square(heights))))
@@ -206,9 +207,9 @@ def test_along_and_across_are_those_of_the_car(opened: Store, sample: Path) -> N
         east, north = way / np.hypot(*way)
         moved.append(replace(truth, east_m=truth.east_m + east, north_m=truth.north_m + north))
     for one, other in zip(before, evaluate(opened, moved, by="id").methods[0].each, strict=True):
-        assert one.along_m is not None
-        assert other.along_m == pytest.approx(one.along_m - 1.0, abs=0.01)
-        assert other.across_m == pytest.approx(one.across_m, abs=0.12)
+        assert one.error_along_m is not None
+        assert other.error_along_m == pytest.approx(one.error_along_m - 1.0, abs=0.01)
+        assert other.error_across_m == pytest.approx(one.error_across_m, abs=0.12)
 
 
 def test_heights_that_are_not_known_are_not_told(opened: Store, sample: Path, tmp_path: Path) -> None:

@@ -64,13 +64,26 @@ def find_poses(folder: DriveFolder) -> str | None:
     DriveError
         If there are several.
     """
-    files = [n for n in folder.names(".csv", ".txt") if track_format(Recording(folder, n)) is POSES]
+    files = _pose_files(folder)
     if len(files) > 1:
         raise DriveError(
             f"{' and '.join(files)} both hold poses: name one under [poses] in {SETTINGS_FILE},"
             f' file = "{files[0]}".'
         )
     return files[0] if files else None
+
+
+def poses_beside(folder: DriveFolder) -> tuple[str, ...]:
+    """Say of pose files in a folder with GNSS recordings that they are not used."""
+    return tuple(
+        f"{file} holds poses and is not used, since the folder has GNSS recordings: to use it instead, write"
+        f' [poses] file = "{file}" in {SETTINGS_FILE}.'
+        for file in _pose_files(folder)
+    )
+
+
+def _pose_files(folder: DriveFolder) -> list[str]:
+    return [n for n in folder.names(".csv", ".txt") if track_format(Recording(folder, n)) is POSES]
 
 
 def _sniffed_gnss(folder: DriveFolder, rig: Rig) -> dict[str, str]:

@@ -15,7 +15,7 @@ from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes
 from twin.drives.track.attitudes import moved_to_rig_origin
-from twin.drives.track.find import damaged_recordings, find_gnss, find_poses
+from twin.drives.track.find import damaged_recordings, find_gnss, find_poses, poses_beside
 from twin.drives.track.fixes import FixesRead, fix_rate_hz, headings_and_velocities
 from twin.drives.track.formats.nmea import read_nmea
 from twin.drives.track.formats.recording import Recording
@@ -54,7 +54,10 @@ def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: Re
     if not files and poses is None:
         files, absent = find_gnss(folder, rig)
         notes.warn(DriveDoubt.TRACK, *absent)
-        poses = None if files else find_poses(folder)
+        if files:
+            notes.warn(DriveDoubt.TRACK, *poses_beside(folder))
+        else:
+            poses = find_poses(folder)
     if poses is not None:
         return Track(rig, (), _read_poses(folder, poses, settings, notes))
     if not files:
