@@ -22,7 +22,7 @@ from twin.errors import StoreError
 from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, still_seen
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
-from twin.matching.poles.keys import with_known_keys
+from twin.matching.poles.keys import Mark, with_known_keys
 from twin.matching.poles.many_drives import Driven, with_fused_places
 from twin.matching.poles.map_aided import map_aided
 from twin.matching.poles.poles import ObservedPole, observed_poles
@@ -100,28 +100,13 @@ def match(
         raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
     with store.snapshot() as view:
         say("grouping estimates into poles")
-        # Of what is matched: a sync or an ingest that lands meanwhile makes these findings stale.
-        revision = view.revision()
-        drives = _drives(view, method)
-        # What is no sign has nothing to be compared with in a mirror of signs.
-        is_sign = schema.estimate.c.nvdb_type.is_(None)
-        asked = sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign)
-        estimates = [Estimate.from_row(row) for row in view.rows(asked)]
-        has_network = view.fact(VEGNETT) is not None
-        directions = seen_from(view, estimates, method) if has_network else {}
-        pairs = may_be_one(estimates, config)
-        once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
-        found = observed_poles(once, [drive.drive_id for drive in drives], config, directions)
-        driven = [drive.driven for drive in drives]
-        found = with_fused_places(found, once, driven).poles
-        marks = marks_of(view, estimates, method)
-        poles = with_known_keys(found, marks, known_marks(view))
-        points, plates = mirror_near(view, _places(drives, poles), config)
-    sites = _sites(store, points, plates, config, has_network=has_network)
+        observed = _observed(view, method, config)
+    drives, poles = observed.drives, observed.poles
+    sites = _sites(store, observed.points, observed.plates, config, has_network=observed.has_network)
     tied = ""
     if config.map_aided:
         say("tying drives to measured signs")
-        poles, tied = map_aided(poles, sites, once, driven, config)
+        poles, tied = map_aided(poles, sites, observed.once, [drive.driven for drive in drives], config)
     say("finding which signs were in view")
     current = still_seen(poles, [drive.past(poles, config) for drive in drives], config)
     seen = evidence_of_absence([drive.past(sites, config) for drive in drives], sites, config)
@@ -137,20 +122,12 @@ def match(
         p_unannotated=seen.p_unannotated,
         passed=seen.passed,
     )
-    findings = doubtful_as_review(
-        findings, {drive.drive_id: drive.doubt for drive in drives if drive.misfits}
-    )
+    findings = _with_evidence(findings, current, drives)
     keys = {member: pole.key for pole in poles for member in pole.members}
-    measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in current}
-    watched = _Cameras.of(current, drives)
-    findings = [
-        replace(finding, covariance_m2=_covariance(finding, measured), cameras=watched.for_finding(finding))
-        for finding in findings
-    ]
-    settings = _settings(method, config, drives, estimates) | {"road_network": has_network}
+    settings = _settings(method, config, drives, observed.estimates) | {"road_network": observed.has_network}
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
-    save_changes(store, findings, keys, {**run, "revision": revision}, marks)
+    save_changes(store, findings, keys, {**run, "revision": observed.revision}, observed.marks)
     return MatchReport(
         method=method,
         verdicts=_counts(findings),
@@ -161,6 +138,57 @@ def match(
         map_aided=tied,
         warnings=tuple(warning for drive in drives for warning in drive.warnings()),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Observed:
+    """What a match compares, read in one snapshot: drives, their estimates and poles, NVDB's rows near them.
+
+    ``once``: estimates of which each pole has one a drive and camera.
+    """
+
+    revision: int
+    drives: list[_Drive]
+    estimates: list[Estimate]
+    once: list[Estimate]
+    poles: list[ObservedPole]
+    marks: dict[str, Mark]
+    has_network: bool
+    points: list[Row]
+    plates: list[Row]
+
+
+def _observed(view: Snapshot, method: str, config: MatchConfig) -> _Observed:
+    """Read what was ingested by the method, put it together to poles, and NVDB's signs near it."""
+    drives = _drives(view, method)
+    # What is no sign has nothing to be compared with in a mirror of signs.
+    is_sign = schema.estimate.c.nvdb_type.is_(None)
+    asked = sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign)
+    estimates = [Estimate.from_row(row) for row in view.rows(asked)]
+    has_network = view.fact(VEGNETT) is not None
+    directions = seen_from(view, estimates, method) if has_network else {}
+    pairs = may_be_one(estimates, config)
+    once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
+    found = observed_poles(once, [drive.drive_id for drive in drives], config, directions)
+    found = with_fused_places(found, once, [drive.driven for drive in drives]).poles
+    marks = marks_of(view, estimates, method)
+    poles = with_known_keys(found, marks, known_marks(view))
+    points, plates = mirror_near(view, _places(drives, poles), config)
+    # The revision is that of what is matched: a sync or an ingest that lands meanwhile makes findings stale.
+    return _Observed(view.revision(), drives, estimates, once, poles, marks, has_network, points, plates)
+
+
+def _with_evidence(
+    findings: Sequence[Finding], poles: Sequence[ObservedPole], drives: Sequence[_Drive]
+) -> list[Finding]:
+    """Put drives that are not trusted up for review, and add covariances and cameras."""
+    doubted = doubtful_as_review(findings, {drive.drive_id: drive.doubt for drive in drives if drive.misfits})
+    measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in poles}
+    watched = _Cameras.of(poles, drives)
+    return [
+        replace(finding, covariance_m2=_covariance(finding, measured), cameras=watched.for_finding(finding))
+        for finding in doubted
+    ]
 
 
 def choose_method(store: Store, method: str | None) -> str:
