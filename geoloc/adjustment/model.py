@@ -13,6 +13,7 @@ from geoloc.adjustment.unknowns import (
     FALL_LEFT,
     FALL_RIGHT,
     LEAN,
+    PITCHING,
     READOUT,
     RISE,
     ROLL,
@@ -195,6 +196,8 @@ class Model:
         by_beta = by_c @ _rotation_derivative(s.c, s.beta)
         by_q = by_c @ s.camera_R_rig
         by_attitude = by_q @ _rotation_derivative(s.q, s.attitude)
+        by_pitching = by_attitude[:, :, 2:] * s.attitude[:, 1, None, None]
+        by_attitude[:, :, 1] += x[PITCHING] * by_attitude[:, :, 2]
         by_rig = by_q @ s.back
         enu_R = _turned_matrix(body.enu_R_rig, s.turn)
         by_point = by_rig @ np.swapaxes(enu_R, 1, 2)
@@ -216,6 +219,7 @@ class Model:
                 by_node[:, :, :1],
                 by_node[:, :, :1] * body.lateral_mps2[:, None, None],
                 by_node[:, :, 1:2] * body.pitch_per_m[:, None, None],
+                by_pitching,
                 by_beta,
                 -by_q,
             ],
@@ -246,7 +250,7 @@ class Model:
                 layout.node(self.left)[:, :_POSE],
                 layout.node(self.left + 1)[:, :_POSE],
                 layout.bounce(scene.instant),
-                np.broadcast_to([TIME, READOUT, SLIP, ROLL, LEAN, AXLES], (scene.point.size, 6)),
+                np.broadcast_to([TIME, READOUT, SLIP, ROLL, LEAN, AXLES, PITCHING], (scene.point.size, 7)),
                 layout.boresight(scene.camera),
                 layout.camera_position(scene.camera),
             ],
@@ -354,7 +358,7 @@ class Model:
     def _attitude(self, x: FloatArray, slow: FloatArray) -> FloatArray:
         """Rotation vectors (n, 3) of the body at each sighting: slow errors, bounce and slip."""
         attitude = slow[:, :3] + x[self.layout.bounce(self.scene.instant)]
-        attitude[:, 2] += x[SLIP] * self.scene.body.lateral_mps2
+        attitude[:, 2] += x[SLIP] * self.scene.body.lateral_mps2 + x[PITCHING] * attitude[:, 1]
         return np.asarray(attitude)
 
     def _shift(self, slow: FloatArray, enu_R_rig: FloatArray) -> FloatArray:

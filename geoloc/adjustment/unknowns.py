@@ -14,14 +14,14 @@ from geoloc.locate.single_frame import ErrorBudget
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import LastingRoll
 
-TIME, READOUT, SLIP, ROLL, LEAN, AXLES, FALL_LEFT, FALL_RIGHT, RISE, FIRST_CAMERA = range(10)
+TIME, READOUT, SLIP, ROLL, LEAN, AXLES, PITCHING, FALL_LEFT, FALL_RIGHT, RISE, FIRST_CAMERA = range(11)
 """Places of what a whole drive shares.
 
 The camera clock's offset (s), the readout time (s) and the rear tyres' slip (rad s²/m); what the trajectory's
 roll is off (rad), and what it is off a lateral acceleration (rad s²/m); how much further ahead the road tilts
-the car than the trajectory takes it (m); how much the ground rises above the car's plane a metre to the left
-and to the right, and feet above that (m). Each camera then has six: boresight about its own x, y, z (rad) and
-position in the rig (m).
+the car than the trajectory takes it (m); how much the car turns to the left as it pitches (rad a rad); how
+much the ground rises above the car's plane a metre to the left and to the right, and feet above that (m).
+Each camera then has six: boresight about its own x, y, z (rad) and position in the rig (m).
 """
 PER_CAMERA = 6
 PER_NODE = 8
@@ -35,6 +35,10 @@ _FALL_TAU_S = 15.0
 SLOW_TAU_S = (6.0, 1.0, 8.0, 2.0, 2.0, 2.0, _FALL_TAU_S, _FALL_TAU_S)
 # Half a wheelbase is 1.25 to 1.55 m in cars, and 1.9 m in vans.
 _AXLES_SIGMA_M = 0.2
+# A car does not pitch just about the rig's y axis. Its axles lie as the road does, which falls by 3 % to the
+# side; what a climb adds turns it about a level axis; and springs are not alike on both sides. Thousands of
+# frames would else show by it how all cameras are rolled, to a third of a degree, and wrongly.
+_PITCHING_SIGMA = 0.03
 # A car body on its springs swings at 1.2 to 1.5 Hz and is damped within a swing: after a tenth of a second
 # half of its angle is still there.
 BOUNCE_TAU_S = 0.15
@@ -205,6 +209,7 @@ def prior_of(
         ("body", ROLL, max(np.radians(roll.sigma_deg), _CERTAIN_RAD)),
         ("body", LEAN, max(np.radians(roll.sigma_deg_per_mps2), _CERTAIN_RAD)),
         ("body", AXLES, _AXLES_SIGMA_M),
+        ("body", PITCHING, _PITCHING_SIGMA),
         (BESIDE_ROAD, FALL_LEFT, fall),
         (BESIDE_ROAD, FALL_RIGHT, fall),
         (BESIDE_ROAD, RISE, budget.ground_height_m),
