@@ -123,19 +123,20 @@ def adjust(
         stated = task.budget
         at = task.settled(task.solved(at.seen, stated), stated)
         rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
-    unsure_s = 0.0
-    if cannot_be(rays, budget.time_ms):
+    unsure_s, is_wrong = 0.0, cannot_be(rays, budget.time_ms)
+    if is_wrong:
         # The stated clock cannot be: let the rays say what it is.
         free = replace(stated, time_ms=_WIDER * abs(rays.value))
         at, stated = task.settled(task.solved(at.seen, free), free), free
         rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
-        doubts.append(_wrong_clock(at))
     elif may_not_be(rays, budget.time_ms):
         unsure_s = 1e-3 * abs(rays.value)
         doubts.append(_doubted_clock(rays, budget, at))
     seen = at.seen
     lasting_s = lasting_doubt_s(rays, stated.time_ms, seen.scene.body, is_poor=late_ms > 0.0)
     unsure_s = float(np.hypot(unsure_s, lasting_s))
+    if is_wrong:
+        doubts.append(_wrong_clock(at, unsure_s))
     seen.rejected[seen.scene.row[~at.solution.inlier]] = Reason.OUTLIER
     corrected = corrected_poses(at.model, at.solution.x, seen.poses)
     return adjusted_of(
@@ -245,8 +246,8 @@ class _Task:
         return first
 
 
-def _wrong_clock(at: _Solved) -> Doubt:
-    later, sigma = 1e3 * at.clock_s, 1e3 * float(np.sqrt(at.found.shared[TIME, TIME]))
+def _wrong_clock(at: _Solved, unsure_s: float) -> Doubt:
+    later, sigma = 1e3 * at.clock_s, 1e3 * float(np.hypot(np.sqrt(at.found.shared[TIME, TIME]), unsure_s))
     return Doubt(
         AdjustmentDoubt.CLOCK,
         f"The camera clock does not fit the track: {later:+.0f} ± {sigma:.0f} ms were added to it. Do not"

@@ -144,13 +144,15 @@ def mounting_part(
     covariance_deg2: FloatArray,
     drive_sigma_deg: FloatArray,
     sigmas: float = SURE_SIGMAS,
+    mounting_sigma_deg: float = _MOUNTING_DEG,
 ) -> MountingPart:
     """Tell the cameras' mounting from an error of the drive's own angles, which turns all of them alike.
 
     Each turn is the camera's own, the drive's, and noise. The common turn is the weighted mean in the rig
-    frame, where cameras scatter by 0.2° a camera and axis. About an axis where it is no more than the drive
-    may be off it is taken off, and how cameras differ remains. Angles that are then not certain are left
-    at 0: the others are told against the cameras that stay as they are, so that nothing is left to apply.
+    frame, where cameras scatter by `mounting_sigma_deg` a camera and axis. About an axis where it is no more
+    than the drive may be off it is taken off, and how cameras differ remains. Angles that are then not
+    certain are left at 0: the others are told against the cameras that stay as they are, so that nothing is
+    left to apply.
 
     Parameters
     ----------
@@ -162,11 +164,13 @@ def mounting_part(
         One sigma of the drive's own roll, pitch and heading (the rig's x, y and z), the same for all cameras.
     sigmas : float
         How many of them are certain.
+    mounting_sigma_deg : float
+        One sigma of a camera's own angles, an axis.
     """
     camera_R_rig = np.swapaxes(rig_R_camera, 1, 2)
     turn_rig = np.einsum("nij,nj->ni", rig_R_camera, turn_deg)
     variance = np.diagonal(rig_R_camera @ covariance_deg2 @ camera_R_rig, axis1=1, axis2=2)
-    weight = 1.0 / (variance + _MOUNTING_DEG**2)
+    weight = 1.0 / (variance + mounting_sigma_deg**2)
     weight = weight / weight.sum(axis=0)
     common = (weight * turn_rig).sum(axis=0)
     # Cameras see the same objects: their errors are taken as shared, and so add up.

@@ -167,7 +167,7 @@ def ingest_drive(
     estimates = estimates_of(drive, sighted, positions, method)
     placed = {estimate.object for estimate in estimates}
     n_unplaced = _unplaced(drive, sighted, placed)
-    id_doubts = () if detector is not None else _id_doubts(drive, trajectory, sighted, say)
+    id_doubts = () if detector is not None else _id_doubts(drive, trajectory, sighted, budget, say)
     misfits = misfits_of(drive, sighted, budget, id_doubts)
     gap = absence_gap(drive, sighted)
     warnings = (
@@ -260,7 +260,11 @@ def _with_objects(
 
 
 def _id_doubts(
-    drive: Drive, trajectory: Trajectory, sighted: SightedObjects, say: Callable[[str], None]
+    drive: Drive,
+    trajectory: Trajectory,
+    sighted: SightedObjects,
+    budget: ErrorBudget,
+    say: Callable[[str], None],
 ) -> tuple[Doubt, ...]:
     """Check what annotators marked as one object.
 
@@ -274,7 +278,7 @@ def _id_doubts(
         later_ns = round(1e6 * sighted.adjusted.time_offset_ms.value)
         in_time = replace(drive, camera_offset_ns=drive.camera_offset_ns + later_ns)
     say("checking the annotators' ids")
-    return clocks_apart(id_warnings(in_time, trajectory), drive, trajectory)
+    return clocks_apart(id_warnings(in_time, trajectory), drive, trajectory, budget)
 
 
 def _ground(

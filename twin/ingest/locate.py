@@ -180,7 +180,7 @@ def locate_annotations(
     )
 
 
-def adjust_camera(drive: Drive, trajectory: Trajectory, camera: str) -> Adjusted:
+def adjust_camera(drive: Drive, trajectory: Trajectory, camera: str, budget: ErrorBudget) -> Adjusted:
     """Adjust the annotations of one camera by themselves: what that camera alone says of its clock."""
     notes = drive.annotations
     index = np.flatnonzero(notes.camera == camera)
@@ -192,7 +192,7 @@ def adjust_camera(drive: Drive, trajectory: Trajectory, camera: str) -> Adjusted
         _frame_stamps(drive, notes.camera[index], notes.frame[index]) + drive.camera_offset_ns,
         trajectory,
     )
-    return adjust(observations, **_adjust_options(drive, index))
+    return adjust(observations, budget, **_adjust_options(drive, index))
 
 
 class _AdjustOptions(TypedDict):

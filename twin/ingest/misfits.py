@@ -25,6 +25,7 @@ _MOST_OUTLIERS = 0.15
 _FAR_SIGMAS = 6.0
 """What white noise of three times the stated sigma exceeds in one annotation of twenty."""
 _MOST_FAR = 0.05
+_LATE_SIGMAS = 4.0
 _FEW_OBJECTS = 3
 _MOST_LOST = 0.3
 
@@ -75,18 +76,20 @@ def misfits_of(
     return tuple(found or [*_outliers(drive, sighted, adjusted), *_poor_cameras(drive, sighted, budget)])
 
 
-def clocks_apart(doubts: tuple[Doubt, ...], drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
+def clocks_apart(
+    doubts: tuple[Doubt, ...], drive: Drive, trajectory: Trajectory, budget: ErrorBudget
+) -> tuple[Doubt, ...]:
     """Add to the doubt that cameras disagree which clock is late, where each camera alone shows it.
 
-    Other doubts come back as they are.
+    Other doubts come back as they are. A clock that is stated to the second is found by each camera, and is
+    no doubt of the adjustment: what counts is whether the camera shows that it is late.
     """
     if not any(doubt.kind is DriveDoubt.CAMERAS_DISAGREE for doubt in doubts):
         return doubts
     notes, late = drive.annotations, []
     for camera in np.unique(notes.camera).tolist():
-        adjusted = adjust_camera(drive, trajectory, camera)
-        if any(doubt.kind == AdjustmentDoubt.CLOCK for doubt in adjusted.doubts):
-            clock = adjusted.time_offset_ms
+        clock = adjust_camera(drive, trajectory, camera, budget).time_offset_ms
+        if abs(clock.value) > _LATE_SIGMAS * clock.sigma:
             late.append(f"{camera} alone fits the track with {clock.value:+.0f} ± {clock.sigma:.0f} ms.")
     return tuple(
         replace(doubt, sentence=" ".join((doubt.sentence, *late)))

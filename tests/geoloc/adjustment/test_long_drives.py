@@ -41,6 +41,21 @@ def test_coarse_annotations_look_like_no_slower_shutter(name: str, seed: int) ->
     assert abs(readout.value - true_ms) < readout.sigma
 
 
+def test_car_that_pitches_on_a_leaning_road_rolls_no_camera() -> None:
+    """About its axles or about a level axis: the difference, frame by frame, is no roll of the cameras."""
+    recording = recorded(
+        "highway",
+        seed=4,
+        minutes=2.0,
+        crossfall_percent=6.0,
+        pitch_jitter_deg=0.3,
+        annotation_px=0.5,
+        boresight_deg=0.0,
+    )
+    for _, _, roll in recording.adjusted().boresight_deg.values():
+        assert abs(roll.value) < roll.sigma
+
+
 def test_ground_that_rises_under_all_feet_is_no_pitch() -> None:
     """Kerbs of 25 cm under every pole are found as what they share, and the cameras stay where they are."""
     recording = recorded("highway", seed=2, minutes=2.0, ins=True, kerb_everywhere_m=0.25)

@@ -124,6 +124,20 @@ def test_roll_that_the_drive_does_not_know_is_not_written(urban: Path, tmp_path:
     assert all(turn["sigma_roll_deg"] < 0.6 for turn in level["turns"].values())
 
 
+def test_errors_that_the_drive_states_count(urban: Path, tmp_path: Path, twin: Twin) -> None:
+    """A clock that is known to half a second may have pitched all cameras: told, and not applied."""
+    drive = Path(shutil.copytree(urban, tmp_path / "drive"))
+    command = ("calibrate", "verify", drive, "--known", drive / "truth.csv", "--level", 0.1, "--json")
+    usual = twin(*command).json["turns"]
+    settings = (drive / "drive.toml").read_text()
+    (drive / "drive.toml").write_text(settings + "\n[errors]\ntime_ms = 500\n")
+    late = twin(*command).json
+    for camera, turn in late["turns"].items():
+        assert turn["pitch_deg"] == usual[camera]["pitch_deg"]
+        assert usual[camera]["sigma_pitch_deg"] < 0.4
+        assert turn["sigma_pitch_deg"] > 0.8
+
+
 def test_drive_with_cameras_gets_its_corrected_tables(still: Path, tmp_path: Path, twin: Twin) -> None:
     """Where drive.toml says where cameras sit, --apply writes its tables; pasted, nothing is left to turn."""
     drive = Path(shutil.copytree(still, tmp_path / "drive"))

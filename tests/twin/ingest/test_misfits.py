@@ -82,9 +82,12 @@ def test_late_clock_of_one_camera_is_named_and_no_id_doubted() -> None:
     doubts = id_warnings(late, trajectory)
     assert len(doubts) == 1
     assert doubts[0].kind is DriveDoubt.CAMERAS_DISAGREE
-    (named,) = clocks_apart(doubts, late, trajectory)
+    (named,) = clocks_apart(doubts, late, trajectory, ErrorBudget())
     assert f"{TELE} alone fits the track with -3" in named.sentence
     assert WIDE not in named.sentence
+    (by_second,) = clocks_apart(doubts, late, trajectory, ErrorBudget(time_ms=1000.0))
+    assert f"{TELE} alone fits the track with -3" in by_second.sentence
+    assert WIDE not in by_second.sentence
     sighted = locate_annotations(late, trajectory, method="adjusted")
     assert "its cameras do not agree with one another" in [
         misfit.what for misfit in misfits_of(late, sighted, ErrorBudget(), doubts)

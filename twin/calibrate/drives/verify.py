@@ -32,6 +32,7 @@ from geoloc.earth.geodesy import (
 from geoloc.locate.accuracy import RANGE_EDGES_M
 from geoloc.locate.error_budget import ErrorBudget
 from geoloc.rig.rig import Rig
+from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin.calibrate.drives.known_objects import check_near, most_misplaced
 from twin.calibrate.mounting_files import drive_tables, write_corrected_rig
@@ -39,6 +40,7 @@ from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, read_settings
 from twin.drives.read import read_drive
 from twin.errors import RefusedError, TruthError
+from twin.ingest.budget import budget_of
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.reports.evaluation import Truth, read_truth
 from twin.store.atomic_files import replace_file
@@ -49,8 +51,6 @@ LEAST_DEG = 0.02
 _MOST_DEG = 3.0
 _MOST_MISFIT_DEG = 1.0
 _LEFT_OUT_SHARE = 0.2
-_FALL_DEG = float(np.degrees(ErrorBudget().ground_fall))
-"""The road below signs against the road below the car, across: a roll of all cameras."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,10 @@ def verify_drive(
     drive = read_drive(path, progress=progress)
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
-    located = locate_annotations(drive, trajectory, method="single-frame", datum_sigma_m=datum_sigma_m)
+    budget = budget_of(drive, None, {})
+    located = locate_annotations(
+        drive, trajectory, method="single-frame", budget=budget, datum_sigma_m=datum_sigma_m
+    )
     place = _places(truths, drive)
     if not place:
         raise TruthError(
@@ -169,14 +172,19 @@ def verify_drive(
     rows = np.flatnonzero(np.isin(names, list(place)))
     not_seen = tuple(sorted({t.object for t in truths} - set(names[rows].tolist())))
     check_near(names[rows], _at(place, names[rows]), _only(located.poses, rows))
-    rows, misplaced = _without_misplaced(drive, trajectory, located, rows, place)
+    rows, misplaced = _without_misplaced(drive, trajectory, located, rows, place, budget)
     truth_m = _at(place, names[rows])
     poses = _only(located.poses, rows)
     sightings = _known_sightings(drive, located.index[rows], poses, truth_m)
-    drive_sigma_deg = _drive_sigma_deg(poses, level_deg)
-    turns, certain, mounting = _mounting(drive.rig, camera_turns(drive.rig, sightings), drive_sigma_deg)
+    found = camera_turns(drive.rig, sightings)
+    late_s = float(np.hypot(1e-3 * budget.time_ms, trajectory.late_sigma_s))
+    later = trajectory.poses_at(located.epoch_ns[rows] + round(late_s * NANOSECONDS))
+    seen_later = _known_sightings(drive, located.index[rows], later, truth_m)
+    drive_sigma_deg = _drive_sigma_deg(poses, level_deg, budget)
+    drive_sigma_deg = np.hypot(drive_sigma_deg, _common_change_deg(drive.rig, found, seen_later))
+    turns, certain, mounting = _mounting(drive.rig, found, drive_sigma_deg, budget)
     errors = [
-        np.hypot(*_offsets(drive, trajectory, rows, truth_m, r)[0].T)
+        np.hypot(*_offsets(drive, trajectory, rows, truth_m, r, budget)[0].T)
         for r in (drive.rig, rig_turned(drive.rig, certain))
     ]
     errors_at = _errors_at(drive.rig, sightings, *errors)
@@ -217,6 +225,7 @@ def _without_misplaced(
     located: SightedObjects,
     rows: NDArray[np.int64],
     place: Mapping[str, tuple[float, float]],
+    budget: ErrorBudget,
 ) -> tuple[NDArray[np.int64], dict[str, float]]:
     """Leave out, one by one, objects that the turned cameras see elsewhere: a fifth of them at most."""
     names = drive.annotations.object[located.index]
@@ -226,7 +235,7 @@ def _without_misplaced(
         truth_m = _at(place, names[rows])
         known = _known_sightings(drive, located.index[rows], _only(located.poses, rows), truth_m)
         rig = rig_turned(drive.rig, camera_turns(drive.rig, known))
-        worst = most_misplaced(names[rows], *_offsets(drive, trajectory, rows, truth_m, rig))
+        worst = most_misplaced(names[rows], *_offsets(drive, trajectory, rows, truth_m, rig, budget))
         if worst is None:
             break
         misplaced[worst[0]] = worst[1]
@@ -273,10 +282,16 @@ def _known_sightings(
 
 
 def _offsets(
-    drive: Drive, trajectory: Trajectory, rows: NDArray[np.int64], truth_m: FloatArray, rig: Rig
+    drive: Drive,
+    trajectory: Trajectory,
+    rows: NDArray[np.int64],
+    truth_m: FloatArray,
+    rig: Rig,
+    budget: ErrorBudget,
 ) -> tuple[FloatArray, FloatArray]:
     """Place by single frames less the surveyed one, east and north, its covariance; NaN without ground."""
-    found = locate_annotations(replace(drive, rig=rig), trajectory, method="single-frame").located
+    moved = replace(drive, rig=rig)
+    found = locate_annotations(moved, trajectory, method="single-frame", budget=budget).located
     latitude, longitude = found.latitude_deg[rows], found.longitude_deg[rows]
     offset = np.column_stack(utm33_from_geographic(latitude, longitude)) - truth_m
     return offset, utm33_covariance_from_enu(found.covariance_m2[rows], latitude, longitude)
@@ -292,31 +307,51 @@ def _errors_at(
     return {str(name): at[sightings.camera == name] for name in np.unique(sightings.camera)}
 
 
-def _drive_sigma_deg(poses: Poses, level_deg: float | None) -> FloatArray:
-    """Sigma of roll, pitch and heading that all sightings share: of the drive, and of the ground below it."""
+def _drive_sigma_deg(poses: Poses, level_deg: float | None, budget: ErrorBudget) -> FloatArray:
+    """Sigma of roll, pitch and heading that all sightings share: of the drive, and of the ground below it.
+
+    The road below signs against the road below the car, across, is a roll of all cameras.
+    """
     roll, pitch, heading = (
         float(np.median(sigma))
         for sigma in (poses.sigma_roll_deg, poses.sigma_pitch_deg, poses.sigma_heading_deg)
     )
     if level_deg is not None:
         return np.array([level_deg, level_deg, heading])
-    return np.array([np.hypot(roll, _FALL_DEG), pitch, heading])
+    return np.array([np.hypot(roll, np.degrees(budget.ground_fall)), pitch, heading])
+
+
+def _common_change_deg(rig: Rig, found: Mapping[str, CameraTurn], otherwise: KnownSightings) -> FloatArray:
+    """By how much all cameras turn together, about the rig's axes, if the car was where `otherwise` has it.
+
+    A car that drives is nearer to what it sees if its clock is late: that is a pitch of all cameras.
+    """
+    changes = [
+        rig.cameras[name].rig_R_camera @ (_angles_deg(turn) - _angles_deg(found[name]))
+        for name, turn in camera_turns(rig, otherwise).items()
+        if name in found
+    ]
+    return np.abs(np.mean(changes, axis=0)) if changes else np.zeros(3)
+
+
+def _angles_deg(turn: CameraTurn) -> FloatArray:
+    return np.array([turn.pitch_deg, turn.yaw_deg, turn.roll_deg])
 
 
 def _mounting(
-    rig: Rig, found: Mapping[str, CameraTurn], drive_sigma_deg: FloatArray
+    rig: Rig, found: Mapping[str, CameraTurn], drive_sigma_deg: FloatArray, budget: ErrorBudget
 ) -> tuple[dict[str, CameraTurn], dict[str, CameraTurn], MountingPart]:
     """Turns with the drive's own sigmas, and what of them is the mounting for certain."""
     part = mounting_part(
         np.array([rig.cameras[name].rig_R_camera for name in found]).reshape(-1, 3, 3),
-        np.array([(t.pitch_deg, t.yaw_deg, t.roll_deg) for t in found.values()]).reshape(-1, 3),
+        np.array([_angles_deg(turn) for turn in found.values()]).reshape(-1, 3),
         np.array([t.covariance_deg2 for t in found.values()]).reshape(-1, 3, 3),
         drive_sigma_deg,
+        mounting_sigma_deg=budget.boresight_deg,
     )
     total, certain = {}, {}
     for i, (name, turn) in enumerate(found.items()):
-        own = np.array([turn.pitch_deg, turn.yaw_deg, turn.roll_deg])
-        total[name] = with_angles(turn, own, part.total_covariance_deg2[i])
+        total[name] = with_angles(turn, _angles_deg(turn), part.total_covariance_deg2[i])
         certain[name] = with_angles(turn, part.turn_deg[i], part.covariance_deg2[i])
     return total, certain, part
 
