@@ -88,6 +88,7 @@ def recorded(
     straight: bool = False,
     crossfall_percent: float | None = None,
     minutes: float | None = None,
+    single_m: float | None = None,
     **noise: float,
 ) -> Recording:
     """Simulate a drive and bring it into the form that `adjust` takes."""
@@ -105,6 +106,10 @@ def recorded(
         world = replace(world, road=road)
     drive = simulate_drive(replace(world, noise=replace(world.noise, **noise)), seed)
     used = drive.gnss[:antennas]
+    if single_m is not None:  # as a receiver without corrections states them
+        n = used[0].epoch_ns.size
+        stated = {"quality": np.ones(n, dtype=np.int64), "sigma_horizontal_m": np.full(n, single_m)}
+        used = tuple(replace(fixes, **stated) for fixes in used)
     arms = {fixes.antenna: drive.rig.antennas[fixes.antenna].rig_t_antenna_m for fixes in used}
     trajectory = true_poses(drive) if ins else trajectory_from_gnss(used, arms)
     seen = drive.sightings

@@ -52,6 +52,13 @@ _WIDER = 3.0
 # Speed and turning of a car are the same for so long: in 0.03 s braking moves it by 2 mm.
 _SAME_MOTION_S, _MOST_ROUNDS = 0.03, 8
 _POSE_ROUNDS = 2
+# Begun so far from the clock that was found, an adjustment comes back to it if the drive tells the time.
+# Where fixes of metres make yaw rates and speeds tremble, it stays wherever it begins.
+_ASIDE_S, _BACK, _NEARER, _BACK_ROUNDS = 1.0, 0.3, 0.8, 4
+# A clock that is not to be adjusted.
+_HELD_MS = 1.0
+# Slower than this no clock moves anything.
+_SLOW_MPS = 2.0
 # Outside this the rolling shutter takes up something else.
 _READOUTS_MS = (-15.0, 50.0)
 # A data sheet's readout, and how exposure and line time differ from it.
@@ -116,6 +123,10 @@ def adjust(
         seen = task.seen(round(shift_s * NANOSECONDS))
     at = task.settled(task.solved(seen, stated), stated)
     task, at = task.with_pose_sigmas(at, stated)
+    held_s = 0.0
+    if late_ms and not shift_s and not task.tells_time(at, stated):
+        # What bearings seem to say of the clock is noise of the fixes: the stated one stays.
+        at, held_s = task.solved(task.seen(0), replace(stated, time_ms=_HELD_MS)), 1e-3 * stated.time_ms
     doubts = list(_doubts(at.model, at.solution, terrain))
     rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
     if shift_s and not cannot_be(rays, budget.time_ms):
@@ -123,8 +134,11 @@ def adjust(
         stated = task.budget
         at = task.settled(task.solved(at.seen, stated), stated)
         rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
-    unsure_s, is_wrong = 0.0, cannot_be(rays, budget.time_ms)
-    if is_wrong:
+    unsure_s, is_wrong = 0.0, not held_s and cannot_be(rays, budget.time_ms)
+    if held_s:
+        rays = Correction(0.0, np.inf)
+        doubts += _unchecked_clock(budget, at)
+    elif is_wrong:
         # The stated clock cannot be: let the rays say what it is.
         free = replace(stated, time_ms=_WIDER * abs(rays.value))
         at, stated = task.settled(task.solved(at.seen, free), free), free
@@ -133,7 +147,7 @@ def adjust(
         unsure_s = 1e-3 * abs(rays.value)
         doubts.append(_doubted_clock(rays, budget, at))
     seen = at.seen
-    lasting_s = lasting_doubt_s(rays, stated.time_ms, seen.scene.body, is_poor=late_ms > 0.0)
+    lasting_s = held_s or lasting_doubt_s(rays, stated.time_ms, seen.scene.body, is_poor=late_ms > 0.0)
     unsure_s = float(np.hypot(unsure_s, lasting_s))
     if is_wrong:
         doubts.append(_wrong_clock(at, unsure_s))
@@ -244,6 +258,42 @@ class _Task:
             at = self.solved(seen, priors)
         # It runs away from the drive, as where fixes are so poor that none of it tells the time.
         return first
+
+    def tells_time(self, at: _Solved, priors: ErrorBudget) -> bool:
+        """Whether the bearings find the same clock from a second earlier and a second later."""
+        free = replace(priors, time_ms=_WIDER * 1e3 * _ASIDE_S)
+        found_s = self._by_rays_s(at, priors)
+        return all(self._comes_back(found_s, aside_s, free) for aside_s in (_ASIDE_S, -_ASIDE_S))
+
+    def _comes_back(self, found_s: float, aside_s: float, priors: ErrorBudget) -> bool:
+        begin_s, off_s = found_s + aside_s, abs(aside_s)
+        for _ in range(_BACK_ROUNDS):
+            at = self.solved(self.seen(round(begin_s * NANOSECONDS)), priors)
+            begin_s, before_s = self._by_rays_s(at, priors), off_s
+            off_s = abs(begin_s - found_s)
+            if off_s < _BACK * abs(aside_s):
+                return True
+            if off_s > _NEARER * before_s:
+                break
+        return False
+
+    @staticmethod
+    def _by_rays_s(at: _Solved, priors: ErrorBudget) -> float:
+        return 1e-3 * clock_of_the_rays(at.solution, at.found, priors.time_ms, at.shift_s).value
+
+
+def _unchecked_clock(budget: ErrorBudget, at: _Solved) -> Iterator[Doubt]:
+    """Say that this drive cannot show whether its stamps are right."""
+    speed_mps = float(np.median(np.hypot(*at.seen.scene.body.velocity_mps[:, :2].T)))
+    if speed_mps < _SLOW_MPS:
+        return
+    yield Doubt(
+        AdjustmentDoubt.CLOCK_UNCHECKED,
+        "The camera clock cannot be checked: with fixes without corrections this drive does not tell the"
+        f" time. Clock and receiver are taken as good to {budget.time_ms:.0f} ms together; each 0.1 s beyond"
+        f" that moves all positions by {0.1 * speed_mps:.1f} m along the road. State [errors] time_ms if the"
+        " stamps are not that good; corrections (RTK) would show it.",
+    )
 
 
 def _wrong_clock(at: _Solved, unsure_s: float) -> Doubt:

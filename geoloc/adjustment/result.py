@@ -34,6 +34,7 @@ class AdjustmentDoubt(StrEnum):
 
     CLOCK = "clock"
     CLOCK_DOUBTED = "clock-doubted"
+    CLOCK_UNCHECKED = "clock-unchecked"
     SHUTTER = "shutter"
     TERRAIN_UNUSED = "terrain-unused"
 
@@ -99,7 +100,8 @@ class Adjusted:
     boresight_deg : mapping camera → tuple of Correction
         About the camera's own x (pitch), y (yaw) and z (roll).
     doubts : tuple of Doubt
-        Of the kinds of `AdjustmentDoubt`: a clock or a shutter that cannot be, terrain not used.
+        Of the kinds of `AdjustmentDoubt`: a clock that cannot be or be checked, a shutter that cannot be, terrain
+        not used.
     pose_sigmas : PoseSigmas or None
         What recorded poses without sigmas were taken as (NaN: stated); None where all were stated.
     """

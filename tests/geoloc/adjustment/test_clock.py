@@ -62,3 +62,17 @@ def test_clock_that_is_looked_for_further_off_counts_for_what_it_was_stated_to(s
     told = {doubt.kind: str(doubt) for doubt in adjusted.doubts}
     assert (AdjustmentDoubt.CLOCK_DOUBTED in told) == (stated_ms == 100.0)
     assert all(f"{adjusted.time_offset_ms.value:+.0f} ms were added" in text for text in told.values())
+
+
+@pytest.mark.parametrize("stated_ms", [5.0, 1000.0])
+def test_clock_that_nothing_can_check_stays_and_is_told(stated_ms: float) -> None:
+    """Fixes of 2 m in wide bends: the stated clock and its whole sigma are kept, and people hear of it."""
+    poor = {"gnss_white_horizontal_m": 0.8, "gnss_multipath_m": 1.8, "gnss_multipath_tau_s": 10.0}
+    recording = recorded("highway", 60.0, 70_000, antennas=1, single_m=2.0, **poor)
+    late = recording._replace(epoch_ns=recording.epoch_ns + 1_000_000_000)
+    adjusted = late.adjusted(budget=ErrorBudget(time_ms=stated_ms))
+    assert AdjustmentDoubt.CLOCK_UNCHECKED in {doubt.kind for doubt in adjusted.doubts}
+    assert adjusted.time_offset_ms.value == pytest.approx(0.0, abs=5.0)
+    assert adjusted.time_offset_ms.sigma == pytest.approx(np.hypot(stated_ms, 150.0), rel=0.01)
+    if stated_ms == 1000.0:
+        assert (nees(late.errors_m(adjusted), adjusted.covariance_m2) < 5.99).mean() > 0.9
