@@ -24,8 +24,8 @@ from simulated_receiver import ConsumerSpec, consumer_drive
 
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.fusion.agreeing import fuse_with_agreeing
-from geoloc.fusion.fuse import Clocks, Fused, Known, Passes, fuse
-from geoloc.fusion.sources import parts_of
+from geoloc.fusion.fuse import Clocks, Fused, Known, Passes
+from geoloc.fusion.sources import FoundClock, parts_of
 from geoloc.locate.accuracy import nees
 from geoloc.locate.records import Sightings
 from geoloc.simulation.scenarios import Scenario, scenario
@@ -68,6 +68,8 @@ class Estimates(NamedTuple):
     by_source: dict[str, FloatArray]
     clock_s: tuple[float, float, float, float]
     """Found, one sigma of that, one sigma beforehand, and how late the receiver may be."""
+    solved_s: float
+    """One sigma by the least squares alone."""
 
 
 def road(seed: int, minutes: float, *, against: bool) -> Scenario:
@@ -110,31 +112,36 @@ def estimates_of(drive: SimulatedDrive, fixes: GnssFixes) -> Estimates:
         offset[there],
         {source: covariance[there] for source, covariance in adjusted.by_source.items()},
         (1e-3 * clock.value, 1e-3 * clock.sigma, 1e-3 * adjusted.time_prior_ms, trajectory.late_sigma_s),
+        1e-3 * adjusted.time_solved_ms,
     )
 
 
 def fused_of(drives: Sequence[Estimates], known: Known | None = None) -> Fused:
     """Fuse drives of one car, tied to measured signs if there are any."""
+    clocks = Clocks.of_drives(
+        np.zeros(len(drives), dtype=np.int64), *np.array([one.clock_s for one in drives]).T
+    )
     parts = [
         Passes(
             one.pole,
             np.full(one.pole.size, number),
             one.epoch_ns,
             one.offset_m,
-            *parts_of(one.by_source, one.heading_deg, one.clock_s[1]),
+            *parts_of(
+                one.by_source,
+                one.heading_deg,
+                FoundClock(float(clocks.prior_s[number]), one.solved_s, one.clock_s[1]),
+            ),
         )
         for number, one in enumerate(drives)
     ]
     columns = (
         np.concatenate([getattr(part, name) for part in parts]) for name in Passes.__dataclass_fields__
     )
-    clocks = np.array([one.clock_s for one in drives]).T
-    all_passes, all_clocks = Passes(*columns), Clocks(np.zeros(len(drives), dtype=np.int64), *clocks)
-    if known is None:
-        return fuse(all_passes, all_clocks)
-    poles = int(all_passes.pole.max()) + 1
-    part = Known(known.place_m[:poles], known.sigma_m[:poles])
-    return fuse_with_agreeing(all_passes, all_clocks, part)[0]
+    passes = Passes(*columns)
+    known = known or Known(np.full((_MOST_POLES, 2), np.nan), np.ones(_MOST_POLES))
+    poles = int(passes.pole.max()) + 1
+    return fuse_with_agreeing(passes, clocks, known.part(np.arange(poles)))[0]
 
 
 def measured(number: int) -> Known:

@@ -57,6 +57,8 @@ _POSE_ROUNDS = 2
 _ASIDE_S, _BACK, _NEARER, _BACK_ROUNDS = 1.0, 0.3, 0.8, 4
 # A clock that is not to be adjusted.
 _HELD_MS = 1.0
+# A base station's own place, an axis: the same for every drive with its corrections.
+_BASE_M = 0.01
 # Slower than this no clock moves anything.
 _SLOW_MPS = 2.0
 # Outside this the rolling shutter takes up something else.
@@ -160,7 +162,7 @@ def adjust(
         at.model,
         at.solution,
         at.found,
-        OfTheTrack(budget.lever_arm_m, track_sigma_m, at.shift_s, unsure_s),
+        OfTheTrack(budget.lever_arm_m, track_sigma_m, 0.0 if late_ms else _BASE_M, at.shift_s, unsure_s),
         tuple(doubts),
         task.observations.trajectory.estimated,
         stated.time_ms,

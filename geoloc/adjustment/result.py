@@ -50,12 +50,14 @@ class Correction:
 class OfTheTrack(NamedTuple):
     """What no sighting can show, because it moves the whole track.
 
-    One sigma of the antennas' lever arms and of a change of datum (m); how much had been added to the camera
-    clock before the adjustment, and what it may be off beyond what the adjustment says (s).
+    One sigma of the antennas' lever arms, of a change of datum, and of a base station's own place, which is
+    part of what fixes are off (m); how much had been added to the camera clock before the adjustment, and
+    what it may be off beyond what the adjustment says (s).
     """
 
     lever_arm_m: float
     sigma_m: float
+    base_m: float
     shift_s: float
     unsure_s: float
 
@@ -75,7 +77,7 @@ class Adjusted:
     sigma_height_m : float64 (g,)
     by_source : mapping source → float64 (g, 2, 2)
         Where `covariance_m2` comes from: pixels, boresight, camera position, time, rolling shutter, heading,
-        body, ground, gnss, lever arm. They add up to it.
+        body, ground, gnss, datum (and base station), lever arm. They add up to it.
     reason : str (g,)
         A `geoloc.reasons.Reason`; "" where there is a position.
     used : bool (n,)
@@ -97,11 +99,13 @@ class Adjusted:
         Added to the camera clock; and the readout itself.
     time_prior_ms : float
         One sigma of the clock's offset that was taken for granted.
+    time_solved_ms : float
+        One sigma of it by the least squares alone, without what looks like a clock and does not average.
     boresight_deg : mapping camera → tuple of Correction
         About the camera's own x (pitch), y (yaw) and z (roll).
     doubts : tuple of Doubt
-        Of the kinds of `AdjustmentDoubt`: a clock that cannot be or be checked, a shutter that cannot be, terrain
-        not used.
+        Of the kinds of `AdjustmentDoubt`: a clock that cannot be, or be checked, a shutter that cannot
+        be, terrain not used.
     pose_sigmas : PoseSigmas or None
         What recorded poses without sigmas were taken as (NaN: stated); None where all were stated.
     """
@@ -127,6 +131,7 @@ class Adjusted:
     doubts: tuple[Doubt, ...]
     pose_sigmas: PoseSigmas | None = None
     time_prior_ms: float = math.nan
+    time_solved_ms: float = math.nan
 
 
 def adjusted_of(
@@ -194,6 +199,7 @@ def adjusted_of(
         doubts=doubts,
         pose_sigmas=pose_sigmas,
         time_prior_ms=time_prior_ms,
+        time_solved_ms=1e3 * float(shared[TIME]),
     )
 
 
@@ -269,11 +275,12 @@ def _of_the_track(model: Model, track: OfTheTrack) -> dict[str, FloatArray]:
     scene = model.scene
     count = np.bincount(scene.point)
     mean = np.bincount(scene.point, weights=scene.body.sigma_horizontal_m**2) / count
-    mean += track.sigma_m**2
+    base = np.minimum(mean, track.base_m**2)
     lever = np.full(count.size, track.lever_arm_m**2)
     late = track.unsure_s * _carried_along(model, count)
     return {
-        "gnss": mean[:, None, None] * np.eye(2),
+        "gnss": (mean - base)[:, None, None] * np.eye(2),
+        "datum": (base + track.sigma_m**2)[:, None, None] * np.eye(2),
         "lever arm": lever[:, None, None] * np.eye(2),
         "time": late[:, :, None] * late[:, None, :],
     }

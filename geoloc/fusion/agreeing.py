@@ -1,10 +1,10 @@
-"""Known places that agree with one another through the drives that passed them."""
+"""Passes, and known places, that agree with one another through the drives."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from geoloc.arrays import BoolArray, FloatArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.fusion.fuse import Clocks, Fused, Known, Passes, fuse
 from geoloc.locate.accuracy import nees
 
@@ -13,13 +13,49 @@ LEAST = 3
 # 99 % of chi-square with two degrees of freedom.
 _GATE = 9.21
 _ROUNDS = 5
+# 99.99 % of the same: what a drive saw elsewhere was another pole.
+_ANOTHER_POLE, _MOST_TAKEN_OUT = 18.4, 20
+
+
+def passes_that_agree(passes: Passes, clocks: Clocks) -> BoolArray:
+    """Which passes (n,) are of the pole that they were put to, as far as drives can tell.
+
+    A pole that was merged wrongly would pull the tracks of its drives. Each pass is held against what all
+    else says of its place, and the worst at its pole and of its drive is taken out, round by round. Of two
+    passes nobody knows which one is wrong: both are taken out.
+    """
+    keep = np.ones(passes.pole.size, dtype=np.bool_)
+    for _ in range(_MOST_TAKEN_OUT):
+        rows = np.flatnonzero(keep)
+        part = _rows(passes, keep)
+        square = fuse(part, clocks).square
+        worst = (square > _ANOTHER_POLE) & _largest_of(square, part.pole) & _largest_of(square, part.drive)
+        if not worst.any():
+            break
+        left = np.bincount(part.pole) - np.bincount(part.pole[worst], minlength=part.pole.max() + 1)
+        keep[rows[worst | (np.isin(part.pole, part.pole[worst]) & (left[part.pole] < 2))]] = False
+        if not keep.any():
+            break
+    return keep
+
+
+def _largest_of(square: FloatArray, group: IntArray) -> BoolArray:
+    """Where a value is the largest of its group; two that are as large are."""
+    largest = np.zeros(group.max() + 1)
+    np.maximum.at(largest, group, square)
+    return np.asarray(square >= (1.0 - 1e-6) * largest[group])
+
+
+def _rows(passes: Passes, keep: BoolArray) -> Passes:
+    return Passes(*(getattr(passes, name)[keep] for name in Passes.__dataclass_fields__))
 
 
 def fuse_with_agreeing(passes: Passes, clocks: Clocks, known: Known) -> tuple[Fused, BoolArray]:
-    """Fuse, tied to those known places that agree with what the others and the drives say.
+    """Fuse passes that agree, tied to those known places that agree with what the others and the drives say.
 
-    Each is held against the place that its pole gets without it, and loses weight by how far that is off
-    (Cauchy), round by round; then those beyond 99 % are left out. Fewer than `LEAST` count for nothing.
+    A pole none of whose passes agree has no place (`passes_that_agree`). Each known place is held against
+    the place that its pole gets without it, and loses weight by how far that is off (Cauchy), round by round;
+    then those beyond 99 % are left out. Fewer than `LEAST` count for nothing.
 
     Returns
     -------
@@ -27,8 +63,10 @@ def fuse_with_agreeing(passes: Passes, clocks: Clocks, known: Known) -> tuple[Fu
     used : bool (m,)
         Which known places count.
     """
+    nothing = np.zeros_like(known.there)
+    passes = _rows(passes, passes_that_agree(passes, clocks))
     if known.there.sum() < LEAST:
-        return fuse(passes, clocks), np.zeros_like(known.there)
+        return fuse(passes, clocks, _only(known, nothing)), nothing
     sigma_m = known.sigma_m
     for _ in range(_ROUNDS):
         square = _squares(fuse(passes, clocks, Known(known.place_m, sigma_m)), known)
@@ -38,7 +76,7 @@ def fuse_with_agreeing(passes: Passes, clocks: Clocks, known: Known) -> tuple[Fu
     fused = fuse(passes, clocks, _only(known, used))
     used &= _squares(fused, known) <= _GATE
     if used.sum() < LEAST:
-        return fuse(passes, clocks), np.zeros_like(used)
+        return fuse(passes, clocks, _only(known, nothing)), nothing
     return fuse(passes, clocks, _only(known, used)), used
 
 

@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.locate.accuracy import nees
 
 TRACK_LASTS_S = 120.0
 """Correlation time of a fix's error: atmosphere and the satellites' geometry change over minutes."""
@@ -31,8 +32,12 @@ _STAMPED_S = 0.005
 # Shares of variances that all drives of a car have in common: of how frames are stamped, and of how late the
 # receiver's filter is. A clock that is known to the second only is each drive's own.
 _STAMPED_ALIKE, _LATE_ALIKE = 0.5, 0.9
+# Beyond rounding: where nothing tells the time, a clock is known as well as it was stated to.
+_DOUBTED = 1.01
 # (1 mm)²: keeps weights finite where an estimate states nothing of its own.
 _FLOOR_M2 = 1e-6
+# Where less than this share of a pass is checked by anything else, rounding is all that is left.
+_TOLD = 1e-6
 # Poles that are placed at a time, and how many of those about them go into it: what lies further off says
 # next to nothing, and everything at once would cost the cube of their number.
 _AT_ONCE, _WITHIN = 150, 300
@@ -91,6 +96,29 @@ class Clocks:
     prior_s: FloatArray
     late_s: FloatArray
 
+    @classmethod
+    def of_drives(
+        cls,
+        car: IntArray,
+        found_s: FloatArray,
+        sigma_s: FloatArray,
+        prior_s: FloatArray,
+        late_s: FloatArray,
+    ) -> Clocks:
+        """Clocks as drives state them; `prior_s` is 0 where a drive does not say.
+
+        A clock that was doubted is known worse than it was stated to. What was found is then the drive's
+        own, as where nobody says what it was stated to: it stays where it is.
+        """
+        doubted = sigma_s > _DOUBTED * prior_s
+        return cls(
+            car,
+            found_s,
+            sigma_s,
+            np.where(doubted, 2.0 * sigma_s, np.maximum(prior_s, sigma_s)),
+            late_s,
+        )
+
     def by_rays(self) -> tuple[FloatArray, FloatArray]:
         """What sightings alone say of the clocks: their value, and the information in it (one over s²)."""
         information = np.maximum(self.sigma_s**-2.0 - self.prior_s**-2.0, 0.0)
@@ -138,12 +166,16 @@ class Fused:
     Attributes
     ----------
     place_m : float64 (m, 2)
-        NaN for a number that no row has.
+        NaN for a number that no pass has.
     covariance_m2 : float64 (m, 2, 2)
+    square : float64 (n,)
+        Of each pass: by how much its place is off what all else says of it, its own drive at other poles too,
+        squared over the variance of that (chi-square with two degrees of freedom). 0 where nothing else does.
     """
 
     place_m: FloatArray
     covariance_m2: FloatArray
+    square: FloatArray
 
 
 def fuse(
@@ -166,8 +198,9 @@ def fuse(
     -------
     Fused
     """
-    poles = int(passes.pole.max(initial=-1)) + 1
-    fused = Fused(np.full((poles, 2), np.nan), np.full((poles, 2, 2), np.nan))
+    poles = max(int(passes.pole.max(initial=-1)) + 1, 0 if known is None else len(known.place_m))
+    square = np.zeros(passes.pole.size)
+    fused = Fused(np.full((poles, 2), np.nan), np.full((poles, 2, 2), np.nan), square)
     there, first = np.unique(passes.pole, return_index=True)
     about = passes.place_m[first]
     for some in _neighbourhoods(about):
@@ -178,8 +211,10 @@ def fuse(
         part = Passes(*(getattr(passes, name)[rows] for name in Passes.__dataclass_fields__))
         number = np.searchsorted(there[window], part.pole)
         of_window = None if known is None else known.part(there[window])
-        place, covariance = _solved(replace(part, pole=number), clocks, of_window, middle, track_lasts_s)
+        place, covariance, off = _solved(replace(part, pole=number), clocks, of_window, middle, track_lasts_s)
         wanted = np.searchsorted(window, some)
+        mine = np.isin(number, wanted)
+        square[rows[mine]] = off[mine]
         fused.place_m[there[some]], fused.covariance_m2[there[some]] = place[wanted], covariance[wanted]
     return fused
 
@@ -199,8 +234,8 @@ def _neighbourhoods(place_m: FloatArray) -> Iterator[IntArray]:
 
 def _solved(
     passes: Passes, clocks: Clocks, known: Known | None, origin_m: FloatArray, lasts_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Places and covariances of all poles ``(m, 2)``, ``(m, 2, 2)``, whose numbers have no gaps.
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places and covariances of all poles ``(m, 2)``, ``(m, 2, 2)``, no gaps, and squares of passes (n,).
 
     Unknown are the poles, then the clocks of the drives and of the cars. A drive's track needs no unknowns:
     it makes the errors of the drive's passes dependent.
@@ -208,6 +243,7 @@ def _solved(
     poles, drives = int(passes.pole.max()) + 1, np.unique(passes.drive)
     mine = replace(clocks, **{name: getattr(clocks, name)[drives] for name in Clocks.__dataclass_fields__})
     normal, right = _of_clocks(mine, 2 * poles)
+    of_drives = []
     for number, drive in enumerate(drives):
         rows = np.flatnonzero(passes.drive == drive)
         weight = np.linalg.inv(_covariance(passes, rows, lasts_s))
@@ -222,6 +258,7 @@ def _solved(
         normal[clock, clock] += -ahead @ by_clock
         right[columns] += weight @ seen
         right[clock] += by_clock @ seen
+        of_drives.append((rows, np.append(columns, clock), weight, by_clock, seen))
     at = 2 * np.arange(poles)
     tied = np.zeros(poles, dtype=bool) if known is None else known.there
     if known is not None:
@@ -231,7 +268,14 @@ def _solved(
             normal[columns, columns] += information
             right[columns] += information * (known.place_m[tied, axis] - origin_m[axis])
     inverse = np.linalg.inv(normal)
-    place = (inverse @ right)[: 2 * poles].reshape(-1, 2)
+    found = inverse @ right
+    square = np.zeros(passes.pole.size)
+    for rows, columns, weight, by_clock, seen in of_drives:
+        derived = np.column_stack([weight, by_clock])
+        off = weight @ seen - derived @ found[columns]
+        known_by_all = np.asarray(derived @ inverse[np.ix_(columns, columns)] @ derived.T)
+        square[rows] = _squares(off, np.asarray(weight), known_by_all)
+    place = found[: 2 * poles].reshape(-1, 2)
     blocks = np.array([[inverse[at + i, at + j] for j in (0, 1)] for i in (0, 1)]).transpose(2, 0, 1)
     if known is not None and tied.any():
         whole = np.linalg.inv(blocks[tied])
@@ -240,7 +284,26 @@ def _solved(
         pull -= information[:, None] * (known.place_m[tied] - origin_m)
         blocks[tied], place[tied] = others, (others @ pull[:, :, None])[:, :, 0]
     covariance = 0.5 * (blocks + blocks.swapaxes(1, 2)) + _not_averaged(passes, clocks, poles)
-    return place + origin_m, covariance
+    return place + origin_m, covariance, square
+
+
+def _squares(off: FloatArray, weight: FloatArray, known: FloatArray) -> FloatArray:
+    """What each pass (k,) contradicts all else by, squared over its variance.
+
+    Baarda's test, for the two numbers of a pass: `off` are weighted residuals (2k,), and ``weight - known``
+    their covariance.
+
+    Notes
+    -----
+    Baarda (1968), "A testing procedure for use in geodetic networks", Publications on Geodesy 2 (5).
+    """
+    one = np.arange(off.size // 2)
+    left = (weight - known).reshape(one.size, 2, one.size, 2)[one, :, one, :]
+    own = weight.reshape(one.size, 2, one.size, 2)[one, :, one, :]
+    told = np.linalg.eigvalsh(left)[:, 0] > _TOLD * np.trace(own, axis1=1, axis2=2)
+    square, pair = np.zeros(one.size), off.reshape(-1, 2)
+    square[told] = nees(pair[told], left[told])
+    return square
 
 
 def _of_clocks(clocks: Clocks, first: int) -> tuple[FloatArray, FloatArray]:

@@ -10,8 +10,11 @@ import numpy as np
 from geoloc.arrays import FloatArray
 
 TRACK, CLOCK = "gnss", "time"
-SAME_IN_EVERY_PASS = frozenset({"ground", "lever arm", "camera position", "boresight", "rolling shutter"})
-"""Of the ground below a pole and of the car, which is taken for the same one in every drive."""
+SAME_IN_EVERY_PASS = frozenset(
+    {"ground", "lever arm", "camera position", "boresight", "rolling shutter", "datum"}
+)
+"""Of the ground below a pole, of the car, which is taken for the same one in every drive, and of a change of
+datum and the place of a base station, which drives on one road mostly share."""
 
 
 class Parts(NamedTuple):
@@ -23,8 +26,20 @@ class Parts(NamedTuple):
     ahead_mps: FloatArray
 
 
-def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock_sigma_s: float) -> Parts:
+class FoundClock(NamedTuple):
+    """One sigma (s) of a clock: taken for granted, by the least squares, and as it is stated in the end."""
+
+    prior_s: float
+    solved_s: float
+    stated_s: float
+
+
+def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock: FoundClock) -> Parts:
     """Split covariances.
+
+    With s the sigma of the clock by the least squares, p its prior's and u what was added to s in the end, a
+    place that moves by v a second has v² (s⁴ / p² + u²) from the source ``time``: by what bearings say of the
+    clock, s is smaller than p, and v² (s² - s⁴ / p²) has come to the other sources.
 
     Parameters
     ----------
@@ -32,8 +47,7 @@ def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock
         East and north, as `geoloc.adjustment.result.Adjusted` has them.
     heading_deg : float64 (n,)
         Where the car drove to as it saw each pole, clockwise from that north.
-    clock_sigma_s : float
-        What the estimates take the clock to be known to: their part of it is what that moves them.
+    clock : FoundClock
     """
     n = heading_deg.size
     own, common = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
@@ -47,4 +61,14 @@ def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock
     )
     turn = np.radians(heading_deg)
     ahead = np.stack([np.sin(turn), np.cos(turn)], axis=1)
-    return Parts(own, common, np.sqrt(track / 2.0), np.sqrt(late)[:, None] / clock_sigma_s * ahead)
+    by_prior = clock.solved_s**4 / clock.prior_s**2
+    added = max(clock.stated_s**2 - clock.solved_s**2, 0.0)
+    ahead = np.sqrt(late / (by_prior + added))[:, None] * ahead
+    elsewhere = max(clock.solved_s**2 - by_prior, 0.0) * ahead[:, :, None] * ahead[:, None, :]
+    return Parts(_at_least_zero(own - elsewhere), common, np.sqrt(track / 2.0), ahead)
+
+
+def _at_least_zero(covariance_m2: FloatArray) -> FloatArray:
+    """Covariances (n, 2, 2) without negative variances."""
+    values, axes = np.linalg.eigh(covariance_m2)
+    return np.asarray((axes * np.maximum(values, 0.0)[:, None, :]) @ axes.swapaxes(1, 2))

@@ -226,6 +226,8 @@ class Corrections:
         One sigma of the camera clock that was taken for granted; None of drives ingested before it was kept.
     receiver_late_ms : float
         One sigma of how late the positions may be, which is part of it.
+    camera_solved_ms : float or None
+        One sigma of the camera clock by the least squares alone; None of drives ingested before it was kept.
     """
 
     pixel_noise_factor: float
@@ -234,6 +236,7 @@ class Corrections:
     boresight_deg: Mapping[str, Boresight]
     camera_prior_ms: float | None = None
     receiver_late_ms: float = 0.0
+    camera_solved_ms: float | None = None
 
     @classmethod
     def from_json(cls, document: Mapping[str, Any]) -> Corrections | None:
@@ -250,6 +253,7 @@ class Corrections:
             },
             camera_prior_ms=document.get("camera_prior_ms"),
             receiver_late_ms=document.get("receiver_late_ms", 0.0),
+            camera_solved_ms=document.get("camera_solved_ms"),
         )
 
     def to_json(self) -> dict[str, Any]:

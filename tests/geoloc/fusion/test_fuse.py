@@ -11,7 +11,7 @@ from drawn_passes import POLES, SPACING_S, SPEED_MPS, passes
 import geoloc.fusion.fuse
 from geoloc.arrays import FloatArray
 from geoloc.fusion.fuse import Clocks, Passes, fuse
-from geoloc.fusion.sources import parts_of
+from geoloc.fusion.sources import FoundClock, parts_of
 from geoloc.locate.accuracy import nees
 
 
@@ -115,8 +115,28 @@ def test_sources_are_what_they_are_said_to_be() -> None:
     along = np.array([[0.0, 0.0], [0.0, 0.04]])
     by_source = {"pixels": root @ root.swapaxes(1, 2), "ground": np.tile(0.01 * np.eye(2), (3, 1, 1))}
     by_source |= {"gnss": np.tile(4.0 * np.eye(2), (3, 1, 1)), "time": np.tile(along, (3, 1, 1))}
-    parts = parts_of(by_source, np.array([0.0, 180.0, 0.0]), 0.02)
+    parts = parts_of(by_source, np.array([0.0, 180.0, 0.0]), FoundClock(0.02, 0.02, 0.02))
     assert parts.ahead_mps == pytest.approx(np.array([[0.0, 10.0], [0.0, -10.0], [0.0, 10.0]]))
     moved = (0.02 * parts.ahead_mps)[:, :, None] * (0.02 * parts.ahead_mps)[:, None, :]
     whole = parts.own_m2 + parts.common_m2 + parts.track_m[:, None, None] ** 2 * np.eye(2) + moved
     assert whole == pytest.approx(np.sum(list(by_source.values()), axis=0))
+
+
+def test_a_clock_that_bearings_find_moves_places_as_far_as_any_other() -> None:
+    """Of 16 m a second nothing is lost where the clock is known 30 times better than beforehand."""
+    prior_s, solved_s, stated_s, speed_mps = 0.15, 0.005, 0.013, 16.0
+    by_prior, by_rays = solved_s**4 / prior_s**2, solved_s**2 - solved_s**4 / prior_s**2
+    along = np.array([[[0.0, 0.0], [0.0, speed_mps**2]]])
+    pixels = 0.01 * np.eye(2) + by_rays * along
+    late = (by_prior + stated_s**2 - solved_s**2) * along
+    parts = parts_of({"pixels": pixels, "time": late}, np.zeros(1), FoundClock(prior_s, solved_s, stated_s))
+    assert parts.ahead_mps == pytest.approx(np.array([[0.0, speed_mps]]))
+    assert parts.own_m2 == pytest.approx(0.01 * np.eye(2)[None], abs=1e-9)
+
+
+def test_a_change_of_datum_is_the_same_in_every_drive() -> None:
+    """Twenty-five drives know a place no better than the datum that all of them were brought to."""
+    one, clocks = passes(np.random.default_rng(2), 25)
+    parts = parts_of({"datum": np.tile(0.25 * np.eye(2), (2, 1, 1))}, np.zeros(2), FoundClock(1.0, 1.0, 1.0))
+    same = replace(one, common_m2=one.common_m2 + parts.common_m2[0])
+    assert (np.sqrt(np.trace(fuse(same, clocks).covariance_m2, axis1=1, axis2=2) / 2.0) > 0.49).all()

@@ -13,7 +13,7 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg, utm33_covariance_from_enu
 from geoloc.fusion.agreeing import LEAST, fuse_with_agreeing
 from geoloc.fusion.fuse import Clocks, Known, Passes
-from geoloc.fusion.sources import parts_of
+from geoloc.fusion.sources import FoundClock, parts_of
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.poles.poles import ObservedPole
 from twin.store.records import Corrections, Covariance, Estimate
@@ -94,6 +94,8 @@ def with_fused_places(
             continue
         tied_by |= {k for k, counts in zip(of_group, used, strict=True) if counts}
         for k, (east, north), covariance in zip(of_group, fused.place_m, fused.covariance_m2, strict=True):
+            if math.isnan(east):  # its drives do not agree on it: it ties nothing, and stays
+                continue
             placed[k] = replace(
                 poles[k],
                 east_m=float(east),
@@ -167,18 +169,15 @@ def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) ->
     }
     at = np.clip(np.searchsorted(drive.poses.epoch_ns, last_ns), 0, drive.poses.epoch_ns.size - 1)
     heading = drive.poses.heading_deg[at] - grid_convergence_deg(*where)
-    sigma_s = _clocks([drive]).sigma_s[0]
     return Passes(
         np.array([pole for pole, _ in seen], dtype=np.int64),
         np.full(len(seen), number),
         last_ns,
         place,
-        *parts_of(by_source, heading, sigma_s),
+        *parts_of(by_source, heading, _found_clock(drive)),
     )
 
 
-# Beyond rounding: where nothing tells the time, a clock is known as well as it was stated to.
-_DOUBTED = 1.01
 _NONE: Covariance = (0.0, 0.0, 0.0)
 
 
@@ -186,6 +185,16 @@ def _matrices(covariances: Sequence[Covariance]) -> FloatArray:
     """Matrices ``(n, 2, 2)``."""
     ee, en, nn = np.array(covariances).reshape(-1, 3).T
     return np.stack([np.stack([ee, en], axis=1), np.stack([en, nn], axis=1)], axis=1)
+
+
+def _found_clock(drive: Driven) -> FoundClock:
+    """How well the clock of a drive is known."""
+    clocks = _clocks([drive])
+    stated_s, prior_s = float(clocks.sigma_s[0]), float(clocks.prior_s[0])
+    solved_ms = None if drive.corrections is None else drive.corrections.camera_solved_ms
+    if solved_ms is None:  # of older versions: as if bearings had said nothing
+        return FoundClock(stated_s, stated_s, stated_s)
+    return FoundClock(max(prior_s, 1e-3 * solved_ms), 1e-3 * solved_ms, stated_s)
 
 
 def _clocks(drives: Sequence[Driven]) -> Clocks:
@@ -196,9 +205,6 @@ def _clocks(drives: Sequence[Driven]) -> Clocks:
         np.array([(one.camera_offset_ms.value, one.camera_offset_ms.sigma) for one in found]).T / 1e3
     )
     prior = np.array([one.camera_prior_ms or 0.0 for one in found]) / 1e3
-    # A clock that was doubted is known worse than it was stated to; and drives of older versions do not say
-    # what it was stated to. What was found is then the drive's own: it alone stays where it is.
-    prior = np.where(sigma > _DOUBTED * prior, 2.0 * sigma, np.maximum(prior, sigma))
     car = np.array([cars.index(drive.car) for drive in drives])
     late = np.array([one.receiver_late_ms for one in found]) / 1e3
-    return Clocks(car, value, sigma, prior, late)
+    return Clocks.of_drives(car, value, sigma, prior, late)
