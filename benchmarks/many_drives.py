@@ -153,6 +153,28 @@ def measured(number: int) -> Known:
     return Known(place, np.full(_MOST_POLES, _MEASURED_M))
 
 
+def floor_m(spec: ConsumerSpec, minutes: float, draws: int = 60, step_s: float = 8.0) -> float:
+    """Median error of 25 drives by their tracks alone, if the noise of each were known: the best linear one.
+
+    Half-way through a journey, with all else exact: fixes err as `spec` says, and Doppler velocities, whose
+    errors last 1 s, let the place wander away from there.
+    """
+    rng = np.random.default_rng(_FIRST_SEED)
+    since_s = np.arange(0.0, 60.0 * minutes, step_s) - 30.0 * minutes
+    apart_s = np.abs(since_s[:, None] - since_s)
+    same_side = np.sign(since_s[:, None]) * np.sign(since_s) > 0
+    away_s = np.where(same_side, np.minimum(np.abs(since_s[:, None]), np.abs(since_s)), 0.0)
+    wander_m2 = 2.0 * (spec.velocity_mps or np.inf) ** 2 * away_s
+    information = []
+    for _ in range(draws):
+        axis_m2, lasts_s = rng.uniform(*spec.error_m) ** 2 / 2.0, rng.uniform(*spec.lasts_s)
+        reflected_m2 = spec.multipath_share**2 * axis_m2
+        fixes_m2 = (axis_m2 - reflected_m2) * np.exp(-apart_s / lasts_s)
+        fixes_m2 += reflected_m2 * np.exp(-apart_s / 10.0) + spec.white_m**2 * np.eye(since_s.size)
+        information.append(np.linalg.inv(fixes_m2 + wander_m2).sum())
+    return float(np.sqrt(2.0 * np.log(2.0) / (DRIVES * np.mean(information))))
+
+
 class Row(NamedTuple):
     """Of a number of drives: lengths of errors, and squares over the variances."""
 
@@ -235,7 +257,20 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=20.0, help="length of a journey (default 20)")
     parser.add_argument("--markdown", action="store_true", help="print a table for the docs")
     parser.add_argument("--figure", type=Path, help="draw error against the number of drives into this file")
+    parser.add_argument("--floor", action="store_true", help="only what tracks leave of 25 drives at best")
     options = parser.parse_args()
+    if options.floor:
+        specs = {LABELS[name]: RECEIVERS[name] for name in ("consumer", "consumer-good")}
+        better = replace(ConsumerSpec(), velocity_mps=0.02)
+        some = {**specs, "consumer, 2–4 m (rms), Doppler velocities of 2 cm/s": better}
+        floors = [
+            (label, *(f"{floor_m(spec, minutes):.2f}" for minutes in (5.0, 10.0, 20.0, 60.0)))
+            for label, spec in some.items()
+            if spec is not None
+        ]
+        header = ["receiver", "5 min", "10 min", "20 min", "60 min"]
+        show("Best median of 25 drives by tracks alone [m]", header, floors, markdown=options.markdown)
+        return
     found: dict[str, list[Row]] = {}
     for name in options.receivers:
         roads = run(name, options.roads, options.minutes)
