@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 import sqlalchemy as sa
 from annotation_edits import edit_tracks
@@ -51,9 +52,9 @@ def test_dismissed_findings_stay_dismissed_when_objects_are_numbered_anew(
 ) -> None:
     """Ingested and matched again: the nine that were dismissed are, by their places, and no other one is."""
 
-    def dismissed(store: Store) -> set[tuple[float, float]]:
-        found = [one for one in latest_findings(store.rows) if one.decision == "dismiss"]
-        return {(round(one.finding.east_m, 1), round(one.finding.north_m, 1)) for one in found}
+    def dismissed(store: Store) -> list[tuple[float, float]]:
+        found = [one.finding for one in latest_findings(store.rows) if one.decision == "dismiss"]
+        return sorted((one.east_m, one.north_m) for one in found)
 
     with Store.open(synced) as store:
         with store.transaction() as connection:
@@ -70,7 +71,8 @@ def test_dismissed_findings_stay_dismissed_when_objects_are_numbered_anew(
         number_anew(trip, NUMBERED_ANEW[how])
         ingest_drive(store, trip)
         assert match(store).verdicts["new"] == 15 - ("" in NUMBERED_ANEW[how].values())
-        assert dismissed(store) == before
+        # Without one pole the others move by millimetres; the next pole is metres away.
+        np.testing.assert_allclose(dismissed(store), before, atol=0.2)
 
 
 @pytest.fixture(scope="module")
