@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -90,9 +90,11 @@ class Evidence:
         )
 
 
-def present_evidence(ask: Ask) -> dict[str, Evidence]:
-    """What is known now of the findings of the last match, by ``change_id``, in the order of these."""
-    return {row["change_id"]: Evidence.from_row(row) for row in ask(_changes_with_nvdb())}
+def present_evidence(ask: Ask, only: Collection[str] | None = None) -> dict[str, Evidence]:
+    """What is known now of the findings of the last match, or of those named, in the order of their ids."""
+    asked = _changes_with_nvdb()
+    rows = ask(asked if only is None else asked.where(schema.change.c.change_id.in_(only)))
+    return {row["change_id"]: Evidence.from_row(row) for row in rows}
 
 
 def _changes_with_nvdb() -> sa.Select[Any]:

@@ -115,11 +115,12 @@ def _drives(ask: Ask, drive_ids: Sequence[str]) -> tuple[DriveOfFinding, ...]:
 
 def _sentence(change: FindingStatus, entries: Sequence[Entry]) -> str:
     decided = "Nobody has decided yet."
-    if entries:
-        last = entries[-1]
+    held = [entry for entry in entries if entry.holds]
+    if held:
+        last = held[-1]
         why = f" ({last.reason})" if last.reason else ""
         decided = f"Decision: {last.decision}, {last.at[:10]} by {last.by}{why}."
-    if change.decision == Decision.OPEN and entries:
+    if change.decision == Decision.OPEN and held:
         decided = "It is open."
     finding = change.finding
     sure = f"{percent(finding.confidence)} sure"
@@ -127,8 +128,8 @@ def _sentence(change: FindingStatus, entries: Sequence[Entry]) -> str:
 
 
 def _absent(change_id: str, entries: Sequence[Entry]) -> str:
-    if entries:
-        last = entries[-1]
+    if held := [entry for entry in entries if entry.holds]:
+        last = held[-1]
         return (
             f"The last match no longer found change {change_id}; the last decision about it is "
             f"{last.decision}, {last.at[:10]} by {last.by}."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,10 @@ from twin.store.kinds import Decision
 DECIDED, UNDONE, REOPENED, CARRIED = "decided", "undone", "reopened", "carried"
 """Kinds of entries: by a person; taking one back; the evidence changed; it is that of then again, or the same
 finding has another id."""
+OPINION, WITHDRAWN = "opinion", "withdrawn"
+"""Kinds of entries that settle nothing, and leave what holds as it is: what one of several people who do not
+see each other's answers said; and taking back an opinion, or a decision that another has followed since."""
+SILENT = (OPINION, WITHDRAWN)
 TWIN = "twin"
 """Who reopens what has changed: no person."""
 
@@ -30,9 +34,13 @@ class Entry:
     evidence : Evidence
         What was known of the finding when it was decided.
     kind : str
-        How it came: `DECIDED`, `UNDONE`, `REOPENED` or `CARRIED`.
+        How it came: `DECIDED`, `UNDONE`, `REOPENED`, `CARRIED`, `OPINION` or `WITHDRAWN`.
     undo_of : int or None
         The ``id`` of the entry that this one takes back.
+    session : str
+        Of the page in which it was answered; "" of commands and matches.
+    request : str or None
+        By which the page knows its request again, where it gave one.
     id, batch : int
         Given by the log: its place in it, and of what one command or one match decided; 0 until then.
     """
@@ -47,6 +55,13 @@ class Entry:
     undo_of: int | None = None
     id: int = 0
     batch: int = 0
+    session: str = ""
+    request: str | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether it says what is decided, until the next such entry."""
+        return self.kind not in SILENT
 
     @classmethod
     def from_row(cls, row: Row) -> Entry:
@@ -66,7 +81,7 @@ def asking(connection: sa.Connection) -> Ask:
 
 
 def append(connection: sa.Connection, entries: Sequence[Entry]) -> None:
-    """Add entries, as one batch, inside the caller's transaction."""
+    """Add entries, as one batch, inside the caller's transaction; one at most carries a request's key."""
     if not entries:
         return
     log = schema.decision_log
@@ -77,22 +92,27 @@ def append(connection: sa.Connection, entries: Sequence[Entry]) -> None:
     connection.execute(sa.insert(log), rows)
 
 
-def last_entries(ask: Ask) -> dict[str, Entry]:
-    """Return the last entry of every change that has one, by ``change_id``."""
-    return {row["change_id"]: Entry.from_row(row) for row in ask(sa.select(schema.decision))}
+def last_entries(ask: Ask, only: Collection[str] | None = None) -> dict[str, Entry]:
+    """Return the last entry that holds of every change, or of those named, that has one, by ``change_id``."""
+    said = schema.decision
+    asked = sa.select(said) if only is None else sa.select(said).where(said.c.change_id.in_(only))
+    return {row["change_id"]: Entry.from_row(row) for row in ask(asked)}
 
 
-def last_entries_by_people(ask: Ask) -> dict[str, Entry]:
-    """Return the last entry of every change that a person has decided about, whatever twin reopened since."""
+def last_entries_by_people(ask: Ask, only: Collection[str] | None = None) -> dict[str, Entry]:
+    """Return people's last decision of every change, or of those named, whatever twin reopened since."""
     log = schema.decision_log
-    rows = ask(sa.select(log).where(log.c.kind != REOPENED).order_by(log.c.id))
+    asked = sa.select(log).where(log.c.kind.not_in((REOPENED, *SILENT))).order_by(log.c.id)
+    rows = ask(asked if only is None else asked.where(log.c.change_id.in_(only)))
     return {row["change_id"]: Entry.from_row(row) for row in rows}
 
 
-def all_entries(ask: Ask) -> list[Entry]:
-    """Return the whole log, oldest entry first."""
+def all_entries(ask: Ask, only: Collection[str] | None = None) -> list[Entry]:
+    """Return the whole log, or that of the changes named, oldest entry first."""
     log = schema.decision_log
-    return [Entry.from_row(row) for row in ask(sa.select(log).order_by(log.c.id))]
+    asked = sa.select(log).order_by(log.c.id)
+    rows = ask(asked if only is None else asked.where(log.c.change_id.in_(only)))
+    return [Entry.from_row(row) for row in rows]
 
 
 def position(ask: Ask) -> int:
@@ -102,6 +122,4 @@ def position(ask: Ask) -> int:
 
 def history(ask: Ask, change_id: str) -> list[Entry]:
     """Return every entry of one change, oldest first."""
-    log = schema.decision_log
-    rows = ask(sa.select(log).where(log.c.change_id == change_id).order_by(log.c.id))
-    return [Entry.from_row(row) for row in rows]
+    return all_entries(ask, (change_id,))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import sqlalchemy as sa
@@ -11,8 +11,10 @@ from twin.decisions.evidence import Ask, Evidence, differences, present_evidence
 from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
     DECIDED,
+    OPINION,
     REOPENED,
     UNDONE,
+    WITHDRAWN,
     Entry,
     all_entries,
     append,
@@ -93,7 +95,7 @@ def decide(
     StoreError, RefusedError
         As :meth:`twin.store.store.Store.matched`.
     """
-    _check(decision, by)
+    check(decision, by)
     with store.transaction() as connection:
         store.view(connection).matched()
         ask = asking(connection)
@@ -130,7 +132,7 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
     RefusedError
         Fewer than `n` commands are left to take back.
     """
-    _check(Decision.OPEN, by)
+    check(Decision.OPEN, by)
     if n < 1:
         raise ConfigError(f"{n} commands cannot be taken back: give a number of at least 1.")
     with store.transaction() as connection:
@@ -143,19 +145,66 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
                 f"The store {store.path} has {len(batches)} command(s) to take back, not {n}: "
                 "see `twin explain` for a change's history."
             )
-        taken = [entry for entry in left if entry.batch in batches]
-        undone |= {entry.id for entry in taken}
-        # A change that several of these commands decided goes back behind the first of them, at once.
-        first = {entry.change_id: entry.id for entry in reversed(taken)}
-        before = {
-            entry.change_id: entry
-            for entry in log
-            if entry.kind != REOPENED and entry.id not in undone and entry.id < first.get(entry.change_id, 0)
-        }
-        now = utc_now()
-        append(connection, [_back(entry, before.get(entry.change_id), by, now) for entry in reversed(taken)])
-        reopen_changed(connection, now)
-    return tuple(sorted(first))
+        taken = [entry for entry in log if entry.batch in batches and is_left(entry, undone)]
+        take_back(connection, log, taken, by=by, at=utc_now())
+    return tuple(sorted({entry.change_id for entry in taken}))
+
+
+def is_left(entry: Entry, undone: Collection[int]) -> bool:
+    """Whether an entry is a person's, to take back: `undone` are those that were taken back before."""
+    return entry.kind in (DECIDED, OPINION) and entry.id not in undone
+
+
+def take_back(
+    connection: sa.Connection,
+    log: Sequence[Entry],
+    taken: Sequence[Entry],
+    *,
+    by: str,
+    at: str,
+    session: str = "",
+    request: str | None = None,
+    only: Collection[str] | None = None,
+) -> None:
+    """Add the entries that take others back, inside the caller's transaction.
+
+    Parameters
+    ----------
+    connection : Connection
+    log : sequence of Entry
+        All of the changes concerned, oldest first.
+    taken : sequence of Entry
+        To be taken back, oldest first.
+    by, at, session, request : str
+        Of the new entries.
+    only : collection of str, optional
+        As :func:`twin.decisions.reopen.reopen_changed`.
+    """
+    undone = {entry.undo_of for entry in log if entry.undo_of is not None} | {entry.id for entry in taken}
+    decided = [entry for entry in taken if entry.kind == DECIDED]
+    # A change that several of these commands decided goes back behind the first of them, at once.
+    first = {entry.change_id: entry.id for entry in reversed(decided)}
+    before = {
+        entry.change_id: entry
+        for entry in log
+        if entry.kind != REOPENED
+        and (entry.holds and entry.id not in undone and entry.id < first.get(entry.change_id, 0))
+    }
+    # What somebody decided later holds, whatever was before it.
+    later = {
+        entry.change_id
+        for entry in log
+        if entry.kind == DECIDED
+        and entry.id not in undone
+        and entry.id > first.get(entry.change_id, entry.id)
+    }
+    entries = [
+        _withdrawn(entry) if entry.kind == OPINION or entry.change_id in later else _back(entry, before)
+        for entry in reversed(taken)
+    ]
+    told = [replace(entry, by=by, at=at, session=session, request=None) for entry in entries]
+    append(connection, [replace(told[0], request=request), *told[1:]])
+    reopen_changed(connection, at, only)
 
 
 def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str = "") -> tuple[str, ...]:
@@ -174,7 +223,7 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
     ConfigError
         Nobody is named.
     """
-    _check(Decision.OPEN, by)
+    check(Decision.OPEN, by)
     if not edits:
         return ()
     with store.transaction() as connection:
@@ -194,7 +243,13 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
     return tuple(entry.change_id for entry in entries)
 
 
-def _check(decision: str, by: str) -> None:
+def check(decision: str, by: str) -> None:
+    """Refuse what is no decision, or nobody's.
+
+    Raises
+    ------
+    ConfigError
+    """
     if decision not in set(Decision):
         raise ConfigError(f"{decision!r} is no decision: choose one of {', '.join(Decision)}.")
     if not by.strip():
@@ -221,7 +276,12 @@ def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
     }
 
 
-def _back(taken: Entry, before: Entry | None, by: str, at: str) -> Entry:
+def _back(taken: Entry, before: Mapping[str, Entry]) -> Entry:
     """Make the entry that puts the decision of before back in the place of the one that is taken back."""
-    kept = before or replace(taken, decision=Decision.OPEN, reason="")
-    return replace(kept, by=by, at=at, kind=UNDONE, undo_of=taken.id)
+    kept = before.get(taken.change_id) or replace(taken, decision=Decision.OPEN, reason="")
+    return replace(kept, kind=UNDONE, undo_of=taken.id)
+
+
+def _withdrawn(taken: Entry) -> Entry:
+    """Make the entry that takes one back and leaves what is decided as it is."""
+    return replace(taken, kind=WITHDRAWN, undo_of=taken.id)

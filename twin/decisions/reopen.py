@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import sqlalchemy as sa
@@ -26,7 +26,7 @@ Object = tuple[int, int | None, str]
 _DONE = {Decision.ACCEPT: "Accepted", Decision.DISMISS: "Dismissed", Decision.DEFER: "Deferred"}
 
 
-def reopen_changed(connection: sa.Connection, at: str) -> int:
+def reopen_changed(connection: sa.Connection, at: str, only: Collection[str] | None = None) -> int:
     """Reopen every present finding that was decided on other evidence, inside the caller's transaction.
 
     A finding may come under another ``change_id`` than before: its verdict or sign code changed, or its
@@ -34,16 +34,24 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
     longer found; where nothing else changed, it takes over the forerunner's decision. Where the evidence is
     again what it was, the decision of then holds again: a match by another method costs none.
 
+    Parameters
+    ----------
+    connection : Connection
+    at : str
+        When, ISO 8601.
+    only : collection of str, optional
+        Changes to look at, where no other can be concerned: present ones that have entries of their own.
+
     Returns
     -------
     int
         How many findings were reopened.
     """
     ask = asking(connection)
-    by_people, standing = last_entries_by_people(ask), last_entries(ask)
+    by_people, standing = last_entries_by_people(ask, only), last_entries(ask, only)
     if not by_people:
         return 0
-    evidence = {key: now for key, now in present_evidence(ask).items() if now.verdict not in QUIET}
+    evidence = {key: now for key, now in present_evidence(ask, only).items() if now.verdict not in QUIET}
     absent = _by_object(entry for key, entry in by_people.items() if key not in evidence)
     reopened, carried = [], []
     for key, now in evidence.items():
@@ -56,7 +64,7 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
             if holds is None or (holds.kind, holds.reason) != (REOPENED, told):
                 reopened.append(Entry(key, Decision.OPEN, told, TWIN, at, now, REOPENED))
         elif holds is None or holds.kind == REOPENED:
-            carried.append(replace(last, change_id=key, kind=CARRIED, undo_of=None))
+            carried.append(replace(last, change_id=key, kind=CARRIED, undo_of=None, session="", request=None))
     append(connection, [*carried, *reopened])
     return len(reopened)
 

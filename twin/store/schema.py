@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 10
+VERSION = 12
 """Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
 metadata = sa.MetaData()
@@ -291,22 +291,27 @@ decision_log = sa.Table(
     sa.Column("id", ROWID, primary_key=True),
     sa.Column("batch", sa.Integer, nullable=False, index=True),  # what one command or one match decided
     sa.Column("change_id", sa.String, nullable=False, index=True),
-    sa.Column("kind", sa.String, nullable=False),  # decided, undone, reopened, carried
+    sa.Column("kind", sa.String, nullable=False),  # twin.decisions.log: decided, undone, opinion, ...
     sa.Column("decision", sa.String, nullable=False),  # open, accept, dismiss, defer
     sa.Column("reason", sa.String, nullable=False),
     sa.Column("by", sa.String, nullable=False),
     sa.Column("at", sa.String, nullable=False),  # UTC
     sa.Column("evidence", sa.JSON, nullable=False),  # what the decision rested on
     sa.Column("undo_of", sa.BigInteger),  # the entry that this one takes back
+    sa.Column("session", sa.String, nullable=False, index=True),  # of a page in which it was answered; or ""
+    sa.Column(
+        "request", sa.String, index=True, unique=True
+    ),  # the page's key of its request, which it may send twice
 )
 """Every decision ever made: rows are added, never changed; kept also while a finding is absent."""
 
 decision = sa.Table("decision", sa.MetaData(), *(sa.Column(c.name, c.type) for c in decision_log.columns))
-"""The decision that holds for each change: a view, the last row of the log."""
+"""The decision that holds for each change: a view, the last row of the log that is no opinion."""
 
 _DECISION_LOG_RULES = """
 CREATE VIEW decision AS SELECT * FROM decision_log AS e
-  WHERE e.id = (SELECT max(n.id) FROM decision_log AS n WHERE n.change_id = e.change_id)
+  WHERE e.id = (SELECT max(n.id) FROM decision_log AS n WHERE n.change_id = e.change_id
+    AND n.kind NOT IN ('opinion', 'withdrawn'))
 --
 CREATE TRIGGER decision_log_keeps BEFORE UPDATE ON decision_log
   BEGIN SELECT RAISE(ABORT, 'decisions are never changed'); END

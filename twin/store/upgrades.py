@@ -111,5 +111,17 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "ORDER BY k.rowid"
         ),
     ),
+    10: (),
+    11: (
+        "ALTER TABLE decision_log ADD COLUMN session VARCHAR NOT NULL DEFAULT ''",
+        "ALTER TABLE decision_log ADD COLUMN request VARCHAR",
+        "CREATE INDEX ix_decision_log_session ON decision_log (session)",
+        "CREATE UNIQUE INDEX ix_decision_log_request ON decision_log (request)",
+        "DROP VIEW decision",
+        (
+            "CREATE VIEW decision AS SELECT * FROM decision_log AS e WHERE e.id = (SELECT max(n.id) FROM "
+            "decision_log AS n WHERE n.change_id = e.change_id AND n.kind NOT IN ('opinion', 'withdrawn'))"
+        ),
+    ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

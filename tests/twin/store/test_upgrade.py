@@ -19,12 +19,22 @@ SINCE_9 = ("annotation_set", *(table.name for table in schema.KEPT.values()))
 
 
 SINCE_10 = ("known_mark",)
+SINCE_12 = ("session", "request")
+_VIEW_BEFORE_12 = (
+    "CREATE VIEW decision AS SELECT * FROM decision_log AS e "
+    "WHERE e.id = (SELECT max(n.id) FROM decision_log AS n WHERE n.change_id = e.change_id)"
+)
 
 
 def older(path: Path, version: int = 4) -> Path:
     """Make a store as version 4 to 9 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
+        raw.execute("DROP VIEW decision")
+        for column in SINCE_12:
+            raw.execute(f"DROP INDEX ix_decision_log_{column}")
+            raw.execute(f"ALTER TABLE decision_log DROP COLUMN {column}")
+        raw.execute(_VIEW_BEFORE_12)
         for table in ("sighting", "sighting_kept"):
             raw.execute(f"ALTER TABLE {table} DROP COLUMN is_measured")
         for table in (*SINCE_10, *(SINCE_9 if version < 9 else ())):
@@ -62,7 +72,7 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
 
 
 @pytest.mark.parametrize(
-    "table", ["estimate", "change", "drive_method", "sent", "sighting", *SINCE_9, *SINCE_10]
+    "table", ["estimate", "change", "drive_method", "sent", "sighting", "decision_log", *SINCE_9, *SINCE_10]
 )
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
