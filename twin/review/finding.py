@@ -14,8 +14,7 @@ from geoloc.earth.heights import nn2000_from_ellipsoidal
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
 from twin.decisions.answers import revision_seen
 from twin.decisions.findings import findings_statement, told_reason
-from twin.decisions.log import SILENT, Entry, history
-from twin.decisions.opinions import in_disagreement, opinions_of
+from twin.decisions.log import history
 from twin.review import sentences
 from twin.review.drives import Drives, degrees_from_utm33
 from twin.review.index import Eyes, Index, states
@@ -89,7 +88,7 @@ def finding_record(
         crops=[],
         gaps=[],
         terms=_terms(finding.terms),
-        history=_history(view, change_id, state, eyes),
+        history=_history(view, told, state, eyes),
         map=map_of(view, finding, place, [Seeing(one, by_drive.get(one.drive_id)) for one in shown], index),
     )
 
@@ -221,18 +220,11 @@ def _terms(terms: Mapping[str, object]) -> list[Term]:
     return found
 
 
-def _history(view: Snapshot, change_id: str, state: State, eyes: Eyes) -> list[HistoryItem]:
-    entries = history(view.rows, change_id)
-    shown = [entry for entry in entries if _may_see(entry, entries, view, state, eyes)]
+def _history(view: Snapshot, told: _Told, state: State, eyes: Eyes) -> list[HistoryItem]:
+    """The log, newest first; others' opinions when they have met; to the blind once it is decided."""
+    is_told = told.decision is not Decision.OPEN or (state is State.DISAGREEMENT and not eyes.blind)
     return [
-        HistoryItem(e.at, e.by, e.decision, e.reason, sentences.entry_sentence(e)) for e in reversed(shown)
+        HistoryItem(e.at, e.by, e.decision, e.reason, sentences.entry_sentence(e))
+        for e in reversed(history(view.rows, told.finding.change_id))
+        if e.holds or is_told or e.by == eyes.reviewer
     ]
-
-
-def _may_see(entry: Entry, entries: Sequence[Entry], view: Snapshot, state: State, eyes: Eyes) -> bool:
-    """Whether an entry shows: others' opinions do not before they have met, nor to the blind while open."""
-    if entry.kind not in SILENT or entry.by == eyes.reviewer:
-        return True
-    is_decided = any(e.holds and e.decision is not Decision.OPEN for e in entries[-1:])
-    opinions = opinions_of(view.rows, (entry.change_id,)).get(entry.change_id, ())
-    return is_decided or (not eyes.blind and in_disagreement(opinions) and state is State.DISAGREEMENT)

@@ -16,7 +16,7 @@ from starlette.staticfiles import StaticFiles
 
 from twin.errors import TwinError
 from twin.web.guard import Address, Guard, Outside
-from twin.web.messages import PageError, on_http_exception, on_page_error, on_twin_error
+from twin.web.messages import PageError, on_fault, on_http_exception, on_page_error, on_twin_error
 from twin.web.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -106,6 +106,7 @@ def web_app(
         PageError: on_page_error,
         TwinError: on_twin_error,
         HTTPException: on_http_exception,
+        Exception: on_fault,
     }
     guard = Middleware(Guard, sessions=sessions, address=address, outside=outside or Outside(), name=name)
     return Starlette(

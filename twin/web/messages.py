@@ -6,6 +6,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
+from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
 from twin.errors import ConfigError, RefusedError, StoreError, TwinError
@@ -63,12 +64,16 @@ async def body_of(request: Request, kind: type[T]) -> T:
     Raises
     ------
     PageError
-        It is not JSON of that kind (400), or is not sent as JSON (415): a form of another page cannot.
+        It is not JSON of that kind (400), is too long (413), or is not sent as JSON (415), which the form of
+        another page cannot.
     """
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
         raise PageError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "Send JSON, with the type application/json.")
     try:
         return msgspec.json.decode(await request.body(), type=kind)
+    except ClientDisconnect as error:
+        # The guard ends what is too long in this way; whoever has really gone hears nothing.
+        raise PageError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "The request is too large.") from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise PageError(HTTPStatus.BAD_REQUEST, f"The request cannot be read: {error}.") from error
 
@@ -83,6 +88,12 @@ def on_twin_error(_request: Request, error: Exception) -> Response:
     """Answer what twin itself refuses, in its own sentence."""
     status = next(status for kind, status in _STATUS if isinstance(error, kind))
     return refusal(status, str(error))
+
+
+def on_fault(_request: Request, _error: Exception) -> Response:
+    """Answer after an error in twin itself, which stands on the terminal."""
+    sentence = "twin made an error, and nothing was changed: the terminal in which it runs says more."
+    return refusal(HTTPStatus.INTERNAL_SERVER_ERROR, sentence)
 
 
 def on_http_exception(_request: Request, error: Exception) -> Response:

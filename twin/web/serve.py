@@ -13,6 +13,7 @@ from twin.errors import ConfigError, RefusedError
 from twin.web.guard import Address
 
 if TYPE_CHECKING:
+    import uvicorn
     from starlette.types import ASGIApp
 
 LOOPBACK = "127.0.0.1"
@@ -73,6 +74,17 @@ def serve(app: ASGIApp, listener: socket.socket, *, ready: Callable[[], None]) -
     ready : callable
         Called once, when requests wait to be answered.
     """
+    with listener:
+        ready()
+        try:
+            server_of(app).run(sockets=[listener])
+        except KeyboardInterrupt:
+            # Uvicorn ends in order and then raises it again: this is how a server is ended.
+            return
+
+
+def server_of(app: ASGIApp) -> uvicorn.Server:
+    """Make the server that :func:`serve` runs: it says little, and trusts no header about who asks."""
     import uvicorn
 
     config = uvicorn.Config(
@@ -85,13 +97,7 @@ def serve(app: ASGIApp, listener: socket.socket, *, ready: Callable[[], None]) -
         ws="none",
         timeout_graceful_shutdown=_PATIENCE_S,
     )
-    with listener:
-        ready()
-        try:
-            uvicorn.Server(config).run(sockets=[listener])
-        except KeyboardInterrupt:
-            # Uvicorn ends in order and then raises it again: this is how a server is ended.
-            return
+    return uvicorn.Server(config)
 
 
 def may_open_browser() -> bool:
