@@ -151,7 +151,7 @@ def _faces(image: Image, look: Look, codes: tuple[str, ...]) -> tuple[tuple[Floa
             _corners(np.array(box) + _BOX_GROWN_PX * np.array([-1, -1, 1, 1])) for box in look.marked.boxes_px
         ), FaceFrom.BOX
     if look.marked.foot_px is not None or look.marked.centres_px:
-        found = find_faces(image, look.sight.window_px, codes, look.sight.px_per_m)
+        found = find_faces(image, look.sight.window_px, codes, look.sight.metre_px)
         if found:
             return found, FaceFrom.OUTLINE
     return (), FaceFrom.NOWHERE

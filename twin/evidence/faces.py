@@ -17,17 +17,19 @@ from geoloc.arrays import FloatArray
 
 Image = NDArray[np.uint8]
 
-_SIZES_M = (0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
-"""Widths of faces; between them the search goes in steps of 3 %."""
+_SIZES_M = (0.4, 1.0)
+"""Narrowest and widest face; between them the search goes in steps of 3 %."""
 _AXIS_M = 0.35
 """How far beside the foot a face's middle may be: the pole leans, and the foot was clicked by hand."""
 _EDGE = 14.0
 """Grey values over two pixels that make an edge."""
 _FOUND = 0.8
 """Share of the outline that must lie on edges that cross it."""
-_AS_GOOD, _SAME_MIDDLE = 0.93, 0.15
+_AS_GOOD, _SAME_MIDDLE_M = 0.85, 0.06
 _SMALLEST_PX = 9.0
 _OUTLINE_POINTS = 64
+_COARSE_PX_PER_M, _FOUND_COARSELY = 40.0, 0.6
+"""What is enough to see where a face may be, and how well its outline must fit there."""
 _GROWN, _GROWN_PX = 1.03, 1.0
 
 
@@ -39,7 +41,7 @@ class _Edges(NamedTuple):
 
 
 def find_faces(
-    image: Image, window_px: FloatArray, codes: Sequence[str], px_per_m: float
+    image: Image, window_px: FloatArray, codes: Sequence[str], metre_px: FloatArray
 ) -> tuple[FloatArray, ...]:
     """Find the faces of a pole's plates.
 
@@ -51,8 +53,8 @@ def find_faces(
         Where they are, see :class:`twin.evidence.sights.Sight`.
     codes : sequence of str
         Of the plates; those whose outline is not known are left out.
-    px_per_m : float
-        At the sign.
+    metre_px : float64 (k, 2, 2)
+        What a metre to the right, and one down, is in pixels at the face, for each way that it may look.
 
     Returns
     -------
@@ -62,18 +64,43 @@ def find_faces(
     """
     found: list[FloatArray] = []
     outlines = list(dict.fromkeys(outline for outline in map(outline_of, codes) if outline is not None))
-    if not outlines or not px_per_m * _SIZES_M[1] >= _SMALLEST_PX:
+    if not outlines:
         return ()
-    left, top = np.floor(window_px.min(axis=0)).astype(int) - 4
-    right, low = np.ceil(window_px.max(axis=0)).astype(int) + 4
-    left, top = max(left, 0), max(top, 0)
+    left, top = np.maximum(np.floor(window_px.min(axis=0)).astype(int) - 4, 0).tolist()
+    right, low = (np.ceil(window_px.max(axis=0)).astype(int) + 4).tolist()
     origin = np.array([left, top])
-    edges = _edges(image[top:low, left:right])
+    scales = _scales(image[top:low, left:right], float(np.hypot(*metre_px[0, 0])))
     for outline in outlines:
-        best = _best(edges, np.array(outline), window_px - origin, px_per_m)
+        ways = (_best(scales, np.array(outline) @ way, window_px - origin) for way in metre_px)
+        best = max((way for way in ways if way is not None), key=lambda way: way.score, default=None)
         if best is not None:
-            found.append(best + origin)
+            found.append(best.outline_px + origin)
     return tuple(found)
+
+
+class _Scale(NamedTuple):
+    """Edges of a picture that was made smaller by a factor."""
+
+    edges: _Edges
+    factor: float
+
+
+class _Placed(NamedTuple):
+    """An outline, and how well it lies on edges."""
+
+    score: float
+    outline_px: FloatArray
+
+
+def _scales(image: Image, px_per_m: float) -> tuple[_Scale, _Scale]:
+    """The picture with as few pixels as show a face, and as it is."""
+    import cv2
+
+    factor = max(px_per_m / _COARSE_PX_PER_M, 1.0)
+    rows, columns = image.shape[:2]
+    size = max(round(columns / factor), 1), max(round(rows / factor), 1)
+    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return _Scale(_edges(small), factor), _Scale(_edges(image), 1.0)
 
 
 def outline_of(code: str) -> tuple[tuple[float, float], ...] | None:
@@ -118,41 +145,76 @@ def _edges(image: Image) -> _Edges:
     return _Edges(np.asarray(pick[0], np.float64), np.asarray(pick[1], np.float64))
 
 
-def _best(edges: _Edges, outline: FloatArray, window_px: FloatArray, px_per_m: float) -> FloatArray | None:
-    """The outline (k, 2) that lies on edges best; None where none lies on them well enough."""
+def _best(scales: tuple[_Scale, _Scale], outline: FloatArray, window_px: FloatArray) -> _Placed | None:
+    """Place the outline of a face 1 m wide (k, 2) where it lies on edges best; None if it does so nowhere.
+
+    First in the smaller picture, everywhere in the window; then in the picture itself, about the place found.
+    """
+    coarse, fine = scales
+    small = outline / coarse.factor
+    tried = _tried(coarse.edges, small, _everywhere(small, window_px / coarse.factor))
+    if not tried or max(tried)[0] < _FOUND_COARSELY:
+        return None
+    _, width, u, v = max(tried)
+    middle = np.array([u, v]) * coarse.factor
+    tried = _tried(fine.edges, outline, _about(middle, width, outline, 1.5 * coarse.factor))
+    if not tried or max(tried)[0] < _FOUND:
+        return None
+    top, width, u, v = max(tried)
+    # The inner edge of a rim is a good outline too: the largest one about the same middle is the face's.
+    enough, apart = max(_FOUND, _AS_GOOD * top), _SAME_MIDDLE_M * float(np.ptp(outline[:, 0]))
+    same = [one for one in tried if one[0] >= enough and np.hypot(one[2] - u, one[3] - v) <= apart]
+    score, width, u, v = max(same, key=lambda one: one[1])
+    return _Placed(score, np.array([u, v]) + _wider(width * outline))
+
+
+def _tried(
+    edges: _Edges, outline: FloatArray, candidates: Iterator[tuple[float, FloatArray]]
+) -> list[tuple[float, float, float, float]]:
+    """Score, width and middle of the best place of each width."""
     point, normal = _around(outline)
-    tried: list[tuple[float, float, FloatArray]] = []
-    for width, centres in _candidates(outline, window_px, px_per_m):
+    tried = []
+    for width, centres in candidates:
         score = _score(edges, centres, width * point, normal)
         k = int(np.argmax(score))
-        tried.append((float(score[k]), width, centres[k]))
-    top, width, centre = max(tried, key=lambda one: one[0], default=(0.0, 0.0, np.zeros(2)))
-    if top < _FOUND:
-        return None
-    # The inner edge of a rim is a good outline too: the largest one about the same middle is the face's.
-    enough = max(_FOUND, _AS_GOOD * top)
-    apart = _SAME_MIDDLE * width
-    about = [one for one in tried if one[0] >= enough and np.hypot(*(one[2] - centre)) <= apart]
-    _, width, centre = max(about, key=lambda one: one[1])
-    return np.asarray(centre + (width * _GROWN + 2 * _GROWN_PX) * outline)
+        tried.append((float(score[k]), width, *centres[k].tolist()))
+    return tried
 
 
-def _candidates(
-    outline: FloatArray, window_px: FloatArray, px_per_m: float
-) -> Iterator[tuple[float, FloatArray]]:
-    """Widths, and the middles (n, 2) of faces of that width that fit into the window."""
+def _wider(outline: FloatArray) -> FloatArray:
+    """Let an outline about its middle take in the pixels of its edge."""
+    length = np.maximum(np.hypot(*outline.T), 1.0)[:, None]
+    return np.asarray(outline * (_GROWN + _GROWN_PX / length))
+
+
+def _everywhere(outline: FloatArray, window_px: FloatArray) -> Iterator[tuple[float, FloatArray]]:
+    """Widths [m], and the middles (n, 2) of faces of that width that fit into the window."""
     (_, top), (_, low) = window_px.min(axis=0), window_px.max(axis=0)
-    middle = float(window_px[:, 0].mean())
-    n = round(np.log(_SIZES_M[-1] / _SIZES_M[0]) / np.log(1.03)) + 1
-    tall = float(np.ptp(outline[:, 1]))
-    for width in np.geomspace(_SIZES_M[0], _SIZES_M[-1], n) * px_per_m:
-        if width < _SMALLEST_PX:
-            continue
-        step = max(width / 40.0, 0.5)
-        u = np.arange(middle - _AXIS_M * px_per_m, middle + _AXIS_M * px_per_m + 1e-9, step)
-        v = np.arange(top + tall * width / 2, low - tall * width / 2 + 1e-9, step)
-        if u.size and v.size:
-            yield float(width), np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    middle, reach = float(window_px[:, 0].mean()), _AXIS_M * float(np.ptp(outline[:, 0]))
+    for width in _widths(*_SIZES_M):
+        wide, tall = width * np.ptp(outline, axis=0)
+        v = np.arange(top + tall / 2, low - tall / 2 + 1e-9, 1.0)
+        if wide >= _SMALLEST_PX and v.size:
+            yield width, _grid(np.arange(middle - reach, middle + reach + 1e-9, 1.0), v)
+
+
+def _about(
+    middle: FloatArray, width: float, outline: FloatArray, reach: float
+) -> Iterator[tuple[float, FloatArray]]:
+    """The same near a place and a width that were found."""
+    step = max(width * float(np.ptp(outline[:, 0])) / 60.0, 0.5)
+    steps = np.arange(-reach, reach + 1e-9, step)
+    for one in _widths(0.85 * width, 1.5 * width):
+        yield one, _grid(middle[0] + steps, middle[1] + steps)
+
+
+def _widths(narrowest: float, widest: float) -> list[float]:
+    n = round(math.log(widest / narrowest) / math.log(1.03)) + 1
+    return [float(width) for width in np.geomspace(narrowest, widest, n)]
+
+
+def _grid(u: FloatArray, v: FloatArray) -> FloatArray:
+    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
 def _around(outline: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -31,6 +31,7 @@ _FACE_UP_M = 2.4
 _SIGMAS_95 = 2.4477468306808166
 _PER_SIDE = 6
 _ELLIPSE_POINTS = 48
+_RIG_RIGHT = np.array([0.0, -1.0, 0.0])
 _MAX_GAP_S, _HALT_M = 0.5, 1.0
 
 
@@ -75,6 +76,9 @@ class Sight:
         NVDB's position, on the ground.
     ellipse_px : float64 (k, 2) or None
         The 95 % ellipse of the measured position, on the ground.
+    metre_px : float64 (2, 2, 2)
+        At its face: what a metre to the right is in pixels, and what a metre down; of a face that looks at
+        the camera, and of one that looks back along the car's way.
     px_per_m : float
         At the sign.
     range_m : float
@@ -88,6 +92,7 @@ class Sight:
     foot_px: FloatArray
     nvdb_px: FloatArray | None
     ellipse_px: FloatArray | None
+    metre_px: FloatArray
     px_per_m: float
     range_m: float
     is_whole: bool
@@ -152,11 +157,14 @@ def sight_of(
     if right is None:
         return None
 
-    def rectangle(low_m: float, high_m: float, half_m: float) -> tuple[FloatArray, BoolArray]:
+    def rectangle(
+        low_m: float, high_m: float, half_m: float, right: FloatArray = right
+    ) -> tuple[FloatArray, BoolArray]:
         pixel, _, seen = seen_by(camera, _rectangle(foot, up, right, low_m, high_m, half_m), 0.0)
         return pixel, seen
 
     core, core_seen = rectangle(CORE_LOW_M, CORE_HIGH_M, CORE_HALF_WIDTH_M)
+    across, _ = rectangle(CORE_LOW_M, CORE_HIGH_M, CORE_HALF_WIDTH_M, _RIG_RIGHT)
     window, window_seen = rectangle(FACE_LOW_M, FACE_HIGH_M, FACE_HALF_WIDTH_M)
     if not core_seen.all() or not np.isfinite(window).all():
         return None
@@ -173,10 +181,19 @@ def sight_of(
         foot_px=foot_px + shift,
         nvdb_px=None if nvdb_px is None else nvdb_px[0],
         ellipse_px=_projected(camera, pose, around, shift),
-        px_per_m=float(np.ptp(core[:, 0])) / (2 * CORE_HALF_WIDTH_M),
+        metre_px=np.stack([_metre(core), _metre(across)]),
+        px_per_m=float(np.hypot(*_metre(core)[0])),
         range_m=float(distance[1]),
         is_whole=bool(window_seen.all()),
     )
+
+
+def _metre(core_px: FloatArray) -> FloatArray:
+    """What a metre to the right, and one down, is in pixels."""
+    left_low, right_low, right_high, left_high = core_px[::_PER_SIDE]
+    across = (right_low + right_high - left_low - left_high) / (4 * CORE_HALF_WIDTH_M)
+    down = (left_low + right_low - left_high - right_high) / (2 * (CORE_HIGH_M - CORE_LOW_M))
+    return np.stack([across, down])
 
 
 def _shift(marked: Marked | None, foot_px: FloatArray, point_px: FloatArray) -> FloatArray:
