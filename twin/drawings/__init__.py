@@ -7,9 +7,9 @@
 Drawn from scratch and simplified: recognisable, and no tracing of Statens vegvesen's own drawings.
 """
 
+from twin.drawings.as_svg import svg
 from twin.drawings.faces import face
 from twin.drawings.polygons import Painted, painted
 from twin.drawings.shapes import Face
-from twin.drawings.as_svg import svg
 
 __all__ = ["Face", "Painted", "face", "painted", "svg"]

@@ -13,7 +13,8 @@ from twin.drawings import face, painted, svg
 from twin.drawings.shapes import Text
 from twin.samples.sample_nvdb import CODE_NAMES, TEXTS
 
-CODES = (*SKILTNUMMER_ENUM, *CODE_NAMES, "100.2", "110", "206", "214", "904.V", "990", "999", "U362.60", "", "Q")
+MORE = ("100.2", "110", "206", "214", "904.V", "990", "999", "U362.60", "", "Q")
+CODES = (*SKILTNUMMER_ENUM, *CODE_NAMES, *MORE)
 PLAIN_XML = {"svg", "polygon", "polyline", "circle", "text"}
 
 
