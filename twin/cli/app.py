@@ -67,6 +67,7 @@ class _Commands(_LazyGroup):
         "match": "findings",
         "explain": "findings",
         "decide": "findings",
+        "evidence": "evidence",
         "review": "review",
         "export": "export",
         "qgis": "export",
