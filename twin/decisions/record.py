@@ -223,5 +223,5 @@ def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
 
 def _back(taken: Entry, before: Entry | None, by: str, at: str) -> Entry:
     """Make the entry that puts the decision of before back in the place of the one that is taken back."""
-    kept = before or replace(taken, decision=Decision.OPEN, reason="")
+    kept = before or replace(taken, decision=Decision.OPEN, reason="", cause=None)
     return replace(kept, by=by, at=at, kind=UNDONE, undo_of=taken.id)

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 10
+VERSION = 13
 """Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
 metadata = sa.MetaData()
@@ -298,6 +298,7 @@ decision_log = sa.Table(
     sa.Column("at", sa.String, nullable=False),  # UTC
     sa.Column("evidence", sa.JSON, nullable=False),  # what the decision rested on
     sa.Column("undo_of", sa.BigInteger),  # the entry that this one takes back
+    sa.Column("cause", sa.JSON(none_as_null=True)),  # twin.words.reasons.Cause; null where there is none
 )
 """Every decision ever made: rows are added, never changed; kept also while a finding is absent."""
 

@@ -111,5 +111,8 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "ORDER BY k.rowid"
         ),
     ),
+    10: (),
+    11: (),
+    12: ("ALTER TABLE decision_log ADD COLUMN cause JSON",),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

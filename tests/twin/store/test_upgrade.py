@@ -22,12 +22,14 @@ SINCE_10 = ("known_mark",)
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 to 9 wrote it, with one decision."""
+    """Make a store as version 4 to 12 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
-        for table in ("sighting", "sighting_kept"):
-            raw.execute(f"ALTER TABLE {table} DROP COLUMN is_measured")
-        for table in (*SINCE_10, *(SINCE_9 if version < 9 else ())):
+        raw.execute("ALTER TABLE decision_log DROP COLUMN cause")
+        if version < 10:
+            for table in ("sighting", "sighting_kept"):
+                raw.execute(f"ALTER TABLE {table} DROP COLUMN is_measured")
+        for table in (*(SINCE_10 if version < 10 else ()), *(SINCE_9 if version < 9 else ())):
             raw.execute(f"DROP TABLE {table}")
         if version < 8:
             raw.execute("DROP TABLE sent")
@@ -47,7 +49,7 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9])
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 12])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
@@ -62,7 +64,8 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
 
 
 @pytest.mark.parametrize(
-    "table", ["estimate", "change", "drive_method", "sent", "sighting", *SINCE_9, *SINCE_10]
+    "table",
+    ["estimate", "change", "drive_method", "sent", "sighting", "decision_log", *SINCE_9, *SINCE_10],
 )
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
