@@ -12,6 +12,7 @@ from typing import Any, get_args, get_type_hints
 import msgspec
 import pytest
 
+from twin.export.layers import COLUMNS
 from twin.store.kinds import Decision, Verdict
 from twin.words import (
     Lang,
@@ -52,6 +53,13 @@ def named_in_code() -> set[str]:
         "verdict": Verdict,
         "decision": Decision,
         "reopened": Decision,
+        "decide": Decision,
+        # Opinions and their withdrawal come with second opinions.
+        "entry": ["decided", "undone", "reopened", "carried", "opinion", "withdrawn"],
+        "alias": [f"{layer}.{one.name}" for layer, columns in COLUMNS.items() for one in columns],
+        "match": ["change", "verdict", "decision", "road", "reason"],
+        "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
+        "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/findings.py").read_text()),
         "basis": [f"codes_{one.value}" for one in r.CodesAgree],
     }
     made = {f"{family}.{name}" for family, names in families.items() for name in names}
@@ -92,27 +100,27 @@ def test_message_of_a_kind_names_its_facts_alone(kind: type[msgspec.Struct]) -> 
         (
             r.Moved(SITE, 1234.567, 0.1, 1.0, PAIR),
             (
-                "Skiltpunkt 17 (142 – Barn, 999) stands 1234.57 m (± 0.10 m) from NVDB's position, beyond "
-                'the tolerance of 1.0 m (a distance of 1.1 sigmas, same sign codes, though 808 reads "300 m" and'
-                ' in NVDB "200 m", though NVDB says that it faces away, though on the other side, '
-                "seen in 3 drives)."
+                "Skiltpunkt 17 (142 – Barn, 999) stands 1234.57 m (± 0.10 m) from NVDB's position, "
+                "beyond the tolerance of 1.0 m (a distance of 1.1 sigmas, same sign codes, though 808 "
+                'reads "300 m" and in NVDB "200 m", though NVDB says that it faces away, though on the '
+                "other side, seen in 3 drives)."
             ),
             (
-                "Skiltpunkt 17 (142 – Barn, 999) er flyttet: det står 1234,57 m (± 0,10 m) fra posisjonen i "
-                "NVDB, mer enn toleransen på 1,0 m (avstand 1,1 standardavvik, samme skiltnumre, men 808 har teksten "
-                "«300 m» og i NVDB «200 m», men etter ansiktssiden i NVDB vender det bort, men på den andre siden"
-                " av vegen, sett i 3 kjøringer)."
+                "Skiltpunkt 17 (142 – Barn, 999) er flyttet: det står 1234,57 m (± 0,10 m) fra "
+                "posisjonen i NVDB, mer enn toleransen på 1,0 m (avstand 1,1 standardavvik, samme "
+                "skiltnumre, men 808 har teksten «300 m» og i NVDB «200 m», men etter ansiktssiden i "
+                "NVDB vender det bort, men på den andre siden av vegen, sett i 3 kjøringer)."
             ),
         ),
         (
             r.Missing(r.SignSite(96, 18), 14, 1),
             (
-                "Skiltplate 18 was not seen, though its place was in view in 14 frames of a completely annotated "
-                "drive."
+                "Skiltplate 18 was not seen, though its place was in view in 14 frames of a completely "
+                "annotated drive."
             ),
             (
-                "Skiltplate 18 mangler: det ble ikke sett, selv om stedet var i synsfeltet i 14 bilder fra en "
-                "fullstendig annotert kjøring."
+                "Skiltplate 18 mangler: det ble ikke sett, selv om stedet var i synsfeltet i 14 bilder "
+                "fra en fullstendig annotert kjøring."
             ),
         ),
         (
@@ -122,14 +130,15 @@ def test_message_of_a_kind_names_its_facts_alone(kind: type[msgspec.Struct]) -> 
                 r.WrongType(18, "", "142"),
             ),
             (
-                "The drive trip does not fit itself (its camera clock is 120 ms off; an old text): mend it and "
-                "ingest it again. Else this would be wrong type: Skiltplate 18 is without a code in NVDB, but "
-                "142 – Barn was seen."
+                "The drive trip does not fit itself (its camera clock is 120 ms off; an old text): "
+                "mend it and ingest it again. Else this would be wrong type: Skiltplate 18 is without "
+                "a code in NVDB, but 142 – Barn was seen."
             ),
             (
-                "Kjøringen trip stemmer ikke med seg selv (kameraklokken går 120 ms feil; an old text): rett den "
-                "og les den inn på nytt. Ellers ville funnet vært «feil skilttype»: Skiltplate 18 har feil "
-                "skilttype: i NVDB er den uten skiltnummer, men 142 – Barn ble sett."
+                "Kjøringen trip stemmer ikke med seg selv (kameraklokken går 120 ms feil; an old "
+                "text): rett den og les den inn på nytt. Ellers ville funnet vært «feil skilttype»: "
+                "Skiltplate 18 har feil skilttype: i NVDB er den uten skiltnummer, men 142 – Barn ble "
+                "sett."
             ),
         ),
         (
@@ -141,13 +150,13 @@ def test_message_of_a_kind_names_its_facts_alone(kind: type[msgspec.Struct]) -> 
                 (r.VerdictChanged("moved", "new"), r.CodesSeenChanged((), ("142", "808")), r.NvdbMoved(2.5)),
             ),
             (
-                "Dismissed 2026-06-01 by kari (road works); since then the verdict changed from moved to new, "
-                "the sign code seen changed from none to 142;808, NVDB's position moved 2.50 m."
+                "Dismissed 2026-06-01 by kari (road works); since then the verdict changed from moved "
+                "to new, the sign code seen changed from none to 142;808, NVDB's position moved 2.50 m."
             ),
             (
-                "Avvist 2026-06-01 av kari (road works); siden da har funnet gått fra «er flyttet» til «står "
-                "ikke i NVDB», er skiltnummeret som ble sett, endret fra ingen til 142;808, er posisjonen i NVDB "
-                "flyttet 2,50 m."
+                "Avvist 2026-06-01 av kari (road works); siden da har funnet gått fra «er flyttet» til "
+                "«står ikke i NVDB», er skiltnummeret som ble sett, endret fra ingen til 142;808, er "
+                "posisjonen i NVDB flyttet 2,50 m."
             ),
         ),
     ],
