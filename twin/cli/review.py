@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import sys
 import webbrowser
-from enum import StrEnum
 from typing import Annotated
 
 import typer
 
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, warn
+from twin.words import Lang
 
 app = typer.Typer()
-
-
-class Lang(StrEnum):
-    """Languages of the page."""
-
-    EN = "en"
-    NB = "nb"
 
 
 @app.command("review", epilog="Example: twin review --by kari.  Blind second opinions: twin review --blind")
@@ -61,7 +54,7 @@ def review(
     from twin.store.store import Store
     from twin.web.serve import listening, may_open_browser, serve
 
-    options = ReviewOptions(by or "", blind, read_only, base_map, lang or "")
+    options = ReviewOptions(by or "", blind, read_only, base_map, lang)
     with Store.open(store, create=False) as opened:
         listener, address = listening(host, port)
         with listener:

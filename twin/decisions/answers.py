@@ -24,17 +24,22 @@ from twin.store.kinds import QUIET, Decision, Verdict
 from twin.store.store import Store, utc_now
 
 ANSWERS = (Decision.ACCEPT, Decision.DISMISS, Decision.DEFER)
-_DONE = {
-    Decision.ACCEPT: "accepted it",
-    Decision.DISMISS: "dismissed it",
-    Decision.DEFER: "put it off",
-    Decision.OPEN: "opened it again",
-}
 _AND = " and "
 
 
 class SeenOtherwiseError(RefusedError):
-    """The finding is no longer what the person saw; nothing was kept."""
+    """The finding is no longer what the person saw; nothing was kept.
+
+    Parameters
+    ----------
+    last : Entry or None
+        What was decided since it was seen; None where its evidence has changed.
+    """
+
+    def __init__(self, last: Entry | None) -> None:
+        since = "Its evidence has changed" if last is None else f"{last.by} has decided ({last.decision})"
+        super().__init__(f"{since} since this finding was seen: look at it again, then answer.")
+        self.last = last
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,14 +215,10 @@ def _refuse_seen_otherwise(
     if seen == now and not (blind and last is not None and last.decision != Decision.OPEN):
         return
     if seen.partition("-")[0] != now.partition("-")[0]:
-        raise SeenOtherwiseError(
-            "What is known of this finding has changed since you opened it: look at it again, then answer."
-        )
+        raise SeenOtherwiseError(None)
     # Two people who say the same at once are both kept.
     if last is not None and (blind or last.decision != decision):
-        raise SeenOtherwiseError(
-            f"{last.by} has {_DONE[last.decision]} since you opened it: look at it again, then answer."
-        )
+        raise SeenOtherwiseError(last)
 
 
 def _done_before(ask: Ask, author: Author) -> Entry | None:

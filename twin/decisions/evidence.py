@@ -10,6 +10,16 @@ from typing import Any
 import sqlalchemy as sa
 
 from twin.store import schema
+from twin.store.records import split_codes
+from twin.words.reasons import (
+    CodesKnownChanged,
+    CodesSeenChanged,
+    Difference,
+    MeasuredMoved,
+    NvdbMoved,
+    VerdictChanged,
+    VersionChanged,
+)
 
 Row = Mapping[str, Any]
 Ask = Callable[[sa.Select[Any]], list[Row]]
@@ -116,28 +126,28 @@ def _changes_with_nvdb() -> sa.Select[Any]:
     )
 
 
-def differences(then: Evidence, now: Evidence) -> list[str]:
-    """Say what has really changed between two states of a finding, a clause each; nothing if it is the same.
+def differences(then: Evidence, now: Evidence) -> tuple[Difference, ...]:
+    """Say what has really changed between two states of a finding; nothing if it is the same.
 
     A measured position that stays inside its own 95 % ellipse of then, another confidence, more sightings or
     one more drive are no change.
     """
-    clauses = []
+    found: list[Difference] = []
     if then.verdict != now.verdict:
-        clauses.append(f"the verdict changed from {then.verdict} to {now.verdict}")
+        found.append(VerdictChanged(then.verdict, now.verdict))
     if _codes(then.skiltnummer_seen) != _codes(now.skiltnummer_seen):
-        clauses.append(_changed("the sign code seen", then.skiltnummer_seen, now.skiltnummer_seen))
+        found.append(CodesSeenChanged(split_codes(then.skiltnummer_seen), split_codes(now.skiltnummer_seen)))
     if _codes(then.skiltnummer_nvdb) != _codes(now.skiltnummer_nvdb):
-        clauses.append(_changed("the sign code in NVDB", then.skiltnummer_nvdb, now.skiltnummer_nvdb))
+        found.append(CodesKnownChanged(split_codes(then.skiltnummer_nvdb), split_codes(now.skiltnummer_nvdb)))
     if then.nvdb_version != now.nvdb_version:
-        clauses.append(f"NVDB's version changed from {then.nvdb_version} to {now.nvdb_version}")
+        found.append(VersionChanged(then.nvdb_version, now.nvdb_version))
     moved = _nvdb_moved_m(then, now)
     if moved is not None and moved > _NVDB_MOVED_M:
-        clauses.append(f"NVDB's position moved {moved:.2f} m")
+        found.append(NvdbMoved(round(moved, _DECIMALS)))
     if _left_ellipse(then, now):
         distance = math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
-        clauses.append(f"the measured position moved {distance:.2f} m, out of its 95 % ellipse of then")
-    return clauses
+        found.append(MeasuredMoved(round(distance, _DECIMALS)))
+    return tuple(found)
 
 
 def same_place(then: Evidence, now: Evidence) -> bool:
@@ -164,11 +174,7 @@ def _nvdb_moved_m(then: Evidence, now: Evidence) -> float | None:
 
 
 def _codes(text: str) -> list[str]:
-    return sorted(code.strip() for code in text.split(";") if code.strip())
-
-
-def _changed(what: str, then: str, now: str) -> str:
-    return f"{what} changed from {then or 'none'} to {now or 'none'}"
+    return sorted(split_codes(text))
 
 
 def _covariance(row: Row) -> tuple[float, float, float] | None:

@@ -11,6 +11,8 @@ import sqlalchemy as sa
 from twin.decisions.evidence import Ask, Evidence, Row
 from twin.store import schema
 from twin.store.kinds import Decision
+from twin.words import NO_NAMES, Lang, SignNames, sentence, why_to_json
+from twin.words.reasons import Cause, Reopened, cause_from_json
 
 DECIDED, UNDONE, REOPENED, CARRIED = "decided", "undone", "reopened", "carried"
 """Kinds of entries: by a person; taking one back; the evidence changed; it is that of then again, or the same
@@ -41,6 +43,8 @@ class Entry:
         Of the page in which it was answered; "" of commands and matches.
     request : str or None
         By which the page knows its request again, where it gave one.
+    cause : Cause or None
+        What changed, of one that twin reopened; that the sign is temporary, of one that was dismissed for it.
     id, batch : int
         Given by the log: its place in it, and of what one command or one match decided; 0 until then.
     """
@@ -53,6 +57,7 @@ class Entry:
     evidence: Evidence
     kind: str = DECIDED
     undo_of: int | None = None
+    cause: Cause | None = None
     id: int = 0
     batch: int = 0
     session: str = ""
@@ -66,13 +71,22 @@ class Entry:
     @classmethod
     def from_row(cls, row: Row) -> Entry:
         """Take it from a row of the log."""
-        told = {"decision": Decision(row["decision"]), "evidence": Evidence.from_json(row["evidence"])}
-        return cls(**{**row, **told})
+        typed = {
+            "decision": Decision(row["decision"]),
+            "evidence": Evidence.from_json(row["evidence"]),
+            "cause": None if row["cause"] is None else cause_from_json(row["cause"]),
+        }
+        return cls(**{**row, **typed})
 
     def as_json(self) -> dict[str, Any]:
         """Return it with the names and in the order of the log's columns."""
         columns = {column.name: getattr(self, column.name) for column in schema.decision_log.columns}
-        return {**columns, "evidence": self.evidence.as_json()}
+        cause = None if self.cause is None else why_to_json(self.cause)
+        return {**columns, "evidence": self.evidence.as_json(), "cause": cause}
+
+    def told(self, lang: Lang, names: SignNames = NO_NAMES) -> str:
+        """What a person wrote; of what twin reopened, what was decided and has changed."""
+        return sentence(self.cause, lang, names) if isinstance(self.cause, Reopened) else self.reason
 
 
 def asking(connection: sa.Connection) -> Ask:

@@ -278,7 +278,7 @@ def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
 
 def _back(taken: Entry, before: Mapping[str, Entry]) -> Entry:
     """Make the entry that puts the decision of before back in the place of the one that is taken back."""
-    kept = before.get(taken.change_id) or replace(taken, decision=Decision.OPEN, reason="")
+    kept = before.get(taken.change_id) or replace(taken, decision=Decision.OPEN, reason="", cause=None)
     return replace(kept, kind=UNDONE, undo_of=taken.id)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 import sqlalchemy as sa
@@ -19,11 +19,11 @@ from twin.decisions.log import (
     last_entries_by_people,
 )
 from twin.store.kinds import QUIET, Decision
+from twin.words import sentence
+from twin.words.reasons import Reopened
 
 Object = tuple[int, int | None, str]
 """NVDB's type and id; what NVDB does not know has no id, and is known by its pole."""
-
-_DONE = {Decision.ACCEPT: "Accepted", Decision.DISMISS: "Dismissed", Decision.DEFER: "Deferred"}
 
 
 def reopen_changed(connection: sa.Connection, at: str, only: Collection[str] | None = None) -> int:
@@ -60,9 +60,11 @@ def reopen_changed(connection: sa.Connection, at: str, only: Collection[str] | N
             continue
         holds = standing.get(key)
         if changes := differences(last.evidence, now):
-            told = _told(last, changes)
+            cause = Reopened(last.decision.value, last.at, last.by, last.reason, changes)
+            told = sentence(cause)
+            # Of an entry from before causes were kept the text is all there is.
             if holds is None or (holds.kind, holds.reason) != (REOPENED, told):
-                reopened.append(Entry(key, Decision.OPEN, told, TWIN, at, now, REOPENED))
+                reopened.append(Entry(key, Decision.OPEN, told, TWIN, at, now, REOPENED, cause=cause))
         elif holds is None or holds.kind == REOPENED:
             carried.append(replace(last, change_id=key, kind=CARRIED, undo_of=None, session="", request=None))
     append(connection, [*carried, *reopened])
@@ -97,8 +99,3 @@ def _forerunner(absent: Mapping[Object, list[Entry]], now: Evidence) -> Entry | 
     forerunner = min(fitting, key=lambda c: c.evidence.skiltnummer_seen != now.skiltnummer_seen)
     candidates.remove(forerunner)
     return forerunner
-
-
-def _told(last: Entry, changes: Sequence[str]) -> str:
-    why = f" ({last.reason})" if last.reason else ""
-    return f"{_DONE[last.decision]} {last.at[:10]} by {last.by}{why}; since then {', '.join(changes)}."

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, TypeVar
 import msgspec
 import sqlalchemy as sa
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import Response
+from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
-from twin.decisions.answers import Author, answer, answers_of, undo_answer
+from twin.decisions.answers import Author, SeenOtherwiseError, answer, answers_of, undo_answer
 from twin.decisions.evidence import Ask
 from twin.decisions.log import TWIN
 from twin.decisions.opinions import agreement, opinions_of
-from twin.errors import RefusedError, TwinError
-from twin.review import sentences
+from twin.drawings import svg
+from twin.errors import ConfigError, RefusedError
+from twin.evidence import crop_file
 from twin.review.drives import Drives
 from twin.review.finding import finding_record
 from twin.review.index import Eyes, Findings, Index, chunks, counts, in_queue, states
@@ -47,7 +48,8 @@ from twin.store.store import Snapshot, Store
 from twin.web.app import web_app
 from twin.web.guard import Address, Outside
 from twin.web.messages import PageError, answer_of, body_of
-from twin.web.sessions import Session, Sessions, session_of
+from twin.web.sessions import Sessions, session_of
+from twin.words import Lang, decision_title, language_from, messages, say
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -61,7 +63,6 @@ BASE_MAP = BaseMap(
 MAX_LIST = 500
 MAX_COMMENT = 2000
 MAX_NAME = 80
-_NORWEGIAN = ("nb", "no", "nn")
 
 T = TypeVar("T")
 
@@ -80,15 +81,15 @@ class ReviewOptions:
         Nothing can be answered.
     base_map : bool
         Whether the page may ask Kartverket for map tiles.
-    lang : str
-        ``en`` or ``nb``; "" for the browser's.
+    lang : Lang or None
+        None for the browser's.
     """
 
     person: str = ""
     blind: bool = False
     read_only: bool = False
     base_map: bool = False
-    lang: str = ""
+    lang: Lang | None = None
 
 
 def review_app(store: Store, options: ReviewOptions, address: Address) -> tuple[Starlette, str]:
@@ -147,6 +148,7 @@ class _Page:
             Route("/api/reviewer", self.reviewer, methods=["POST"]),
             Route("/api/answer", self.answer, methods=["POST"]),
             Route("/api/undo", self.undo, methods=["POST"]),
+            Route("/crop/{sha256}.webp", self.crop),
             Route("/sign/{code}.svg", self.sign),
         ]
 
@@ -154,17 +156,17 @@ class _Page:
 
     def session(self, request: Request) -> Response:
         """Tell what the page needs once."""
-        who = session_of(request)
+        eyes = self.eyes(request)
         with self.store.snapshot() as view:
             index = self.findings.index(view)
-            known = states(view.rows, self.findings.decided(view), self.eyes(who))
+            known = states(view.rows, self.findings.decided(view), eyes)
             record = SessionRecord(
                 store=str(self.store.path.resolve()),
-                reviewer=who.person,
-                lang=self.options.lang or _language(request.headers.get("accept-language", "")),
+                reviewer=eyes.reviewer,
+                lang=eyes.lang,
                 read_only=self.options.read_only or self.store.read_only is not None,
                 blind=self.options.blind,
-                notice=self.notice(view),
+                notice=self.notice(view, eyes.lang),
                 reviewers=_reviewers(view.rows),
                 counts=counts(index, known),
                 disagreements=sum(state is State.DISAGREEMENT for state in known.values()),
@@ -177,7 +179,7 @@ class _Page:
                 roads=sorted({place.road for place in index.place if place.road}),
                 base_map=BASE_MAP if self.options.base_map else None,
                 bounds=_bounds(index),
-                messages={},
+                messages=messages(eyes.lang, "page."),
             )
         return answer_of(record)
 
@@ -187,7 +189,7 @@ class _Page:
         offset, limit = _number(request, "offset", 0), min(_number(request, "limit", 50), MAX_LIST)
         with self.store.snapshot() as view:
             index = self.findings.index(view)
-            known = states(view.rows, self.findings.decided(view), self.eyes(session_of(request)))
+            known = states(view.rows, self.findings.decided(view), self.eyes(request))
         rows = [
             row
             for row in index.ordered(queue)
@@ -204,7 +206,7 @@ class _Page:
         queue = _queue(request)
         with self.store.snapshot() as view:
             index = self.findings.index(view)
-            known = states(view.rows, self.findings.decided(view), self.eyes(session_of(request)))
+            known = states(view.rows, self.findings.decided(view), self.eyes(request))
         found = [(row, known.get(index.change_id[row], State.OPEN)) for row in index.ordered(queue)]
         found = [(row, state) for row, state in found if in_queue(state, queue.state or "all")]
         return answer_of(
@@ -219,17 +221,12 @@ class _Page:
 
     def finding(self, request: Request) -> Response:
         """Return everything about one finding."""
+        eyes, change_id = self.eyes(request), request.path_params["change_id"]
         with self.store.snapshot() as view:
-            record = finding_record(
-                view,
-                request.path_params["change_id"],
-                self.findings.index(view),
-                self.drives,
-                self.eyes(session_of(request)),
-                self.notice(view),
-            )
+            index, notice = self.findings.index(view), self.notice(view, eyes.lang)
+            record = finding_record(view, change_id, index, self.drives, eyes, notice)
         if record is None:
-            raise PageError(HTTPStatus.NOT_FOUND, "The last match has no such finding.")
+            raise PageError(HTTPStatus.NOT_FOUND, say(eyes.lang, "review.no_finding"))
         return answer_of(record)
 
     def answers(self, request: Request) -> Response:
@@ -247,14 +244,23 @@ class _Page:
 
     def sign(self, request: Request) -> Response:
         """Draw a sign."""
-        from twin.drawings import svg
-
         code, text = request.path_params["code"], request.query_params.get("text", "")
         return Response(
             svg(code[:MAX_NAME], text[:MAX_NAME]),
             media_type="image/svg+xml",
             headers={"Cache-Control": "private, max-age=3600"},
         )
+
+    def crop(self, request: Request) -> Response:
+        """Send a picture that the store has by this hash; its bytes never change."""
+        try:
+            path = crop_file(self.store, request.path_params["sha256"])
+        except ConfigError as error:
+            raise PageError(HTTPStatus.NOT_FOUND, "The store has no such picture.") from error
+        if not path.is_file():
+            raise PageError(HTTPStatus.NOT_FOUND, "The file of this picture is gone.")
+        kept = {"Cache-Control": "private, max-age=86400, immutable"}
+        return FileResponse(path, media_type="image/webp", headers=kept)
 
     # -- answering -----------------------------------------------------------------------------------------
 
@@ -263,7 +269,7 @@ class _Page:
         asked = await body_of(request, ReviewerRequest)
         name = " ".join(asked.name.split())
         if not name or len(name) > MAX_NAME or not name.isprintable() or name == TWIN:
-            raise PageError(HTTPStatus.BAD_REQUEST, f"Give a name of 1 to {MAX_NAME} letters.")
+            raise PageError(HTTPStatus.BAD_REQUEST, self.say(request, "review.bad_name", n=MAX_NAME))
         session_of(request).person = name
         return answer_of(ReviewerRecord(name))
 
@@ -271,11 +277,14 @@ class _Page:
         """Keep an answer."""
         asked = await body_of(request, AnswerRequest)
         if len(asked.comment) > MAX_COMMENT:
-            raise PageError(HTTPStatus.BAD_REQUEST, f"A comment has at most {MAX_COMMENT:,} letters.")
-        who, author = session_of(request), self.author(request)
-        return answer_of(await run_in_threadpool(self._answer, asked, who, author))
+            raise PageError(HTTPStatus.BAD_REQUEST, self.say(request, "review.long_comment", n=MAX_COMMENT))
+        eyes, author = self.eyes(request), self.author(request)
+        try:
+            return answer_of(await run_in_threadpool(self._answer, asked, eyes, author))
+        except SeenOtherwiseError as error:
+            raise PageError(HTTPStatus.CONFLICT, _seen_otherwise(error, eyes.lang)) from error
 
-    def _answer(self, asked: AnswerRequest, who: Session, author: Author) -> AnswerRecord:
+    def _answer(self, asked: AnswerRequest, eyes: Eyes, author: Author) -> AnswerRecord:
         done = answer(
             self.store,
             asked.change_id,
@@ -287,7 +296,7 @@ class _Page:
         )
         with self.store.snapshot() as view:
             index = self.findings.index(view)
-            decided, eyes = self.findings.decided(view), self.eyes(who)
+            decided = self.findings.decided(view)
             state = states(view.rows, decided, eyes, (asked.change_id,)).get(asked.change_id, State.OPEN)
             rows = _after(index.ordered(asked.queue), index.row.get(asked.change_id))
             for some in chunks(rows):
@@ -303,38 +312,52 @@ class _Page:
         await body_of(request, UndoRequest)
         change_id = await run_in_threadpool(undo_answer, self.store, self.author(request))
         if change_id is None:
-            raise PageError(HTTPStatus.CONFLICT, "Nothing is left to take back in this session.")
+            raise PageError(HTTPStatus.CONFLICT, self.say(request, "review.nothing_left"))
         return answer_of(UndoRecord(change_id))
 
     def author(self, request: Request) -> Author:
         """Return who asks, and by which key."""
         who = session_of(request)
         if self.options.read_only:
-            raise PageError(HTTPStatus.CONFLICT, sentences.READ_ONLY)
+            raise PageError(HTTPStatus.CONFLICT, self.say(request, "review.read_only"))
         if self.store.read_only is not None:
-            raise PageError(HTTPStatus.CONFLICT, str(self.store.read_only))
+            raise PageError(HTTPStatus.CONFLICT, self.say(request, "review.store_read_only"))
         if not who.person:
-            raise PageError(HTTPStatus.CONFLICT, sentences.ASK_NAME)
+            raise PageError(HTTPStatus.CONFLICT, self.say(request, "review.ask_name"))
         key = request.headers.get("idempotency-key", "")
         return Author(who.person, who.id, key[:MAX_NAME] or None)
 
     # -- what holds for all --------------------------------------------------------------------------------
 
-    def eyes(self, who: Session) -> Eyes:
-        """Return what this browser's reviewer may see."""
-        return Eyes(who.person, self.options.blind)
+    def eyes(self, request: Request) -> Eyes:
+        """Return what this browser's reviewer may see, and in which language."""
+        accepted = request.headers.get("accept-language", "")
+        lang = self.options.lang or language_from(accepted)
+        return Eyes(session_of(request).person, self.options.blind, lang)
 
-    def notice(self, view: Snapshot) -> str | None:
+    def say(self, request: Request, key: str, **facts: int) -> str:
+        """Say something in the browser's language."""
+        return say(self.eyes(request).lang, key, **facts)
+
+    def notice(self, view: Snapshot, lang: Lang) -> str | None:
         """Say why nothing can be answered now."""
         if self.options.read_only:
-            return sentences.READ_ONLY
+            return say(lang, "review.read_only")
         if self.store.read_only is not None:
-            return str(self.store.read_only)
+            return say(lang, "review.store_read_only")
         try:
             view.matched()
-        except TwinError as error:
-            return str(error)
+        except RefusedError:
+            return say(lang, "review.stale")
         return None
+
+
+def _seen_otherwise(error: SeenOtherwiseError, lang: Lang) -> str:
+    """Say why an answer was not kept."""
+    if error.last is None:
+        return say(lang, "review.changed")
+    decision = decision_title(error.last.decision, lang)
+    return say(lang, "review.decided_since", by=error.last.by, decision=decision)
 
 
 def _after(rows: list[int], row: int | None) -> list[int]:
@@ -358,23 +381,6 @@ def _number(request: Request, name: str, default: int) -> int:
     if not text.isascii() or not text.isdigit() or len(text) > 9:
         raise PageError(HTTPStatus.BAD_REQUEST, f"{name} is a whole number of 0 or more.")
     return int(text)
-
-
-def _language(accepted: str) -> str:
-    """The first language of the browser's that the page speaks: Accept-Language, the most wanted first."""
-    wanted = []
-    for part in accepted.split(","):
-        tag, _, weight = part.partition(";q=")
-        try:
-            wanted.append((-float(weight or 1), tag.strip().lower().partition("-")[0]))
-        except ValueError:
-            continue
-    for _, tag in sorted(wanted, key=lambda one: one[0]):
-        if tag in _NORWEGIAN:
-            return "nb"
-        if tag == "en":
-            return "en"
-    return "en"
 
 
 def _reviewers(ask: Ask) -> list[str]:

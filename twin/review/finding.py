@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import sqlalchemy as sa
@@ -13,27 +12,21 @@ from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
 from twin.decisions.answers import revision_seen
-from twin.decisions.findings import findings_statement, told_reason
+from twin.decisions.findings import FindingStatus, latest_findings
 from twin.decisions.log import history
+from twin.evidence import crops_of, gaps_of
 from twin.review import sentences
 from twin.review.drives import Drives, degrees_from_utm33
 from twin.review.index import Eyes, Index, states
-from twin.review.records import Claim, FindingRecord, HistoryItem, Seen, Sign, State, Term
-from twin.review.shapes import Seeing, ellipse_major95_m, map_of
+from twin.review.records import Claim, CropItem, FindingRecord, HistoryItem, Seen, Sign, State, Term
+from twin.review.shapes import Seeing, map_of, radius95_m
 from twin.store import schema
-from twin.store.kinds import QUIET, Decision
+from twin.store.kinds import Decision
 from twin.store.records import Estimate, Finding
 from twin.store.store import Row, Snapshot
+from twin.words import Lang, position_sentence, reason_of, seen_sentence, terms_in_words, verdict_title
 
 _VEGKART = "https://vegkart.atlas.vegvesen.no/#valgt:{id}:{type}"
-
-
-@dataclass(frozen=True, slots=True)
-class _Told:
-    """A finding with what is decided."""
-
-    finding: Finding
-    decision: Decision
 
 
 def finding_record(
@@ -58,10 +51,10 @@ def finding_record(
     FindingRecord or None
         None where the last match has no such finding.
     """
-    told = _told(view, change_id)
-    if told is None:
+    found = latest_findings(view.rows, (change_id,))
+    if not found:
         return None
-    finding = told.finding
+    told, finding = found[0], found[0].finding
     state = _state(view, told, eyes)
     estimates = _estimates(view, finding)
     by_drive = {estimate.drive_id: estimate for estimate in estimates}
@@ -69,40 +62,30 @@ def finding_record(
     objects = _objects(view, finding)
     place = _nvdb_place(objects)
     row = index.row.get(change_id)
-    first, last = _seen_times(estimates)
     return FindingRecord(
         change_id=change_id,
         revision=revision_seen(view.rows, change_id),
         verdict=finding.verdict,
-        verdict_title=sentences.VERDICTS[finding.verdict],
+        verdict_title=verdict_title(finding.verdict, eyes.lang),
         state=state,
         confidence=finding.confidence,
-        can_answer=notice is None and finding.verdict not in QUIET,
+        can_answer=notice is None and not told.is_quiet,
         notice=notice,
-        seen_sentence=sentences.seen_sentence(len(finding.drive_ids), finding.cameras, first, last),
-        reason=finding.reason,
+        seen_sentence=seen_sentence(finding, eyes.lang, [sentences.day_of(one.started_ns) for one in shown]),
+        reason=reason_of(finding, eyes.lang, index.names),
         road="" if row is None else index.place[row].reference,
         claim=_claim(finding, objects, index),
-        seen=_seen(finding, estimates, index),
+        seen=_seen(finding, estimates, index, eyes.lang),
         distance_m=finding.distance_m,
-        crops=[],
-        gaps=[],
-        terms=_terms(finding.terms),
-        history=_history(view, told, state, eyes),
+        crops=_crops(view, change_id, {one.drive_id: one.name for one in shown}, eyes.lang),
+        gaps=[gap.sentence for gap in gaps_of(view.rows, change_id)],
+        terms=[Term(one.label, one.value, one.explanation) for one in terms_in_words(finding, eyes.lang)],
+        history=_history(view, told, state, eyes, index),
         map=map_of(view, finding, place, [Seeing(one, by_drive.get(one.drive_id)) for one in shown], index),
     )
 
 
-def _told(view: Snapshot, change_id: str) -> _Told | None:
-    statement = findings_statement(*schema.change.columns).where(schema.change.c.change_id == change_id)
-    rows = view.rows(statement)
-    if not rows:
-        return None
-    reason = told_reason(rows[0]["reason"], rows[0]["kind"], rows[0]["note"])
-    return _Told(Finding.from_row({**rows[0], "reason": reason}), Decision(rows[0]["decision"]))
-
-
-def _state(view: Snapshot, told: _Told, eyes: Eyes) -> State:
+def _state(view: Snapshot, told: FindingStatus, eyes: Eyes) -> State:
     change_id = told.finding.change_id
     return states(view.rows, {change_id: told.decision}, eyes, (change_id,)).get(change_id, State.OPEN)
 
@@ -168,7 +151,7 @@ def _claim(finding: Finding, objects: Sequence[Row], index: Index) -> Claim | No
     )
 
 
-def _seen(finding: Finding, estimates: Sequence[Estimate], index: Index) -> Seen | None:
+def _seen(finding: Finding, estimates: Sequence[Estimate], index: Index, lang: Lang) -> Seen | None:
     if not finding.n_sightings:
         return None
     lat, lon = geographic_from_utm33(finding.east_m, finding.north_m)
@@ -182,49 +165,40 @@ def _seen(finding: Finding, estimates: Sequence[Estimate], index: Index) -> Seen
         lon=round(float(lon), 7),
         lat=round(float(lat), 7),
         height_m=round(height, 2) if np.isfinite(height) else None,
-        sigma_sentence="" if covariance is None else sentences.sigma_sentence(ellipse_major95_m(covariance)),
+        sigma_sentence="" if covariance is None else position_sentence(radius95_m(covariance), lang),
     )
 
 
 def _signs(codes: Sequence[str], index: Index) -> list[Sign]:
-    return [index.names.sign(code.strip()) for code in codes if code.strip()]
+    return [Sign(code, index.names.get(code, code)) for code in map(str.strip, codes) if code]
 
 
-def _seen_times(estimates: Sequence[Estimate]) -> tuple[int | None, int | None]:
-    if not estimates:
-        return None, None
-    return min(one.first_ns for one in estimates), max(one.last_ns for one in estimates)
-
-
-def _terms(terms: Mapping[str, object]) -> list[Term]:
-    odds = terms.get("log_odds")
-    found = []
-    if isinstance(odds, Mapping):
-        for name, value in odds.items():
-            label, explanation = sentences.TERMS.get(name, (name, ""))
-            found.append(Term(label, f"{value:+.1f}", explanation))
-    absence = terms.get("absence")
-    if isinstance(absence, Mapping):
-        frames, drives = (
-            sentences.counted(absence["frames"], "picture"),
-            sentences.counted(absence["drives"], "drive"),
+def _crops(view: Snapshot, change_id: str, names: Mapping[str, str], lang: Lang) -> list[CropItem]:
+    return [
+        CropItem(
+            number=crop.number,
+            role=crop.role,
+            url=f"crop/{crop.sha256}.webp",
+            width=crop.width_px,
+            height=crop.height_px,
+            range_m=round(crop.range_m, 1),
+            camera=crop.camera,
+            when=sentences.day_of(crop.epoch_ns).isoformat(),
+            drive=names.get(crop.drive_id, crop.drive_id),
+            caption=sentences.crop_caption(crop, lang),
+            proof=sentences.proof_sentence(crop, lang),
         )
-        told = f"Its place was in view in {frames} of {drives}."
-        found.append(Term("Gone", f"{absence['gone']:.0%}", told))
-    if "code" in terms:
-        told = "How sure the sign code is that was read."
-        found.append(Term("Code read", f"{terms['code']:.0%}", told))
-    match = terms.get("match")
-    if isinstance(match, float):
-        found.append(Term("Pair", f"{match:.1%}", "How sure it is which sign of NVDB this is, if any."))
-    return found
+        for crop in crops_of(view.rows, change_id)
+    ]
 
 
-def _history(view: Snapshot, told: _Told, state: State, eyes: Eyes) -> list[HistoryItem]:
+def _history(
+    view: Snapshot, told: FindingStatus, state: State, eyes: Eyes, index: Index
+) -> list[HistoryItem]:
     """The log, newest first; others' opinions when they have met; to the blind once it is decided."""
     is_told = told.decision is not Decision.OPEN or (state is State.DISAGREEMENT and not eyes.blind)
     return [
-        HistoryItem(e.at, e.by, e.decision, e.reason, sentences.entry_sentence(e))
+        HistoryItem(e.at, e.by, e.decision, e.reason, sentences.entry_sentence(e, eyes.lang, index.names))
         for e in reversed(history(view.rows, told.finding.change_id))
         if e.holds or is_told or e.by == eyes.reviewer
     ]

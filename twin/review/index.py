@@ -18,13 +18,14 @@ from geoloc.earth.geodesy import geographic_from_utm33
 from twin.decisions.evidence import Ask
 from twin.decisions.log import SILENT
 from twin.decisions.opinions import in_disagreement, opinions_of
+from twin.mirror.names import sign_names
 from twin.review.records import FindingItem, Order, Queue, State, StateCounts
 from twin.review.roads import Place, in_order, places_of
-from twin.review.signs import SignNames, sign_names
 from twin.store import schema
 from twin.store.kinds import QUIET, Decision, Verdict
 from twin.store.records import split_codes
 from twin.store.store import Snapshot, Store
+from twin.words import Lang, SignNames, sign_titles
 
 NEAR_M = 60.0
 """How far a finding's map reaches."""
@@ -162,17 +163,19 @@ class Findings:
 
 @dataclass(frozen=True, slots=True)
 class Eyes:
-    """What one reviewer may see of what is decided.
+    """What one reviewer may see of what is decided, and in which language.
 
     Attributes
     ----------
     reviewer : str
     blind : bool
         Whether own opinions count as settled, and those of others do not show.
+    lang : Lang
     """
 
     reviewer: str
     blind: bool
+    lang: Lang = Lang.EN
 
 
 def states(
@@ -235,13 +238,13 @@ def _read(store: Store, view: Snapshot, match: str) -> Index:
     )
     east, north = (np.array(found[name], dtype=np.float64) for name in ("east_m", "north_m"))
     lat, lon = geographic_from_utm33(east, north)
-    names = sign_names(view)
+    names = sign_names(store)
     codes = zip(found["skiltnummer_seen"], found["skiltnummer_nvdb"], strict=True)
     return Index(
         match=match,
         change_id=found["change_id"],
         verdict=found["verdict"],
-        title=[names.title(split_codes(seen or nvdb)) for seen, nvdb in codes],
+        title=[sign_titles(split_codes(seen or nvdb), names) for seen, nvdb in codes],
         confidence=np.array(found["confidence"], dtype=np.float64),
         lon=np.round(lon, 7),
         lat=np.round(lat, 7),

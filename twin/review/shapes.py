@@ -9,7 +9,7 @@ import numpy as np
 import sqlalchemy as sa
 
 from geoloc.arrays import FloatArray
-from geoloc.locate.combine import ellipse
+from geoloc.locate.combine import cep95_m, ellipse
 from twin.export.appearance import SIGMAS_95
 from twin.review.drives import DriveShown, degrees_from_utm33, glances_at, glances_towards, track_near
 from twin.review.index import NEAR_M, Index
@@ -17,6 +17,7 @@ from twin.review.records import Feature, FeatureCollection, Geometry, Properties
 from twin.store import schema
 from twin.store.records import Estimate, Finding
 from twin.store.store import Row, Snapshot
+from twin.words import sign_titles
 
 _MAX_RAYS = 24
 _CORNERS = 48
@@ -64,9 +65,9 @@ def map_of(
     return FeatureCollection(features)
 
 
-def ellipse_major95_m(covariance_m2: tuple[float, float, float]) -> float:
-    """Return the longer half axis of the ellipse that holds the sign with 95 % probability."""
-    return SIGMAS_95 * float(ellipse(_matrix(covariance_m2))[0])
+def radius95_m(covariance_m2: tuple[float, float, float]) -> float:
+    """Return the radius of the circle that holds the sign with 95 % probability."""
+    return float(cep95_m(_matrix(covariance_m2)))
 
 
 def _matrix(covariance_m2: tuple[float, float, float]) -> FloatArray:
@@ -128,7 +129,7 @@ def _neighbours(finding: Finding, index: Index) -> Iterator[Feature]:
             continue
         codes = index.signs.codes.get(index.signs.nvdb_id[row], ())
         at = np.array([[index.signs.east_m[row], index.signs.north_m[row]]])
-        yield from _points("neighbour", at, title=index.names.title(codes))
+        yield from _points("neighbour", at, title=sign_titles(codes, index.names))
     for row in near(index.east_m, index.north_m):
         if index.change_id[row] != finding.change_id:
             at = np.array([[index.east_m[row], index.north_m[row]]])

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 12
+VERSION = 13
 """Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
 metadata = sa.MetaData()
@@ -301,9 +301,9 @@ decision_log = sa.Table(
     sa.Column("evidence", sa.JSON, nullable=False),  # what the decision rested on
     sa.Column("undo_of", sa.BigInteger),  # the entry that this one takes back
     sa.Column("session", sa.String, nullable=False, index=True),  # of a page in which it was answered; or ""
-    sa.Column(
-        "request", sa.String, index=True, unique=True
-    ),  # the page's key of its request, which it may send twice
+    # The page's key of its request, which it may send twice.
+    sa.Column("request", sa.String, index=True, unique=True),
+    sa.Column("cause", sa.JSON(none_as_null=True)),  # twin.words.reasons.Cause; null where there is none
 )
 """Every decision ever made: rows are added, never changed; kept also while a finding is absent."""
 

@@ -170,5 +170,6 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "decision_log AS n WHERE n.change_id = e.change_id AND n.kind NOT IN ('opinion', 'withdrawn'))"
         ),
     ),
+    12: ("ALTER TABLE decision_log ADD COLUMN cause JSON",),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

@@ -28,18 +28,15 @@ SINCE_11 = ("crop", "crop_gap", "crop_log")
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 to 10 wrote it, with one decision."""
+    """Make a store as version 4 to 12 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
-        raw.execute("DROP VIEW decision")
-        for column in SINCE_12:
-            raw.execute(f"DROP INDEX ix_decision_log_{column}")
-            raw.execute(f"ALTER TABLE decision_log DROP COLUMN {column}")
-        raw.execute(_VIEW_BEFORE_12)
-        for table in ("sighting", "sighting_kept"):
+        _older_log(raw, version)
+        for table in ("sighting", "sighting_kept") if version < 11 else ():
             for column in ("width_px", "height_px", *(["is_measured"] if version < 10 else [])):
                 raw.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
-        for table in (*SINCE_11, *(SINCE_10 if version < 10 else ()), *(SINCE_9 if version < 9 else ())):
+        gone = ((11, SINCE_11), (10, SINCE_10), (9, SINCE_9))
+        for table in (table for since, tables in gone if version < since for table in tables):
             raw.execute(f"DROP TABLE {table}")
         if version < 8:
             raw.execute("DROP TABLE sent")
@@ -54,12 +51,24 @@ def older(path: Path, version: int = 4) -> Path:
         raw.execute("UPDATE meta SET value = ? WHERE key = 'schema_version'", (str(version),))
         values = (1, "c1", "decided", "accept", "seen", "someone", "2026-06-10T08:00:00Z", "{}")
         columns = 'batch, change_id, kind, decision, reason, "by", at, evidence'
-        raw.execute(f"INSERT INTO decision_log ({columns}) VALUES ({', '.join('?' * 8)})", values)
+        if version >= 12:
+            columns, values = f"{columns}, session", (*values, "")
+        raw.execute(f"INSERT INTO decision_log ({columns}) VALUES ({', '.join('?' * len(values))})", values)
     raw.close()
     return path
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10])
+def _older_log(raw: sqlite3.Connection, version: int) -> None:
+    raw.execute("ALTER TABLE decision_log DROP COLUMN cause")
+    if version < 12:
+        raw.execute("DROP VIEW decision")
+        for column in SINCE_12:
+            raw.execute(f"DROP INDEX ix_decision_log_{column}")
+            raw.execute(f"ALTER TABLE decision_log DROP COLUMN {column}")
+        raw.execute(_VIEW_BEFORE_12)
+
+
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10, 11, 12])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
