@@ -50,9 +50,9 @@ class GapKind(StrEnum):
     OTHER_SIZE = "other_size"
     """The pictures are not of the size that the camera was calibrated at."""
     OUT_OF_VIEW = "out_of_view"
-    """The face lies behind the camera, on the car itself or outside the picture."""
+    """It was seen, but its face lies outside the pictures that are there, or on the car itself."""
     NEVER_IN_VIEW = "never_in_view"
-    """No drive has it in view."""
+    """It was not seen, and no picture that is there has the place in view."""
 
 
 @dataclass(frozen=True, slots=True)

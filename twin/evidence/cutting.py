@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from twin import __version__
 from twin.evidence.crops import FaceFrom, MaskProof, Role
-from twin.evidence.faces import find_faces
+from twin.evidence.faces import find_faces, outline_of
 from twin.evidence.masker import Found, Masker
 from twin.evidence.masks import BY_GEOMETRY, BY_NETWORK, RULES, Image, Limits, Regions, filled, masked
 from twin.evidence.shots import Look
@@ -22,6 +23,9 @@ _BOX_GROWN_PX = 1.5
 """A box ends on the face's edge: half a pixel more on each side is its own."""
 _MARGIN, _MARGIN_PX = 0.15, 6.0
 _CENTRE_HALF_M = 0.5
+_NEAR_M, _GROUND_MARGIN_M = 6.0, 0.4
+"""NVDB's position is shown up to so far from the foot, and both with so much ground about them."""
+_STEPS = 101
 _WIDE_QUALITY = 85
 _SEEN, _NVDB, _HALO = (230, 159, 0), (86, 180, 233), (0, 0, 0)
 """Orange and sky blue of Okabe and Ito, apart for every kind of colour vision, on a dark edge."""
@@ -76,12 +80,14 @@ def patch_of(image: Image, look: Look, codes: tuple[str, ...], masker: Masker | 
     size = image.shape[1], image.shape[0]
     shown = np.concatenate(faces) if faces else _place_of_face(look)
     face_rect = _rect(shown, size, max(_MARGIN * float(np.ptp(shown, axis=0).max()), _MARGIN_PX))
-    if look.sight.nvdb_px is None:
-        wide_px = look.sight.wide_px
-    else:
-        near = np.abs(look.sight.nvdb_px - look.sight.foot_px).max() < 6.0 * look.sight.px_per_m
-        wide_px = np.vstack([look.sight.wide_px, *([look.sight.nvdb_px] if near else [])])
-    rect = _limited(_union(_rect(wide_px, size, 0.0), face_rect), face_rect, size)
+    sight = look.sight
+    ground = [sight.foot_px]
+    if sight.nvdb_px is not None and np.abs(sight.nvdb_px - sight.foot_px).max() < _NEAR_M * sight.px_per_m:
+        ground.append(sight.nvdb_px)
+    margin = _GROUND_MARGIN_M * sight.px_per_m
+    cores = [_union(face_rect, _rect(np.array(ground[:n]), size, margin)) for n in range(len(ground), 0, -1)]
+    wide = _union(_rect(np.vstack([sight.wide_px, *ground]), size, 0.0), cores[0])
+    rect = _limited(wide, [*cores, face_rect], size)
     left, top, right, low = rect
     patch = image[top:low, left:right].copy()
     return Patch(
@@ -147,14 +153,21 @@ def _cut(patch: Patch, role: Role, rect: Rect, masker: Masker | None, *, is_mask
 def _faces(image: Image, look: Look, codes: tuple[str, ...]) -> tuple[tuple[FloatArray, ...], FaceFrom]:
     """Outlines of the faces, in pixels of the frame, and how they are known."""
     if look.marked.boxes_px:
-        return tuple(
-            _corners(np.array(box) + _BOX_GROWN_PX * np.array([-1, -1, 1, 1])) for box in look.marked.boxes_px
-        ), FaceFrom.BOX
+        boxes = [np.array(box) + _BOX_GROWN_PX * np.array([-1, -1, 1, 1]) for box in look.marked.boxes_px]
+        outline = outline_of(codes[0]) if len(boxes) == len(codes) == 1 else None
+        faces = map(_corners, boxes) if outline is None else [_inscribed(np.array(outline), boxes[0])]
+        return tuple(faces), FaceFrom.BOX
     if look.marked.foot_px is not None or look.marked.centres_px:
         found = find_faces(image, look.sight.window_px, codes, look.sight.metre_px)
         if found:
             return found, FaceFrom.OUTLINE
     return (), FaceFrom.NOWHERE
+
+
+def _inscribed(outline: FloatArray, box: FloatArray) -> FloatArray:
+    """An outline that fills a box: its corners may show somebody."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    return np.asarray(box[:2] + (outline - low) / (high - low) * (box[2:] - box[:2]))
 
 
 def _place_of_face(look: Look) -> FloatArray:
@@ -187,23 +200,20 @@ def _grown(rect: Rect, size: tuple[int, int]) -> Rect:
     return _rect(points, size, 0.25 * float(np.ptp(points, axis=0).max()))
 
 
-def _limited(rect: Rect, face: Rect, size: tuple[int, int]) -> Rect:
-    """Cut what is too large a part of the frame; the face stays whole."""
+def _limited(rect: Rect, cores: Sequence[Rect], size: tuple[int, int]) -> Rect:
+    """Cut what is too large a part of the frame, about the first of the cores that is small enough."""
     most = MOST_OF_FRAME * size[0] * size[1]
-    width, height = rect[2] - rect[0], rect[3] - rect[1]
-    if width * height <= most:
-        return rect
-    scale = np.sqrt(most / (width * height))
-    half = np.array([width, height]) * scale / 2
-    middle = np.array([(face[0] + face[2]) / 2, (face[1] + face[3]) / 2])
-    # Rather towards the ground than the sky.
-    middle = np.clip(
-        (middle[0], middle[1] + 0.25 * half[1]),
-        [rect[0] + half[0], rect[1] + half[1]],
-        [rect[2] - half[0], rect[3] - half[1]],
-    )
-    (left, top), (right, low) = np.floor(middle - half).astype(int), np.floor(middle + half).astype(int)
-    return _union((int(left), int(top), int(right), int(low)), face)
+    core = next((one for one in cores if _area(one) <= most), cores[-1])
+    for part in np.linspace(1.0, 0.0, _STEPS):
+        grown = np.round(part * np.array(rect) + (1 - part) * np.array(core)).astype(int)
+        left, top, right, low = grown.tolist()
+        if _area((left, top, right, low)) <= most:
+            return left, top, right, low
+    return core
+
+
+def _area(rect: Rect) -> int:
+    return (rect[2] - rect[0]) * (rect[3] - rect[1])
 
 
 def _touches(box: FloatArray, shape: tuple[int, int]) -> bool:

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray
+from twin.drawings import face
 
 Image = NDArray[np.uint8]
 
 _SIZES_M = (0.4, 1.0)
-"""Narrowest and widest face; between them the search goes in steps of 3 %."""
+"""Narrowest and widest face."""
 _AXIS_M = 0.35
 """How far beside the foot a face's middle may be: the pole leans, and the foot was clicked by hand."""
 _EDGE = 14.0
@@ -27,7 +28,7 @@ _FOUND = 0.8
 """Share of the outline that must lie on edges that cross it."""
 _AS_GOOD, _SAME_MIDDLE_M = 0.85, 0.06
 _SMALLEST_PX = 9.0
-_OUTLINE_POINTS = 64
+_FEW_POINTS, _POINTS = 24, 64
 _COARSE_PX_PER_M, _FOUND_COARSELY = 40.0, 0.6
 """What is enough to see where a face may be, and how well its outline must fit there."""
 _GROWN, _GROWN_PX = 1.03, 1.0
@@ -71,10 +72,9 @@ def find_faces(
     origin = np.array([left, top])
     scales = _scales(image[top:low, left:right], float(np.hypot(*metre_px[0, 0])))
     for outline in outlines:
-        ways = (_best(scales, np.array(outline) @ way, window_px - origin) for way in metre_px)
-        best = max((way for way in ways if way is not None), key=lambda way: way.score, default=None)
+        best = _best(scales, [np.array(outline) @ way for way in metre_px], window_px - origin)
         if best is not None:
-            found.append(best.outline_px + origin)
+            found.append(best + origin)
     return tuple(found)
 
 
@@ -83,13 +83,6 @@ class _Scale(NamedTuple):
 
     edges: _Edges
     factor: float
-
-
-class _Placed(NamedTuple):
-    """An outline, and how well it lies on edges."""
-
-    score: float
-    outline_px: FloatArray
 
 
 def _scales(image: Image, px_per_m: float) -> tuple[_Scale, _Scale]:
@@ -104,34 +97,15 @@ def _scales(image: Image, px_per_m: float) -> tuple[_Scale, _Scale]:
 
 
 def outline_of(code: str) -> tuple[tuple[float, float], ...] | None:
-    """Outline of a sign's face by its code, in units of its width about its middle; None if not known."""
-    number = code.partition(".")[0]
-    if number in _OUTLINES:
-        return _OUTLINES[number]
-    return _UPWARDS if len(number) == 3 and number.startswith("1") else None
+    """Outline of a sign's face by its code, in units of its width about its middle; None if it varies."""
+    if code[:1] not in _ONE_FORM:
+        return None
+    sign = face(code)
+    return tuple((x / 100.0 - 0.5, (y - sign.height / 2) / 100.0) for x, y in sign.outline)
 
 
-def _regular(sides: int, start_deg: float, radius: float) -> tuple[tuple[float, float], ...]:
-    angles = np.radians(start_deg + 360.0 * np.arange(sides) / sides)
-    return tuple(zip((radius * np.cos(angles)).tolist(), (radius * np.sin(angles)).tolist(), strict=True))
-
-
-_CIRCLES = frozenset(
-    {
-        *("302", "306", "308", "310", "312", "314", "316", "318", "320", "322", "324", "326", "330", "332"),
-        *("334", "335", "336", "337", "338", "340", "342", "344", "362", "364", "370", "372", "374", "376"),
-        *("378", "402", "404", "406"),
-    }
-)
-_SQUARES = frozenset({"512", "516", "518", "520", "522", "524", "526", "538", "540", "552", "555"})
-_UPWARDS = (-0.5, 0.433), (0.0, -0.433), (0.5, 0.433)
-_OUTLINES = {
-    **dict.fromkeys(_CIRCLES, _regular(48, 0.0, 0.5)),
-    **dict.fromkeys(_SQUARES, _regular(4, 45.0, math.sqrt(0.5))),
-    **dict.fromkeys(("206", "208"), _regular(4, 0.0, 0.5)),
-    "202": ((-0.5, -0.433), (0.5, -0.433), (0.0, 0.433)),
-    "204": _regular(8, 22.5, 0.541),
-}
+_ONE_FORM = tuple("12345")
+"""Warning, priority, prohibition, mandatory and information signs; direction signs and sub plates vary."""
 
 
 def _edges(image: Image) -> _Edges:
@@ -145,34 +119,45 @@ def _edges(image: Image) -> _Edges:
     return _Edges(np.asarray(pick[0], np.float64), np.asarray(pick[1], np.float64))
 
 
-def _best(scales: tuple[_Scale, _Scale], outline: FloatArray, window_px: FloatArray) -> _Placed | None:
+def _best(
+    scales: tuple[_Scale, _Scale], outlines: Sequence[FloatArray], window_px: FloatArray
+) -> FloatArray | None:
     """Place the outline of a face 1 m wide (k, 2) where it lies on edges best; None if it does so nowhere.
 
     First in the smaller picture, everywhere in the window; then in the picture itself, about the place found.
+
+    Parameters
+    ----------
+    outlines : sequence of float64 (k, 2)
+        The same one for each way that the face may look.
     """
     coarse, fine = scales
-    small = outline / coarse.factor
-    tried = _tried(coarse.edges, small, _everywhere(small, window_px / coarse.factor))
-    if not tried or max(tried)[0] < _FOUND_COARSELY:
+    starts = []
+    for number, outline in enumerate(outlines):
+        small = outline / coarse.factor
+        tried = _tried(coarse.edges, small, _everywhere(small, window_px / coarse.factor), _FEW_POINTS)
+        starts += [(*one, number) for one in tried if one[0] >= _FOUND_COARSELY]
+    if not starts:
         return None
-    _, width, u, v = max(tried)
-    middle = np.array([u, v]) * coarse.factor
-    tried = _tried(fine.edges, outline, _about(middle, width, outline, 1.5 * coarse.factor))
+    _, width, u, v, number = max(starts)
+    outline, middle = outlines[number], np.array([u, v]) * coarse.factor
+    near = _about(middle, width, outline, 1.5 * coarse.factor)
+    tried = _tried(fine.edges, outline, near, _POINTS)
     if not tried or max(tried)[0] < _FOUND:
         return None
-    top, width, u, v = max(tried)
+    top, _, u, v = max(tried)
     # The inner edge of a rim is a good outline too: the largest one about the same middle is the face's.
     enough, apart = max(_FOUND, _AS_GOOD * top), _SAME_MIDDLE_M * float(np.ptp(outline[:, 0]))
     same = [one for one in tried if one[0] >= enough and np.hypot(one[2] - u, one[3] - v) <= apart]
-    score, width, u, v = max(same, key=lambda one: one[1])
-    return _Placed(score, np.array([u, v]) + _wider(width * outline))
+    _, width, u, v = max(same, key=lambda one: one[1])
+    return np.asarray(np.array([u, v]) + _wider(width * outline))
 
 
 def _tried(
-    edges: _Edges, outline: FloatArray, candidates: Iterator[tuple[float, FloatArray]]
+    edges: _Edges, outline: FloatArray, candidates: Iterator[tuple[float, FloatArray]], n_points: int
 ) -> list[tuple[float, float, float, float]]:
     """Score, width and middle of the best place of each width."""
-    point, normal = _around(outline)
+    point, normal = _around(outline, n_points)
     tried = []
     for width, centres in candidates:
         score = _score(edges, centres, width * point, normal)
@@ -191,7 +176,7 @@ def _everywhere(outline: FloatArray, window_px: FloatArray) -> Iterator[tuple[fl
     """Widths [m], and the middles (n, 2) of faces of that width that fit into the window."""
     (_, top), (_, low) = window_px.min(axis=0), window_px.max(axis=0)
     middle, reach = float(window_px[:, 0].mean()), _AXIS_M * float(np.ptp(outline[:, 0]))
-    for width in _widths(*_SIZES_M):
+    for width in _widths(*_SIZES_M, 1.06):
         wide, tall = width * np.ptp(outline, axis=0)
         v = np.arange(top + tall / 2, low - tall / 2 + 1e-9, 1.0)
         if wide >= _SMALLEST_PX and v.size:
@@ -204,12 +189,12 @@ def _about(
     """The same near a place and a width that were found."""
     step = max(width * float(np.ptp(outline[:, 0])) / 60.0, 0.5)
     steps = np.arange(-reach, reach + 1e-9, step)
-    for one in _widths(0.85 * width, 1.5 * width):
+    for one in _widths(0.85 * width, 1.5 * width, 1.03):
         yield one, _grid(middle[0] + steps, middle[1] + steps)
 
 
-def _widths(narrowest: float, widest: float) -> list[float]:
-    n = round(math.log(widest / narrowest) / math.log(1.03)) + 1
+def _widths(narrowest: float, widest: float, factor: float) -> list[float]:
+    n = round(math.log(widest / narrowest) / math.log(factor)) + 1
     return [float(width) for width in np.geomspace(narrowest, widest, n)]
 
 
@@ -217,11 +202,11 @@ def _grid(u: FloatArray, v: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
-def _around(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _around(outline: FloatArray, n_points: int) -> tuple[FloatArray, FloatArray]:
     """Points along an outline, evenly, and its normals there."""
     ends = np.roll(outline, -1, axis=0)
     length = np.hypot(*(ends - outline).T)
-    count = np.maximum(np.round(_OUTLINE_POINTS * length / length.sum()), 1).astype(int)
+    count = np.maximum(np.round(n_points * length / length.sum()), 1).astype(int)
     points, normals = [], []
     for start, end, n in zip(outline, ends, count, strict=True):
         t = (np.arange(n) + 0.5)[:, None] / n

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import sqlalchemy as sa
 
@@ -22,10 +22,9 @@ from twin.store import schema
 from twin.store.store import Store
 
 Progress = Callable[[str], None]
-_NOT_IN_VIEW = Lack(
-    GapKind.NEVER_IN_VIEW,
+_NOT_SHOWN = (
     "No picture that is there shows the place of its face: it lies outside the pictures, behind the camera or"
-    " on the car itself.",
+    " on the car itself."
 )
 
 
@@ -157,7 +156,8 @@ class _Run:
             lacks = self.lacks[subject.change_id]
             shots = shots_of(subject, drives, recordings, lacks)
             if not shots and not lacks:
-                lacks.append(("", _NOT_IN_VIEW))
+                kind = GapKind.OUT_OF_VIEW if subject.seen else GapKind.NEVER_IN_VIEW
+                lacks.append(("", Lack(kind, _NOT_SHOWN)))
             for shot in shots:
                 last = max(look.frame for look in shot.looks)
                 self.views.append(_View(shot, last_frame=last))
@@ -287,8 +287,6 @@ def _crop(view: _View, cut: Cut, sha256: str, *, is_masked: bool) -> Crop:
 
 def _numbered(views: Sequence[tuple[Crop, ...]]) -> Iterator[Crop]:
     """Number the views that came about from 0; those whose faces are known come first."""
-    from dataclasses import replace
-
     ordered = sorted(views, key=lambda crops: (not crops[0].proof.faces_px, crops[0].number))
     for number, crops in enumerate(ordered):
         for crop in crops:

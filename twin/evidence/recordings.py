@@ -52,6 +52,10 @@ class Recordings:
     pictures: Mapping[str, Pictures]
     lack: Lack | None = None
 
+    def has(self, camera: str, frame: int) -> bool:
+        """Whether there may be a picture of a frame."""
+        return camera in self.pictures and self.pictures[camera].has(frame)
+
     def stamps(self, camera: str) -> IntArray | Lack:
         """Epochs of a camera's frames by frame number, as the sightings of the store have them."""
         if self.folder is None:

@@ -74,7 +74,7 @@ def shots_of(
         if recording.lack is not None:
             lacks.append((drive_id, recording.lack))
         elif seen is not None:
-            if not any(picture.camera in recording.pictures for picture in seen.pictures):
+            if not any(recording.has(picture.camera, picture.frame) for picture in seen.pictures):
                 lacks.append((drive_id, _other_cameras(seen, drive)))
             looks += _marked_looks(subject, seen, drive, recording)
         elif not subject.seen:
@@ -89,7 +89,7 @@ def shots_of(
 
 def _marked_looks(subject: Subject, seen: Seen, drive: DriveOf, recording: Recordings) -> Iterator[Look]:
     """Pictures in which the sign was marked."""
-    there = [picture for picture in seen.pictures if picture.camera in recording.pictures]
+    there = [picture for picture in seen.pictures if recording.has(picture.camera, picture.frame)]
     poses = poses_at(drive.poses, np.array([picture.epoch_ns for picture in there], dtype=np.int64))
     for k, picture in enumerate(there):
         sight = sight_of(
@@ -136,13 +136,15 @@ def _unseen_looks(
             sight = sight_of(
                 drive.rig.camera(camera), part(drive.poses, slice(k, k + 1)), subject.place, nvdb=subject.nvdb
             )
-            if frame is not None and sight is not None:
+            if frame is not None and sight is not None and recording.has(camera, frame):
                 yield Look(drive.drive_id, camera, frame, epoch_ns, sight, Marked())
 
 
 def _other_cameras(seen: Seen, drive: DriveOf) -> Lack:
     names = ", ".join(sorted({picture.camera for picture in seen.pictures}))
-    told = f"The drive {drive.name} has pictures, but none of {names}, which saw the sign: add their videos."
+    told = (
+        f"The drive {drive.name} has pictures, but none in which {names} saw the sign: add their recording."
+    )
     return Lack(GapKind.NO_PICTURES, told)
 
 
