@@ -10,8 +10,9 @@ import sqlalchemy as sa
 from twin.decisions.evidence import Ask, Evidence, differences, present_evidence
 from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
+    BY_TWIN,
     DECIDED,
-    REOPENED,
+    SUPPRESSED,
     UNDONE,
     Entry,
     all_entries,
@@ -20,10 +21,12 @@ from twin.decisions.log import (
     last_entries,
 )
 from twin.decisions.reopen import reopen_changed
+from twin.decisions.temporary import settle_road_works, temporary_cause
 from twin.errors import ConfigError, RefusedError
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Store, utc_now
+from twin.words.reasons import Temporary
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,7 @@ def decide(
     *,
     by: str,
     reason: str = "",
+    temporary: bool = False,
     dry_run: bool = False,
 ) -> Decided:
     """Decide about findings of the last match.
@@ -82,6 +86,9 @@ def decide(
     by : str
         Who decides.
     reason : str, optional
+    temporary : bool
+        The signs stand for road works: others of the same works need no decision of their own
+        (:mod:`twin.decisions.temporary`). With ``dismiss`` alone.
     dry_run : bool
         Only say what would be decided.
 
@@ -94,6 +101,8 @@ def decide(
         As :meth:`twin.store.store.Store.matched`.
     """
     _check(decision, by)
+    if temporary and decision != Decision.DISMISS:
+        raise ConfigError(f"A finding is not {decision} for being temporary: only dismiss takes that.")
     with store.transaction() as connection:
         store.view(connection).matched()
         ask = asking(connection)
@@ -105,10 +114,14 @@ def decide(
                 f" {SHORTEST_ID} digits, from `twin match` or from the column change_id of an export."
             )
         now = utc_now()
-        already = {key for key in change_ids if _stands(standing.get(key), decision, reason)}
+        already = {key for key in change_ids if _stands(standing.get(key), decision, reason, temporary)}
         fresh = tuple(sorted(set(change_ids) - already))
         entries = [Entry(key, Decision(decision), reason, by, now, evidence[key]) for key in fresh]
-        append(connection, [] if dry_run else entries)
+        if temporary:
+            entries = [replace(entry, cause=temporary_cause(ask, entry.change_id)) for entry in entries]
+        if not dry_run:
+            append(connection, entries)
+            settle_road_works(connection, now)
     return Decided(fresh, tuple(sorted(already)))
 
 
@@ -150,11 +163,14 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
         before = {
             entry.change_id: entry
             for entry in log
-            if entry.kind != REOPENED and entry.id not in undone and entry.id < first.get(entry.change_id, 0)
+            if entry.kind not in BY_TWIN
+            and entry.id not in undone
+            and entry.id < first.get(entry.change_id, 0)
         }
         now = utc_now()
         append(connection, [_back(entry, before.get(entry.change_id), by, now) for entry in reversed(taken)])
         reopen_changed(connection, now)
+        settle_road_works(connection, now)
     return tuple(sorted(first))
 
 
@@ -191,6 +207,7 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
         append(connection, entries)
         if entries:
             reopen_changed(connection, now)
+            settle_road_works(connection, now)
     return tuple(entry.change_id for entry in entries)
 
 
@@ -201,10 +218,12 @@ def _check(decision: str, by: str) -> None:
         raise ConfigError("Nobody is named as the one who decides: give --by, or set TWIN_USER.")
 
 
-def _stands(last: Entry | None, decision: str, reason: str) -> bool:
-    """Whether the decision holds already, with this reason or without a new one."""
+def _stands(last: Entry | None, decision: str, reason: str, temporary: bool = False) -> bool:
+    """Whether the decision holds already, with this reason or without a new one, and for the same cause."""
     if last is None:
         return decision == Decision.OPEN
+    if last.kind == SUPPRESSED or (temporary and not isinstance(last.cause, Temporary)):
+        return False  # a person's word counts for more than what twin made of another's
     return last.decision == decision and reason in ("", last.reason)
 
 
