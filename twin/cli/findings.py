@@ -189,6 +189,13 @@ FromOption = Annotated[
     Path | None, typer.Option("--from", help="Take the decisions made in QGIS in an exported GeoPackage.")
 ]
 ReasonOption = Annotated[str, typer.Option(help="Why; kept with the decision.")]
+TemporaryOption = Annotated[
+    bool,
+    typer.Option(
+        "--temporary",
+        help="With dismiss: the sign stands for road works; others of the same works are dismissed too.",
+    ),
+]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Only say which findings would be decided.")]
 
 
@@ -209,6 +216,7 @@ def decide(
     state: StateOption = Decision.OPEN,
     from_file: FromOption = None,
     reason: ReasonOption = "",
+    temporary: TemporaryOption = False,
     by: ByOption = None,
     dry_run: DryRunOption = False,
     lang: LangOption = Lang.EN,
@@ -234,16 +242,19 @@ def decide(
     who, selects = person(by), not selection.is_empty
     with Store.open(store, create=False) as opened:
         if from_file is not None:
-            _refuse(bool(words) or selects or dry_run, "--from takes nothing but --reason and --by")
+            _refuse(
+                bool(words) or selects or dry_run or temporary, "--from takes nothing but --reason and --by"
+            )
             outcome = _from_file(opened, from_file, who, reason)
         else:
             verb, others = _verb_and_others(words or ())
             if verb == _UNDO:
-                _refuse(selects or bool(reason) or dry_run, "undo takes only a number and --by")
+                _refuse(selects or bool(reason) or dry_run or temporary, "undo takes only a number and --by")
                 outcome = _undo(opened, others, who)
             else:
                 change_ids = _meant(opened, others, selection, lang if dry_run and not json_output else None)
-                outcome = _decide(opened, change_ids, verb, by=who, reason=reason, dry_run=dry_run)
+                options = {"temporary": temporary, "dry_run": dry_run}
+                outcome = _decide(opened, change_ids, verb, by=who, reason=reason, **options)
     if json_output:
         print_json(outcome.document)
     else:
@@ -290,11 +301,18 @@ def _selected(store: Store, selection: Selection) -> list[FindingStatus]:
 
 
 def _decide(
-    store: Store, change_ids: Sequence[str], decision: str, *, by: str, reason: str, dry_run: bool
+    store: Store,
+    change_ids: Sequence[str],
+    decision: str,
+    *,
+    by: str,
+    reason: str,
+    temporary: bool,
+    dry_run: bool,
 ) -> _Outcome:
     from twin.decisions.record import decide
 
-    done = decide(store, change_ids, decision, by=by, reason=reason, dry_run=dry_run)
+    done = decide(store, change_ids, decision, by=by, reason=reason, temporary=temporary, dry_run=dry_run)
     findings = _findings(len(done.change_ids))
     if dry_run:
         sentence = f"Would {decision} {findings}; nothing was decided (--dry-run)."

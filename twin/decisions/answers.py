@@ -18,6 +18,7 @@ from twin.decisions.evidence import Ask, Evidence, present_evidence
 from twin.decisions.log import DECIDED, OPINION, Entry, all_entries, append, asking, last_entries
 from twin.decisions.opinions import agreeing, opinions_of
 from twin.decisions.record import check, is_left, take_back
+from twin.decisions.temporary import settle_road_works, temporary_cause
 from twin.errors import ConfigError, RefusedError
 from twin.store import schema
 from twin.store.kinds import QUIET, Decision, Verdict
@@ -93,6 +94,7 @@ def answer(
     *,
     seen: str,
     reason: str = "",
+    temporary: bool = False,
     blind: bool = False,
 ) -> Answered:
     """Keep one person's answer to one finding.
@@ -110,6 +112,8 @@ def answer(
         Of :func:`revision_seen`, when the person was shown the finding.
     reason : str
         The person's comment.
+    temporary : bool
+        As :func:`twin.decisions.record.decide`.
     blind : bool
         Keep it as an opinion, which settles nothing until somebody else's agrees; then the finding is decided
         by both.
@@ -123,7 +127,7 @@ def answer(
     StoreError, RefusedError
         As :meth:`twin.store.store.Store.matched`; the key was used for something else.
     """
-    check(decision, author.by)
+    check(decision, author.by, temporary=temporary)
     if decision not in ANSWERS:
         raise ConfigError(f"{decision!r} is no answer: choose one of {', '.join(ANSWERS)}.")
     with store.transaction() as connection:
@@ -136,7 +140,6 @@ def answer(
             raise ConfigError(f"The last match has no finding {change_id} that asks for a decision.")
         last = last_entries(ask, (change_id,)).get(change_id)
         _refuse_seen_otherwise(seen, evidence, last, decision, blind=blind)
-        kind = OPINION if blind else DECIDED
         entry = Entry(
             change_id,
             Decision(decision),
@@ -144,11 +147,13 @@ def answer(
             author.by,
             utc_now(),
             evidence,
-            kind,
+            OPINION if blind else DECIDED,
+            cause=temporary_cause(ask, change_id) if temporary else None,
             session=author.session,
             request=author.request,
         )
         append(connection, [entry, *_agreed(ask, entry)] if blind else [entry])
+        settle_road_works(connection, entry.at)
         return _answered(ask, change_id, _newest(ask, author.session))
 
 
@@ -260,6 +265,7 @@ def _agreed(ask: Ask, mine: Entry) -> list[Entry]:
             mine.at,
             mine.evidence,
             DECIDED,
+            cause=mine.cause,
             session=mine.session,
         )
     ]

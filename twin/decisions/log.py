@@ -12,7 +12,7 @@ from twin.decisions.evidence import Ask, Evidence, Row
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.words import NO_NAMES, Lang, SignNames, sentence, why_to_json
-from twin.words.reasons import Cause, Reopened, cause_from_json
+from twin.words.reasons import Cause, Temporary, cause_from_json
 
 DECIDED, UNDONE, REOPENED, CARRIED = "decided", "undone", "reopened", "carried"
 """Kinds of entries: by a person; taking one back; the evidence changed; it is that of then again, or the same
@@ -21,6 +21,10 @@ OPINION, WITHDRAWN = "opinion", "withdrawn"
 """Kinds of entries that settle nothing, and leave what holds as it is: what one of several people who do not
 see each other's answers said; and taking back an opinion, or a decision that another has followed since."""
 SILENT = (OPINION, WITHDRAWN)
+SUPPRESSED, LIFTED = "suppressed", "lifted"
+"""Kinds of entries that twin makes of signs of road works: dismissed with others, and open again."""
+BY_TWIN = (REOPENED, SUPPRESSED, LIFTED)
+"""Kinds of entries that are nobody's decision."""
 TWIN = "twin"
 """Who reopens what has changed: no person."""
 
@@ -36,7 +40,8 @@ class Entry:
     evidence : Evidence
         What was known of the finding when it was decided.
     kind : str
-        How it came: `DECIDED`, `UNDONE`, `REOPENED`, `CARRIED`, `OPINION` or `WITHDRAWN`.
+        How it came: `DECIDED`, `UNDONE`, `REOPENED`, `CARRIED`, `SUPPRESSED`, `LIFTED`, `OPINION` or
+        `WITHDRAWN`.
     undo_of : int or None
         The ``id`` of the entry that this one takes back.
     session : str
@@ -44,7 +49,7 @@ class Entry:
     request : str or None
         By which the page knows its request again, where it gave one.
     cause : Cause or None
-        What changed, of one that twin reopened; that the sign is temporary, of one that was dismissed for it.
+        Why twin made it; that the sign is temporary, of one that was dismissed for it.
     id, batch : int
         Given by the log: its place in it, and of what one command or one match decided; 0 until then.
     """
@@ -85,8 +90,10 @@ class Entry:
         return {**columns, "evidence": self.evidence.as_json(), "cause": cause}
 
     def told(self, lang: Lang, names: SignNames = NO_NAMES) -> str:
-        """What a person wrote; of what twin reopened, what was decided and has changed."""
-        return sentence(self.cause, lang, names) if isinstance(self.cause, Reopened) else self.reason
+        """What a person wrote; of what twin made, why."""
+        if self.cause is None or (isinstance(self.cause, Temporary) and self.reason):
+            return self.reason
+        return sentence(self.cause, lang, names)
 
 
 def asking(connection: sa.Connection) -> Ask:
@@ -116,7 +123,7 @@ def last_entries(ask: Ask, only: Collection[str] | None = None) -> dict[str, Ent
 def last_entries_by_people(ask: Ask, only: Collection[str] | None = None) -> dict[str, Entry]:
     """Return people's last decision of every change, or of those named, whatever twin reopened since."""
     log = schema.decision_log
-    asked = sa.select(log).where(log.c.kind.not_in((REOPENED, *SILENT))).order_by(log.c.id)
+    asked = sa.select(log).where(log.c.kind.not_in((*BY_TWIN, *SILENT))).order_by(log.c.id)
     rows = ask(asked if only is None else asked.where(log.c.change_id.in_(only)))
     return {row["change_id"]: Entry.from_row(row) for row in rows}
 

@@ -10,9 +10,10 @@ import sqlalchemy as sa
 from twin.decisions.evidence import Ask, Evidence, differences, present_evidence
 from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
+    BY_TWIN,
     DECIDED,
     OPINION,
-    REOPENED,
+    SUPPRESSED,
     UNDONE,
     WITHDRAWN,
     Entry,
@@ -22,10 +23,12 @@ from twin.decisions.log import (
     last_entries,
 )
 from twin.decisions.reopen import reopen_changed
+from twin.decisions.temporary import settle_road_works, temporary_cause
 from twin.errors import ConfigError, RefusedError
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Store, utc_now
+from twin.words.reasons import Temporary
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +72,7 @@ def decide(
     *,
     by: str,
     reason: str = "",
+    temporary: bool = False,
     dry_run: bool = False,
 ) -> Decided:
     """Decide about findings of the last match.
@@ -84,6 +88,9 @@ def decide(
     by : str
         Who decides.
     reason : str, optional
+    temporary : bool
+        The signs stand for road works: others of the same works need no decision of their own
+        (:mod:`twin.decisions.temporary`). With ``dismiss`` alone.
     dry_run : bool
         Only say what would be decided.
 
@@ -95,7 +102,7 @@ def decide(
     StoreError, RefusedError
         As :meth:`twin.store.store.Store.matched`.
     """
-    check(decision, by)
+    check(decision, by, temporary=temporary)
     with store.transaction() as connection:
         store.view(connection).matched()
         ask = asking(connection)
@@ -107,10 +114,14 @@ def decide(
                 f" {SHORTEST_ID} digits, from `twin match` or from the column change_id of an export."
             )
         now = utc_now()
-        already = {key for key in change_ids if _stands(standing.get(key), decision, reason)}
+        already = {key for key in change_ids if _stands(standing.get(key), decision, reason, temporary)}
         fresh = tuple(sorted(set(change_ids) - already))
         entries = [Entry(key, Decision(decision), reason, by, now, evidence[key]) for key in fresh]
-        append(connection, [] if dry_run else entries)
+        if temporary:
+            entries = [replace(entry, cause=temporary_cause(ask, entry.change_id)) for entry in entries]
+        if not dry_run:
+            append(connection, entries)
+            settle_road_works(connection, now)
     return Decided(fresh, tuple(sorted(already)))
 
 
@@ -187,7 +198,7 @@ def take_back(
     before = {
         entry.change_id: entry
         for entry in log
-        if entry.kind != REOPENED
+        if entry.kind not in BY_TWIN
         and (entry.holds and entry.id not in undone and entry.id < first.get(entry.change_id, 0))
     }
     # What somebody decided later holds, whatever was before it.
@@ -205,6 +216,7 @@ def take_back(
     told = [replace(entry, by=by, at=at, session=session, request=None) for entry in entries]
     append(connection, [replace(told[0], request=request), *told[1:]])
     reopen_changed(connection, at, only)
+    settle_road_works(connection, at)
 
 
 def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str = "") -> tuple[str, ...]:
@@ -240,26 +252,32 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
         append(connection, entries)
         if entries:
             reopen_changed(connection, now)
+            settle_road_works(connection, now)
     return tuple(entry.change_id for entry in entries)
 
 
-def check(decision: str, by: str) -> None:
+def check(decision: str, by: str, *, temporary: bool = False) -> None:
     """Refuse what is no decision, or nobody's.
 
     Raises
     ------
     ConfigError
+        The decision is none of those that exist, or not one that is made for being temporary; nobody is named.
     """
+    if temporary and decision != Decision.DISMISS:
+        raise ConfigError(f"A finding is not {decision} for being temporary: only dismiss takes that.")
     if decision not in set(Decision):
         raise ConfigError(f"{decision!r} is no decision: choose one of {', '.join(Decision)}.")
     if not by.strip():
         raise ConfigError("Nobody is named as the one who decides: give --by, or set TWIN_USER.")
 
 
-def _stands(last: Entry | None, decision: str, reason: str) -> bool:
-    """Whether the decision holds already, with this reason or without a new one."""
+def _stands(last: Entry | None, decision: str, reason: str, temporary: bool = False) -> bool:
+    """Whether the decision holds already, with this reason or without a new one, and for the same cause."""
     if last is None:
         return decision == Decision.OPEN
+    if last.kind == SUPPRESSED or (temporary and not isinstance(last.cause, Temporary)):
+        return False  # a person's word counts for more than what twin made of another's
     return last.decision == decision and reason in ("", last.reason)
 
 

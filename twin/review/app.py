@@ -292,6 +292,7 @@ class _Page:
             author,
             seen=asked.seen_revision,
             reason=asked.comment.strip(),
+            temporary=asked.temporary,
             blind=self.options.blind,
         )
         with self.store.snapshot() as view:

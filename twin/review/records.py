@@ -267,12 +267,16 @@ class FindingRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AnswerRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """An answer; with ``queue`` the next finding is that of this list."""
+    """An answer; with ``queue`` the next finding is that of this list.
+
+    ``temporary``: dismissed as a sign of road works, which speaks for others of the same works.
+    """
 
     change_id: str
     answer: str
     seen_revision: str
     comment: str = ""
+    temporary: bool = False
     queue: Queue = Queue()
 
 

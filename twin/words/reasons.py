@@ -342,10 +342,24 @@ class Reopened(_Kind, frozen=True):
 
 
 class Temporary(_Kind, frozen=True):
-    """Why something was dismissed: the sign stands for road works."""
+    """Why something was dismissed: the sign stands for road works; `last_seen` is a day, "" if not known."""
+
+    last_seen: str
 
 
-Cause = Reopened | Temporary
+class NearTemporary(_Kind, frozen=True):
+    """Why twin dismissed something: it belongs to road works of which a person dismissed a sign."""
+
+    change_id: str
+    at: str
+    by: str
+
+
+class WorksOver(_Kind, frozen=True):
+    """Why something that twin dismissed is open again: no dismissed road works speak for it any more."""
+
+
+Cause = Reopened | Temporary | NearTemporary | WorksOver
 """What the log of decisions keeps of an entry besides the words of people."""
 
 Why = (
@@ -373,7 +387,7 @@ Why = (
 """Why a finding is what it is."""
 
 
-Sayable = Why | DriveDoesNotFit | Reopened | Misfit | Difference
+Sayable = Why | DriveDoesNotFit | Cause | Misfit | Difference
 """Everything that a sentence, or a clause of one, is made of."""
 
 

@@ -41,6 +41,7 @@ _FAMILY = {
     **dict.fromkeys(get_args(r.Misfit), "misfit"),
     **dict.fromkeys(get_args(r.Difference), "changed"),
     **dict.fromkeys((*get_args(r.Why), r.DriveDoesNotFit), "reason"),
+    **dict.fromkeys((r.Temporary, r.NearTemporary, r.WorksOver), "cause"),
 }
 """In which file of the table the messages of a kind stand, under the kind's name."""
 KEYS = {kind: f"{family}.{kind.__struct_config__.tag}" for kind, family in _FAMILY.items()}
@@ -81,6 +82,8 @@ class _Sentences:
         """A text: a verdict, a sign code, or a name that somebody gave."""
         if name in {"verdict", "then", "now"}:
             return verdict_title(value, self.lang)
+        if name == "at":
+            return value[:10]
         if name in {"known", "seen", "code"}:
             return sign_title(value, self.names) if value else say(self.lang, "reason.without_code")
         return value

@@ -55,7 +55,7 @@ def named_in_code() -> set[str]:
         "reopened": Decision,
         "decide": Decision,
         # Opinions and their withdrawal come with second opinions.
-        "entry": ["decided", "undone", "reopened", "carried", "opinion", "withdrawn"],
+        "entry": ["decided", "undone", "reopened", "carried", "opinion", "withdrawn", "suppressed", "lifted"],
         "alias": [f"{layer}.{one.name}" for layer, columns in COLUMNS.items() for one in columns],
         "match": ["change", "verdict", "decision", "road", "reason"],
         "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
