@@ -6,6 +6,31 @@ import { makeMap, noMap } from "./maps.js";
 import { mark, MARKS } from "./marks.js";
 import { say } from "./words.js";
 
+const SHAPES_FROM = 13;
+const shade = ["case", ["in", ["get", "state"], ["literal", ["open", "disagreement"]]], 1, 0.35];
+
+// From far away thousands are dots, which cost least to draw; from near they have their shapes.
+const LAYERS = [
+  {
+    id: "dots",
+    type: "circle",
+    maxzoom: SHAPES_FROM,
+    layout: { "circle-sort-key": ["get", "rank"] },
+    paint: {
+      "circle-color": ["match", ["get", "verdict"], ...Object.entries(MARKS).flatMap(([verdict, { colour }]) => [verdict, colour]), "#a9adb2"],
+      "circle-radius": ["interpolate", ["linear"], ["zoom"], 6, 2.5, SHAPES_FROM, 5],
+      "circle-opacity": shade,
+    },
+  },
+  {
+    id: "shapes",
+    type: "symbol",
+    minzoom: SHAPES_FROM,
+    layout: { "icon-image": ["concat", "verdict-", ["get", "verdict"]], "icon-allow-overlap": true, "icon-ignore-placement": true, "symbol-sort-key": ["get", "rank"] },
+    paint: { "icon-opacity": shade },
+  },
+];
+
 export class Overview {
   /** @param {{baseMap: object | null, bounds: number[], onopen: (id: string) => void}} options */
   constructor(place, options) {
@@ -25,22 +50,12 @@ export class Overview {
       return;
     }
     this.map.addSource("findings", { type: "geojson", data: { type: "FeatureCollection", features: [] }, tolerance: 0, maxzoom: 16 });
-    this.map.addLayer({
-      id: "findings",
-      type: "symbol",
-      source: "findings",
-      layout: {
-        "icon-image": ["concat", "verdict-", ["get", "verdict"]],
-        "icon-allow-overlap": true,
-        "icon-ignore-placement": true,
-        "icon-size": ["interpolate", ["linear"], ["zoom"], 8, 0.45, 14, 1],
-        "symbol-sort-key": ["get", "rank"],
-      },
-      paint: { "icon-opacity": ["case", ["in", ["get", "state"], ["literal", ["open", "disagreement"]]], 1, 0.35] },
-    });
-    this.map.on("click", "findings", (event) => this.options.onopen(event.features[0].properties.id));
-    this.map.on("mouseenter", "findings", () => (this.map.getCanvas().style.cursor = "pointer"));
-    this.map.on("mouseleave", "findings", () => (this.map.getCanvas().style.cursor = ""));
+    for (const layer of LAYERS) {
+      this.map.addLayer({ ...layer, source: "findings" });
+      this.map.on("click", layer.id, (event) => this.options.onopen(event.features[0].properties.id));
+      this.map.on("mouseenter", layer.id, () => (this.map.getCanvas().style.cursor = "pointer"));
+      this.map.on("mouseleave", layer.id, () => (this.map.getCanvas().style.cursor = ""));
+    }
     this.home();
   }
 
@@ -71,7 +86,7 @@ export class Overview {
     this.map.getSource("findings").setData({ type: "FeatureCollection", features });
     this.map.resize();
     this.state.textContent = say("page.overview", { count: features.length });
-    this.stage.dataset.shown = String(features.length);
+    this.map.once("idle", () => (this.stage.dataset.shown = String(features.length)));
   }
 }
 
