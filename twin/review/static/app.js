@@ -3,7 +3,7 @@
 import { Answers } from "./answers.js";
 import { get, Refused } from "./api.js";
 import { byId, fill, h } from "./dom.js";
-import { layFinding, questionOf, showFinding } from "./finding.js";
+import { layFinding, nameOf, questionOf, showFinding } from "./finding.js";
 import { FindingMap } from "./findingmap.js";
 import { layHelp, listenToKeys } from "./keys.js";
 import { List } from "./list.js";
@@ -191,7 +191,7 @@ class Page {
     const body = { change_id: finding.change_id, answer: kind, comment, seen_revision: finding.revision };
     this.outbox.put("api/answer", body, facts);
     const next = this.queue.nextOpen(finding.change_id);
-    this.tell(say(`page.said.${kind}`, { title: finding.seen?.codes[0]?.name ?? finding.claim?.codes[0]?.name ?? finding.verdict_title }));
+    this.tell(say(`page.said.${kind}`, { title: nameOf(finding) }));
     try {
       await this.moveOn(finding.change_id, next);
     } catch (error) {

@@ -9,7 +9,13 @@ import { has, number, percent, say, time } from "./words.js";
 /** The words of a verdict where it has its own, else those that all share. */
 export const sayOf = (kind, verdict, facts) => say(`page.${kind}.${has(`page.${kind}.${verdict}`) ? verdict : "other"}`, facts);
 
-const names = (side) => side?.codes.map(({ code, name }) => name || code).join(", ") ?? "";
+/** "142 – Barn", whether the name has its code already or not. */
+export const signName = ({ code, name }) => (!name || name.startsWith(code) ? name || code : `${code} – ${name}`);
+
+const names = (side) => side?.codes.map(signName).join(", ") ?? "";
+
+/** What a finding is about, in a few words. */
+export const nameOf = (finding) => names(finding.seen) || names(finding.claim) || finding.verdict_title;
 
 /** The question in words, so that yes and no mean something on a road. */
 export function questionOf(finding) {
@@ -48,6 +54,7 @@ export function layFinding(section, { onbrowse }) {
 
 export function showFinding(section, finding, { index, left }) {
   section.dataset.changeId = finding.change_id;
+  section.classList.toggle("without-pictures", finding.crops.length === 0);
   const find = (id) => section.querySelector(`#${id}`);
   find("question").textContent = questionOf(finding);
   fill(find("about"), aboutOf(finding));
@@ -70,12 +77,12 @@ function signs(side) {
   // What is written stands on the plate below the sign, where there is one.
   const below = side.codes.findIndex(({ code }) => code.startsWith("8"));
   const written = Math.max(below, 0);
-  return side.codes.map(({ code, name }, at) =>
+  return side.codes.map((sign, at) =>
     h(
       "li",
       {},
-      h("img", { class: "sign", src: signUrl(code, at === written ? side.text : ""), alt: say("page.drawing", { sign: name || code }), height: 64 }),
-      h("span", { class: "name" }, name || code),
+      h("img", { class: "sign", src: signUrl(sign.code, at === written ? side.text : ""), alt: say("page.drawing", { sign: signName(sign) }), height: 64 }),
+      h("span", { class: "name" }, signName(sign)),
     ),
   );
 }

@@ -19,12 +19,12 @@ const icon = (id, image, filter, layout = {}) => ({
 
 const LAYERS = [
   { id: "track", type: "line", source: "finding", filter: kind("track"), layout: { "line-cap": "round", "line-join": "round" }, paint: { "line-color": DRIVE_COLOUR, "line-width": 3, "line-opacity": 0.55 } },
-  { id: "ray", type: "line", source: "finding", filter: kind("ray"), paint: { "line-color": isDark() ? "#56b4e9" : "#0072b2", "line-width": 1, "line-opacity": 0.6 } },
+  { id: "ray", type: "line", source: "finding", filter: kind("ray"), paint: { "line-color": isDark() ? "#56b4e9" : "#0072b2", "line-width": 1, "line-opacity": 0.35 } },
   { id: "ellipse", type: "fill", source: "finding", filter: kind("ellipse"), paint: { "fill-color": "#e69f00", "fill-opacity": 0.35 } },
   { id: "ellipse-edge", type: "line", source: "finding", filter: kind("ellipse"), paint: { "line-color": "#b26a00", "line-width": 1.5 } },
   { id: "shift", type: "line", source: "shift", paint: { "line-color": NVDB_COLOUR, "line-width": 2, "line-dasharray": [2, 1.5] } },
   { id: "neighbour", type: "circle", source: "finding", filter: kind("neighbour"), paint: { "circle-radius": 5, "circle-color": "#ffffff", "circle-stroke-color": "#6b7682", "circle-stroke-width": 2 } },
-  icon("camera", "camera", kind("camera"), { "icon-rotate": ["coalesce", ["get", "facing_deg"], 0], "icon-rotation-alignment": "map" }),
+  icon("camera", "camera", kind("camera"), { "icon-size": 0.75, "icon-rotate": ["coalesce", ["get", "facing_deg"], 0], "icon-rotation-alignment": "map" }),
   icon("nvdb", "nvdb", kind("nvdb")),
   icon("seen", "seen", kind("seen")),
 ];
@@ -99,7 +99,7 @@ export class FindingMap {
 }
 
 function nvdbLabel({ distance_m: distance, seen }) {
-  const isAway = seen && distance !== null && distance >= 0.1;
+  const isAway = seen && distance !== null && distance >= 0.5;
   return isAway ? say("page.map.nvdb-away", { distance: number(distance, 1) }) : say("page.map.nvdb");
 }
 
