@@ -26,7 +26,8 @@ async function ask(path, options) {
     if (response.ok) throw new Unreachable("");
   }
   if (response.ok) return body;
-  if (response.status >= 500) throw new Unreachable(body?.error ?? "");
+  // 500 is a fault of twin, which asking again would not mend.
+  if (response.status > 500) throw new Unreachable(body?.error ?? "");
   throw new Refused(response.status, body?.error ?? `${response.status}`);
 }
 

@@ -66,10 +66,11 @@ export class Outbox {
           this.tell.refused(entry, error);
           continue;
         }
-        this.failures = 0;
         this.strike(entry, answer);
-        this.tell.reachable(this.entries.length);
       }
+      // Empty, whoever sent it: the server is there.
+      this.failures = 0;
+      this.tell.reachable();
     });
     // Another tab may have sent ours meanwhile.
     const kept = new Set(this.entries.map((entry) => entry.key));
