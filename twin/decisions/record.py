@@ -262,7 +262,7 @@ def check(decision: str, by: str, *, temporary: bool = False) -> None:
     Raises
     ------
     ConfigError
-        The decision is none of those that exist, or not one that is made for being temporary; nobody is named.
+        The decision is none of those that exist, or is none for being temporary; nobody is named.
     """
     if temporary and decision != Decision.DISMISS:
         raise ConfigError(f"A finding is not {decision} for being temporary: only dismiss takes that.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 
-from twin.decisions.log import CARRIED, OPINION, REOPENED, UNDONE, WITHDRAWN, Entry
+from twin.decisions.log import CARRIED, LIFTED, OPINION, REOPENED, SUPPRESSED, UNDONE, WITHDRAWN, Entry
 from twin.evidence import Crop
 from twin.words import Lang, SignNames, decision_title, say
 
@@ -15,6 +15,8 @@ _ENTRIES = {
     REOPENED: "review.entry.reopened",
     CARRIED: "review.entry.carried",
     OPINION: "review.entry.opinion",
+    SUPPRESSED: "review.entry.by_twin",
+    LIFTED: "review.entry.by_twin",
 }
 
 
