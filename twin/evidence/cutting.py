@@ -144,6 +144,7 @@ def _cut(patch: Patch, role: Role, rect: Rect, masker: Masker | None, *, is_mask
         hidden_px=round(result.hidden_px, 1),
         softened_px=round(result.softened_px, 1),
         window_px=round(result.window_px, 1),
+        place_px=rect,
         of_frame=round(shape[0] * shape[1] / patch.n_frame_px, 4),
         software=f"nvdb-twin {__version__}",
     )
@@ -155,7 +156,7 @@ def _faces(image: Image, look: Look, codes: tuple[str, ...]) -> tuple[tuple[Floa
     if look.marked.boxes_px:
         boxes = [np.array(box) + _BOX_GROWN_PX * np.array([-1, -1, 1, 1]) for box in look.marked.boxes_px]
         outline = outline_of(codes[0]) if len(boxes) == len(codes) == 1 else None
-        faces = map(_corners, boxes) if outline is None else [_inscribed(np.array(outline), boxes[0])]
+        faces = map(_corners, boxes) if outline is None else [_inscribed(outline, boxes[0])]
         return tuple(faces), FaceFrom.BOX
     if look.marked.foot_px is not None or look.marked.centres_px:
         found = find_faces(image, look.sight.window_px, codes, look.sight.metre_px)
