@@ -73,6 +73,7 @@ class _Commands(_LazyGroup):
         "evaluate": "reports",
         "show": "reports",
         "status": "reports",
+        "confidence": "reports",
         "simulate": "samples",
         "demo": "samples",
     }
