@@ -24,8 +24,9 @@ _FEW = 3
 def draw_confidences(report: ConfidenceReport, path: Path, lang: Lang = Lang.EN) -> Path:
     """Draw a panel for all verdicts together and for each with enough decisions.
 
-    Each bin is a mark at its mean confidence, with the 95 % interval of the share that was right and the
-    number of its findings; on the diagonal confidences are true. Colours are those of the map (Okabe and
+    Each bin has a bar at its mean confidence and a mark at the share that was right, with the 95 % interval
+    of that and, on top, the number of findings: where the interval holds the bar, confidences may be true.
+    The bins stand side by side, since most findings are near 100 %. Colours are those of the map (Okabe and
     Ito's, told apart by the colour-blind), and every panel has its title.
 
     Parameters
@@ -62,20 +63,23 @@ def draw_confidences(report: ConfidenceReport, path: Path, lang: Lang = Lang.EN)
 def _panel(ax: Axes, one: Score, lang: Lang) -> None:
     colour = MARK[one.verdict].colour if one.verdict else _ALL
     title = verdict_title(one.verdict, lang) if one.verdict else say(lang, "confidence.all")
-    ax.plot([0, 1], [0, 1], color="0.6", linewidth=1, linestyle="--", zorder=1)
-    for each in one.bins:
-        x, y = each.mean_confidence, each.share_right
-        ax.plot([x, x], [each.low, each.high], color=colour, linewidth=1.5, zorder=2)
-        ax.plot([x], [y], "o", color=colour, markeredgecolor="black", markersize=7, zorder=3)
-        side = (6, "left") if x < 0.85 else (-6, "right")
-        ax.annotate(
-            f"{each.n}", (x, y), xytext=(side[0], -3), textcoords="offset points", ha=side[1], fontsize=8
-        )
+    for x, each in enumerate(one.bins):
+        said = each.mean_confidence
+        ax.plot([x - 0.35, x + 0.35], [said, said], color="black", linewidth=2, zorder=2)
+        ax.plot([x, x], [each.low, each.high], color=colour, linewidth=2, zorder=1)
+        ax.plot([x], [each.share_right], "o", color=colour, markeredgecolor="black", markersize=8, zorder=3)
+        ax.annotate(f"{each.n}", (x, 1.05), ha="center", fontsize=8)
     if one.brier is not None:
         title = f"{title}: {say(lang, 'confidence.brier_is', brier=one.brier)}"
     ax.set_title(title, fontsize=10)
+    edges = [(one_bin.from_confidence, one_bin.to_confidence) for one_bin in one.bins]
+    labels = [say(lang, "confidence.between", low=low, high=high) for low, high in edges]
+    ax.set_xticks(range(len(labels)), labels, rotation=45, ha="right", fontsize=8)
+    ticks = [0.0, 0.25, 0.5, 0.75, 1.0]
+    ax.set_yticks(ticks, [say(lang, "confidence.share", share=tick) for tick in ticks], fontsize=8)
     ax.set_xlabel(say(lang, "confidence.said"))
     ax.set_ylabel(say(lang, "confidence.was"))
-    ax.set_xlim(-0.02, 1.02)
-    ax.set_ylim(-0.02, 1.02)
-    ax.set_aspect("equal")
+    ax.set_xlim(-0.6, max(len(labels), 1) - 0.4)
+    ax.set_ylim(-0.02, 1.12)
+    ax.grid(axis="y", color="0.9")
+    ax.set_axisbelow(True)
