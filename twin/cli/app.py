@@ -75,6 +75,7 @@ class _Commands(_LazyGroup):
         "evaluate": "reports",
         "show": "reports",
         "status": "reports",
+        "confidence": "reports",
         "simulate": "samples",
         "demo": "samples",
     }

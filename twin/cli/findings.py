@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -65,8 +65,13 @@ def match(
         Method | None, typer.Option(help="Whose estimates to match. Default: the best in the store.")
     ] = None,
     tolerance: Annotated[
-        float, typer.Option(help="Metres from NVDB's position beyond which a sign has moved.")
-    ] = 1.0,
+        float | None,
+        typer.Option(help="Metres from NVDB's position beyond which a sign has moved.  [default: 1.0]"),
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(help="Settings of matching: the table [matching] of a TOML file.", metavar="FILE.toml"),
+    ] = None,
     map_aided: Annotated[
         bool,
         typer.Option(
@@ -83,11 +88,14 @@ def match(
 ) -> None:
     """Compare the estimates with the mirror: new, missing, moved, wrong type, unchanged, or for review."""
     from twin.decisions.findings import latest_findings
-    from twin.matching.config import MatchConfig
+    from twin.matching.config import MatchConfig, settings_from
     from twin.matching.match_store import match as run
     from twin.store.store import Store
 
-    config = MatchConfig(tolerance_m=tolerance, map_aided=map_aided)
+    config = MatchConfig() if settings is None else settings_from(settings)
+    config = replace(
+        config, tolerance_m=config.tolerance_m if tolerance is None else tolerance, map_aided=map_aided
+    )
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         report = run(opened, method=method, config=config, progress=progress)
         changes = latest_findings(opened.rows)

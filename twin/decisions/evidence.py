@@ -51,6 +51,10 @@ class Evidence:
     pole : str
         Key of the pole that it is about, the same in every match whatever annotators call it; "" where
         nothing was seen, or where it is not known.
+    confidence : float or None
+        That the match had; None of decisions from before it was kept, and of files without it.
+    n_drives : int
+        That the finding rested on; 0 where it is not known.
     """
 
     verdict: str
@@ -66,6 +70,8 @@ class Evidence:
     nvdb_east_m: float | None
     nvdb_north_m: float | None
     pole: str = ""
+    confidence: float | None = None
+    n_drives: int = 0
 
     def as_json(self) -> dict[str, Any]:
         """Return it as the log keeps it."""
@@ -97,6 +103,8 @@ class Evidence:
             nvdb_east_m=_rounded(row.get("nvdb_east_m")),
             nvdb_north_m=_rounded(row.get("nvdb_north_m")),
             pole=(row.get("terms") or {}).get("pole", ""),
+            confidence=None if row.get("confidence") is None else round(float(row["confidence"]), 4),
+            n_drives=len([drive for drive in (row.get("drive_ids") or "").split(",") if drive]),
         )
 
 
