@@ -50,10 +50,10 @@ def test_verdicts_look_as_in_every_other_output() -> None:
 
 
 def test_every_text_that_the_page_asks_for_is_in_the_table() -> None:
-    """And the table holds none that no page asks for; keys that are put together are known by their beginning."""
+    """And the table holds none that it does not; keys that are put together are known by their beginning."""
     source = "\n".join(path.read_text("utf-8") for path in OWN_FILES)
     asked = set(re.findall(r'"(page\.[a-z.-]+)"', source))
-    families = {one for one in re.findall(r"`(page\.[^`$]+)\$", source)}
+    families = set(re.findall(r"`(page\.[^`$]+)\$", source))
     families |= {f"page.{one}." for one in re.findall(r'sayOf\(["`]([a-z-]+)', source)}
     known = {key for key in table() if key.startswith("page.")}
     assert asked <= known
