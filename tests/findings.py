@@ -7,6 +7,7 @@ from typing import Any
 
 from twin.store.kinds import Verdict
 from twin.store.records import Finding
+from twin.words.reasons import Told
 
 
 def finding(change_id: str = "a", **values: Any) -> Finding:
@@ -14,7 +15,7 @@ def finding(change_id: str = "a", **values: Any) -> Finding:
     usual = Finding(
         change_id=change_id,
         verdict=Verdict.NEW,
-        reason="It stands here.",
+        why=Told("It stands here."),
         confidence=0.9,
         nvdb_type=95,
         nvdb_id=None,

@@ -15,10 +15,11 @@ from geoloc.doubts import Doubt
 from twin.drives.folder.notes import Skipped
 from twin.ingest.ingest import ingest_drive
 from twin.ingest.misfits import Misfit
-from twin.matching import match, match_store
-from twin.matching.verdicts import judge, judge_plates
+from twin.matching import match
 from twin.store import schema
 from twin.store.store import Store
+from twin.words import Lang
+from twin.words import table as words_table
 
 WORDS = "other words"
 
@@ -36,18 +37,12 @@ def reword(monkeypatch: pytest.MonkeyPatch) -> None:
 
         return init
 
-    for record, names in ((Doubt, ("sentence",)), (Skipped, ("reason",)), (Misfit, ("what", "sentence"))):
+    for record, names in ((Doubt, ("sentence",)), (Skipped, ("reason",)), (Misfit, ("sentence",))):
         monkeypatch.setattr(record, "__init__", made_with(record, *names))
     monkeypatch.setattr(reasons, "_SENTENCES", dict.fromkeys(reasons.Reason, WORDS))
-    monkeypatch.setattr(match_store, "doubt_of", lambda _name, misfits: WORDS if misfits else "")
-    for module, name in (
-        (judge, "_why"),
-        (judge, "_rival"),
-        (judge, "name_of"),
-        (judge_plates, "name_of"),
-        (judge_plates, "_in_words"),
-    ):
-        monkeypatch.setattr(module, name, lambda *_: WORDS)
+    # Every text of the table, those of reasons, misfits and drives that do not fit themselves among them.
+    texts = {key: dict.fromkeys(Lang, WORDS) for key in words_table.table()}
+    monkeypatch.setattr(words_table, "_table", lambda: texts)
 
 
 def as_it_is(_folder: Path) -> None:

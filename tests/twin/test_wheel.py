@@ -84,3 +84,11 @@ def test_wheel_carries_the_qgis_styles(installed: Path) -> None:
     """One for every layer of an export."""
     styles = installed / "twin" / "export" / "qgis" / "saved_styles"
     assert {path.stem for path in styles.iterdir()} == set(COLUMNS)
+
+
+def test_wheel_holds_the_pages(installed: Path) -> None:
+    """Modules, sheets and the map library travel with it: a page fetches nothing from anywhere."""
+    for folder in ("twin/review/static", "twin/web/static"):
+        files = {path.relative_to(ROOT) for path in (ROOT / folder).rglob("*") if path.is_file()}
+        assert files
+        assert {path for path in files if not (installed / path).is_file()} == set()

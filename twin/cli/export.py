@@ -18,12 +18,14 @@ from twin.cli.options import (
     DEFAULT_STORE,
     ByOption,
     JsonOption,
+    LangOption,
     SkrivApiOption,
     StoreOption,
     person,
 )
 from twin.cli.output import note, print_json, print_paths, print_table, steps, warn
 from twin.store.kinds import Decision
+from twin.words import Lang
 
 if TYPE_CHECKING:
     from twin.changesets import ChangeSets
@@ -50,6 +52,7 @@ def export(
         bool, typer.Option("--project", help="With a QGIS project in twin_utm33.gpkg: see twin qgis.")
     ] = False,
     api_url: SkrivApiOption = DEFAULT_SKRIV_API,
+    lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -70,6 +73,7 @@ def export(
             decision=decision,
             project=project,
             api_url=api_url,
+            lang=lang,
             progress=progress,
         )
     if json_output:

@@ -5,35 +5,40 @@ from __future__ import annotations
 import datetime as dt
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from twin.cli.exit_codes import EXIT_OPEN_FINDINGS
-from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, StoreOption, person
+from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, LangOption, StoreOption, person
 from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
 from twin.store.kinds import Decision, Method, Verdict
+from twin.words import (
+    Lang,
+    SignNames,
+    decision_title,
+    nvdb_type_title,
+    reason_of,
+    say,
+    seen_sentence,
+    sign_titles,
+    terms_in_words,
+    verdict_title,
+)
 
 if TYPE_CHECKING:
     from twin.decisions.explain import ChangeExplained
     from twin.decisions.findings import FindingStatus, Selection
     from twin.matching.match_store import MatchReport
+    from twin.mirror.roads import Road
     from twin.store.store import Store
 
 app = typer.Typer()
 _UNDO = "undo"
-_FOR = {
-    "position": "position",
-    "code": "sign codes",
-    "text": "texts",
-    "facing": "way it faces",
-    "side": "side of the road",
-    "presence": "NVDB's sign is still there",
-}
 """The terms of :data:`twin.matching.likelihood.TERMS` in plain words."""
 
 
@@ -61,8 +66,13 @@ def match(
         Method | None, typer.Option(help="Whose estimates to match. Default: the best in the store.")
     ] = None,
     tolerance: Annotated[
-        float, typer.Option(help="Metres from NVDB's position beyond which a sign has moved.")
-    ] = 1.0,
+        float | None,
+        typer.Option(help="Metres from NVDB's position beyond which a sign has moved.  [default: 1.0]"),
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(help="Settings of matching: the table [matching] of a TOML file.", metavar="FILE.toml"),
+    ] = None,
     map_aided: Annotated[
         bool,
         typer.Option(
@@ -73,19 +83,24 @@ def match(
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="Exit with 1 if findings are open, 0 if none is.")
     ] = False,
+    lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Compare the estimates with the mirror: new, missing, moved, wrong type, unchanged, or for review."""
     from twin.decisions.findings import latest_findings
-    from twin.matching.config import MatchConfig
+    from twin.matching.config import MatchConfig, settings_from
     from twin.matching.match_store import match as run
     from twin.store.store import Store
 
-    config = MatchConfig(tolerance_m=tolerance, map_aided=map_aided)
+    config = MatchConfig() if settings is None else settings_from(settings)
+    config = replace(
+        config, tolerance_m=config.tolerance_m if tolerance is None else tolerance, map_aided=map_aided
+    )
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         report = run(opened, method=method, config=config, progress=progress)
         changes = latest_findings(opened.rows)
+        told = _told(opened, changes, lang)
     n_open = sum(change.is_open for change in changes)
     for warning in report.warnings:
         warn(warning)
@@ -93,30 +108,68 @@ def match(
         document = {"n_open": n_open, "changes": [change.as_json() for change in changes]}
         print_json({**asdict(report), **document})
     else:
-        _print_match(report, changes, n_open)
+        _print_match(report, changes, n_open, told)
     if exit_code and n_open:
         raise typer.Exit(EXIT_OPEN_FINDINGS)
 
 
-def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: int) -> None:
-    _print_findings([change for change in changes if change.finding.verdict != Verdict.UNCHANGED])
-    print_table("Verdicts", ["verdict", "findings"], list(report.verdicts.items()))
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """In which language findings are told, with which names of signs and roads."""
+
+    lang: Lang
+    names: SignNames
+    roads: Mapping[str, Road]
+
+
+def _told(store: Store, changes: Sequence[FindingStatus], lang: Lang) -> _Told:
+    from twin.mirror.names import sign_names
+    from twin.mirror.roads import roads_of
+
+    asked = [change.finding for change in changes if not change.is_quiet]
+    return _Told(lang, sign_names(store), roads_of(store, asked))
+
+
+def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: int, told: _Told) -> None:
+    lang = told.lang
+    _print_findings([change for change in changes if change.finding.verdict != Verdict.UNCHANGED], told)
+    verdicts = [(verdict_title(verdict, lang), n) for verdict, n in report.verdicts.items()]
+    columns = [say(lang, "match.verdict"), say(lang, "match.findings")]
+    print_table(say(lang, "match.verdicts"), columns, verdicts)
     note(
-        f"{report.n_poles} observed poles ({report.method}) against {report.n_sites} sites of NVDB, "
-        f"{report.n_in_view} of them in view of a completely annotated drive."
+        say(
+            lang,
+            "match.compared",
+            poles=report.n_poles,
+            method=report.method,
+            sites=report.n_sites,
+            in_view=report.n_in_view,
+        )
     )
     if report.map_aided:
         note(report.map_aided)
     if report.n_outdated:
-        note(f"{report.n_outdated} poles of earlier drives were left out: a later drive no longer saw them.")
+        note(say(lang, "match.outdated", poles=report.n_outdated))
     if n_open:
-        verb = "is" if n_open == 1 else "are"
-        note(f"{_findings(n_open)} {verb} open: decide with `twin decide`, or in QGIS after `twin export`.")
+        note(say(lang, "match.open", n=n_open))
 
 
-def _print_findings(changes: Sequence[FindingStatus]) -> None:
-    rows = [(c.change_id, c.finding.verdict, c.decision, c.finding.reason) for c in changes]
-    print_table("Findings", ["change", "verdict", "decision", "reason"], rows, right_from=4)
+def _print_findings(changes: Sequence[FindingStatus], told: _Told) -> None:
+    lang = told.lang
+    rows: list[tuple[str, ...]] = [
+        (
+            change.change_id,
+            verdict_title(change.finding.verdict, lang),
+            decision_title(change.decision, lang),
+            str(told.roads.get(change.change_id) or ""),
+            f"{seen_sentence(change.finding, lang)} {reason_of(change.finding, lang, told.names)}",
+        )
+        for change in changes
+    ]
+    columns = [say(lang, f"match.{name}") for name in ("change", "verdict", "decision", "road", "reason")]
+    if not any(row[3] for row in rows):  # neither Les V4's objects nor a road network: no empty column
+        columns, rows = [*columns[:3], columns[4]], [(*row[:3], row[4]) for row in rows]
+    print_table(say(lang, "match.title"), columns, rows, right_from=5)
 
 
 WordsArgument = Annotated[
@@ -147,6 +200,13 @@ FromOption = Annotated[
     Path | None, typer.Option("--from", help="Take the decisions made in QGIS in an exported GeoPackage.")
 ]
 ReasonOption = Annotated[str, typer.Option(help="Why; kept with the decision.")]
+TemporaryOption = Annotated[
+    bool,
+    typer.Option(
+        "--temporary",
+        help="With dismiss: the sign stands for road works; others of the same works are dismissed too.",
+    ),
+]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Only say which findings would be decided.")]
 
 
@@ -167,8 +227,10 @@ def decide(
     state: StateOption = Decision.OPEN,
     from_file: FromOption = None,
     reason: ReasonOption = "",
+    temporary: TemporaryOption = False,
     by: ByOption = None,
     dry_run: DryRunOption = False,
+    lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -191,16 +253,19 @@ def decide(
     who, selects = person(by), not selection.is_empty
     with Store.open(store, create=False) as opened:
         if from_file is not None:
-            _refuse(bool(words) or selects or dry_run, "--from takes nothing but --reason and --by")
+            _refuse(
+                bool(words) or selects or dry_run or temporary, "--from takes nothing but --reason and --by"
+            )
             outcome = _from_file(opened, from_file, who, reason)
         else:
             verb, others = _verb_and_others(words or ())
             if verb == _UNDO:
-                _refuse(selects or bool(reason) or dry_run, "undo takes only a number and --by")
+                _refuse(selects or bool(reason) or dry_run or temporary, "undo takes only a number and --by")
                 outcome = _undo(opened, others, who)
             else:
-                change_ids = _meant(opened, others, selection, show=dry_run and not json_output)
-                outcome = _decide(opened, change_ids, verb, by=who, reason=reason, dry_run=dry_run)
+                change_ids = _meant(opened, others, selection, lang if dry_run and not json_output else None)
+                options = {"temporary": temporary, "dry_run": dry_run}
+                outcome = _decide(opened, change_ids, verb, by=who, reason=reason, **options)
     if json_output:
         print_json(outcome.document)
     else:
@@ -215,15 +280,15 @@ def _verb_and_others(words: Sequence[str]) -> tuple[str, list[str]]:
     return verbs[0], [word for word in words if word not in choices]
 
 
-def _meant(store: Store, named: Sequence[str], selection: Selection, *, show: bool) -> Sequence[str]:
-    """Ids of the changes that are named, or else selected; these are also shown, if asked for."""
+def _meant(store: Store, named: Sequence[str], selection: Selection, show: Lang | None) -> Sequence[str]:
+    """Ids of the changes that are named, or else selected; these are also shown, in the language given."""
     _refuse(bool(named) and not selection.is_empty, "name changes, or select them by options, not both")
     _refuse(not named and selection.is_empty, "name changes, or select them by --verdict, --drive, --area …")
     if named:
         return named
     selected = _selected(store, selection)
-    if show:
-        _print_findings(selected)
+    if show is not None:
+        _print_findings(selected, _told(store, selected, show))
     return [change.change_id for change in selected]
 
 
@@ -247,11 +312,18 @@ def _selected(store: Store, selection: Selection) -> list[FindingStatus]:
 
 
 def _decide(
-    store: Store, change_ids: Sequence[str], decision: str, *, by: str, reason: str, dry_run: bool
+    store: Store,
+    change_ids: Sequence[str],
+    decision: str,
+    *,
+    by: str,
+    reason: str,
+    temporary: bool,
+    dry_run: bool,
 ) -> _Outcome:
     from twin.decisions.record import decide
 
-    done = decide(store, change_ids, decision, by=by, reason=reason, dry_run=dry_run)
+    done = decide(store, change_ids, decision, by=by, reason=reason, temporary=temporary, dry_run=dry_run)
     findings = _findings(len(done.change_ids))
     if dry_run:
         sentence = f"Would {decision} {findings}; nothing was decided (--dry-run)."
@@ -292,6 +364,7 @@ def explain(
     change: Annotated[
         str, typer.Argument(help="A finding's change_id, or its first six digits.", metavar="CHANGE_ID")
     ],
+    lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
@@ -301,74 +374,63 @@ def explain(
 
     with Store.open(store, create=False) as opened:
         explained = explain_change(opened, change)
+        told = _told(opened, [explained.change], lang)
     if json_output:
         print_json(explained.as_json())
         return
-    sys.stdout.write(f"{explained.sentence}\n")
-    print_pairs(f"Change {explained.change.change_id}", _pairs(explained))
-    if explained.terms:
-        terms = {_PLAIN.get(name, name): value for name, value in _flat("", explained.terms)}
-        print_pairs("Term by term", terms)
-        if "log_odds" in explained.terms:
-            note("Speaks for the pairing: natural log odds; 0 says nothing, -3 is 20 to 1 against it.")
+    days = [drive.day for drive in explained.drives]
+    sys.stdout.write(f"{seen_sentence(explained.change.finding, lang, days)}\n")
+    sys.stdout.write(f"{explained.in_words(lang, told.names)}\n")
+    print_pairs(say(lang, "explain.title", change=explained.change.change_id), dict(_pairs(explained, told)))
+    terms = terms_in_words(explained.change.finding, lang)
+    if terms:
+        columns = [say(lang, f"explain.{name}") for name in ("term", "value", "meaning")]
+        rows = [(term.label, term.value, term.explanation) for term in terms]
+        print_table(say(lang, "explain.terms"), columns, rows, right_from=3)
     if explained.history:
         print_table(
-            "Decisions",
-            ["at", "decision", "by", "how", "reason"],
-            [(e.at, e.decision, e.by, e.kind, e.reason) for e in explained.history],
+            say(lang, "explain.decisions"),
+            [say(lang, f"explain.{name}") for name in ("at", "decision", "by", "how", "reason")],
+            [
+                (
+                    e.at,
+                    decision_title(e.decision, lang),
+                    e.by,
+                    say(lang, f"entry.{e.kind}"),
+                    e.told(lang, told.names),
+                )
+                for e in explained.history
+            ],
             right_from=5,
         )
 
 
-def _pairs(explained: ChangeExplained) -> dict[str, object]:
+def _pairs(explained: ChangeExplained, told: _Told) -> Iterator[tuple[str, object]]:
     from twin.decisions.explain import percent
 
-    finding = explained.change.finding
-    kind = "Skiltpunkt" if finding.nvdb_type == 95 else "Skiltplate"
-    distance, sigma = finding.distance_m, finding.distance_sigma_m
-    return {
-        "verdict": finding.verdict,
-        "confidence": percent(finding.confidence),
-        "NVDB": f"{kind} {finding.nvdb_id}, version {finding.nvdb_version}" if finding.nvdb_id else None,
-        "sign code in NVDB": " + ".join(finding.skiltnummer_nvdb) or None,
-        "sign code seen": " + ".join(finding.skiltnummer_seen) or None,
-        "distance from NVDB's position": None if distance is None else f"{distance:.2f} ± {sigma:.2f} m",
-        "position, EPSG:25833": f"{finding.east_m:.2f} E  {finding.north_m:.2f} N",
+    finding, lang, names = explained.change.finding, told.lang, told.names
+    known = None
+    if finding.nvdb_id is not None:
+        kind = nvdb_type_title(finding.nvdb_type)
+        facts = {"object": f"{kind} {finding.nvdb_id}", "version": str(finding.nvdb_version)}
+        known = say(lang, "explain.known_as", **facts)
+    distance = None
+    if finding.distance_m is not None and finding.distance_sigma_m is not None:
+        metres = {"distance_m": finding.distance_m, "sigma_m": finding.distance_sigma_m}
+        distance = say(lang, "explain.metres", **metres)
+    drives = [f"{drive.name} {drive.day}" for drive in explained.drives]
+    pairs = {
+        "verdict": verdict_title(finding.verdict, lang),
+        "confidence": percent(finding.confidence, lang),
+        "nvdb": known,
+        "road": str(told.roads.get(finding.change_id) or "") or None,
+        "code_nvdb": sign_titles(finding.skiltnummer_nvdb, names) or None,
+        "code_seen": sign_titles(finding.skiltnummer_seen, names) or None,
+        "distance": distance,
+        "position": say(lang, "explain.grid", east=finding.east_m, north=finding.north_m),
         "sightings": finding.n_sightings,
-        "drives": ", ".join(f"{drive.name} {drive.day}" for drive in explained.drives) or None,
-        "decision": explained.change.decision,
+        "drives": ", ".join(drives) or None,
+        "decided": decision_title(explained.change.decision, lang),
     }
-
-
-_PLAIN = {
-    "match": "probability of this pairing",
-    **{f"log odds, {term}": f"speaks for the pairing: {words}" for term, words in _FOR.items()},
-    "sigmas": "distance, in sigmas",
-    "nvdb sigma m": "NVDB's position, one sigma [m]",
-    "beyond tolerance": "probability: beyond the tolerance",
-    "pole": "observed pole",
-    "seen, first": "first seen",
-    "seen, last": "last seen",
-    "seen, drives": "seen in drives",
-    "taken down": "probability: taken down since",
-    "code": "probability: the code was read right",
-    "site, nvdb type": "stands on, NVDB type",
-    "site, nvdb id": "stands on, NVDB id",
-    "absence, frames": "in view, frames",
-    "absence, drives": "in view, drives",
-    "absence, gone": "probability: it is gone",
-}
-
-
-def _flat(name: str, value: Any) -> Iterator[tuple[str, object]]:
-    """Give nested terms as pairs: ``log_odds, code``; of several the number; nothing of an empty one."""
-    if isinstance(value, Mapping):
-        parts = list(value.items())
-    elif isinstance(value, list):
-        parts = list(enumerate(value, start=1))
-    else:
-        is_id = name.endswith(("nvdb_id", "nvdb_type"))
-        yield name.replace("_", " "), str(value) if is_id and value is not None else value
-        return
-    for key, part in parts:
-        yield from _flat(f"{name}, {key}" if name else str(key), part)
+    for name, value in pairs.items():
+        yield say(lang, f"explained.{name}"), value

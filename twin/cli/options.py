@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from twin.words import Lang
+
 StoreOption = Annotated[
     Path, typer.Option("--store", envvar="TWIN_STORE", help="The store, one SQLite file.", show_default=True)
 ]
@@ -24,6 +26,10 @@ SkrivApiOption = Annotated[
 ByOption = Annotated[
     str | None,
     typer.Option(envvar="TWIN_USER", help="Who decides.  [default: the login name]", show_default=False),
+]
+
+LangOption = Annotated[
+    Lang, typer.Option("--lang", envvar="TWIN_LANG", help="Language: English or Norwegian.")
 ]
 
 

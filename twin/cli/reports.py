@@ -1,9 +1,10 @@
-"""``twin evaluate``, ``twin show`` and ``twin status``: what the store holds, and how good it is."""
+"""``twin evaluate``, ``show``, ``status`` and ``confidence``: what the store holds, and how good it is."""
 
 from __future__ import annotations
 
 import datetime as dt
 import math
+import sys
 from enum import StrEnum
 from operator import attrgetter
 from pathlib import Path
@@ -11,10 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
+from twin.cli.options import DEFAULT_STORE, JsonOption, LangOption, StoreOption
 from twin.cli.output import note, print_json, print_pairs, print_table, warn
+from twin.words import Lang, say, verdict_title
 
 if TYPE_CHECKING:
+    from twin.reports.confidences import ConfidenceReport
     from twin.reports.estimate import EstimateExplained
     from twin.reports.evaluation import MethodResult, RangeErrors
     from twin.reports.store_status import Status
@@ -325,3 +328,67 @@ def _ago(hours: float) -> str:
     if hours < 1:
         return f"{hours * 60:.0f} min ago"
     return f"{hours:.1f} h ago" if hours < 48 else f"{hours / 24:.0f} days ago"
+
+
+@app.command("confidence", epilog="Example: twin confidence --out confidence.svg")
+def confidence(
+    out: Annotated[
+        Path | None, typer.Option(help="Also draw the reliability diagram: PNG or SVG.", metavar="FILE")
+    ] = None,
+    lang: LangOption = Lang.EN,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Hold the confidences against people's decisions, and say what the priors would be; changes nothing."""
+    from twin.reports.confidence_picture import draw_confidences
+    from twin.reports.confidences import confidences_against_decisions
+    from twin.store.store import Store
+
+    with Store.open(store, create=False) as opened:
+        report = confidences_against_decisions(opened)
+    if out is not None:
+        draw_confidences(report, out, lang)
+    if json_output:
+        print_json({**report.as_json(), "picture": None if out is None else str(out)})
+        return
+    _print_confidences(report, lang)
+    if out is not None:
+        note(f"wrote {out}")
+
+
+def _print_confidences(report: ConfidenceReport, lang: Lang) -> None:
+    from twin.reports.confidences import ENOUGH, priors_toml
+
+    rows = [
+        (
+            verdict_title(one.verdict, lang) if one.verdict else say(lang, "confidence.all"),
+            one.n,
+            one.n_right,
+            say(lang, "term.chance", share=one.mean_confidence) if one.n else None,
+            None
+            if one.brier is None or one.low is None or one.high is None
+            else say(lang, "confidence.interval", value=one.brier, low=one.low, high=one.high),
+            say(lang, "confidence.score", value=one.brier_if_true) if one.n else None,
+        )
+        for one in report.scores
+    ]
+    names = ("verdict", "decided", "right", "mean", "brier", "if_true")
+    columns = [say(lang, f"confidence.{name}") for name in names]
+    print_table(say(lang, "confidence.title"), columns, rows)
+    if few := [one for one in report.scores if one.n < ENOUGH]:
+        which = [verdict_title(one.verdict, lang) for one in few if one.verdict]
+        told = ", ".join(which) or say(lang, "confidence.all")
+        note(say(lang, "confidence.too_few", which=told, enough=ENOUGH))
+    for name, n in (
+        ("deferred", report.n_deferred),
+        ("temporary", report.n_temporary),
+        ("unknown", report.n_unknown),
+    ):
+        if n:
+            note(say(lang, f"confidence.{name}", n=n))
+    for prior in report.priors:
+        if prior.fitted is None:
+            note(say(lang, "confidence.not_fitted", name=prior.name, decided=prior.n, enough=ENOUGH))
+    if toml := priors_toml(report.priors):
+        note(say(lang, "confidence.priors"))
+        sys.stdout.write(toml)

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
 from twin.store import schema
+from twin.store.records import split_codes
+from twin.words.reasons import (
+    CodesKnownChanged,
+    CodesSeenChanged,
+    Difference,
+    MeasuredMoved,
+    NvdbMoved,
+    VerdictChanged,
+    VersionChanged,
+)
 
 Row = Mapping[str, Any]
 Ask = Callable[[sa.Select[Any]], list[Row]]
@@ -41,6 +51,10 @@ class Evidence:
     pole : str
         Key of the pole that it is about, the same in every match whatever annotators call it; "" where
         nothing was seen, or where it is not known.
+    confidence : float or None
+        That the match had; None of decisions from before it was kept, and of files without it.
+    n_drives : int
+        That the finding rested on; 0 where it is not known.
     """
 
     verdict: str
@@ -56,6 +70,8 @@ class Evidence:
     nvdb_east_m: float | None
     nvdb_north_m: float | None
     pole: str = ""
+    confidence: float | None = None
+    n_drives: int = 0
 
     def as_json(self) -> dict[str, Any]:
         """Return it as the log keeps it."""
@@ -87,12 +103,16 @@ class Evidence:
             nvdb_east_m=_rounded(row.get("nvdb_east_m")),
             nvdb_north_m=_rounded(row.get("nvdb_north_m")),
             pole=(row.get("terms") or {}).get("pole", ""),
+            confidence=None if row.get("confidence") is None else round(float(row["confidence"]), 4),
+            n_drives=len([drive for drive in (row.get("drive_ids") or "").split(",") if drive]),
         )
 
 
-def present_evidence(ask: Ask) -> dict[str, Evidence]:
-    """What is known now of the findings of the last match, by ``change_id``, in the order of these."""
-    return {row["change_id"]: Evidence.from_row(row) for row in ask(_changes_with_nvdb())}
+def present_evidence(ask: Ask, only: Collection[str] | None = None) -> dict[str, Evidence]:
+    """What is known now of the findings of the last match, or of those named, in the order of their ids."""
+    asked = _changes_with_nvdb()
+    rows = ask(asked if only is None else asked.where(schema.change.c.change_id.in_(only)))
+    return {row["change_id"]: Evidence.from_row(row) for row in rows}
 
 
 def _changes_with_nvdb() -> sa.Select[Any]:
@@ -114,28 +134,28 @@ def _changes_with_nvdb() -> sa.Select[Any]:
     )
 
 
-def differences(then: Evidence, now: Evidence) -> list[str]:
-    """Say what has really changed between two states of a finding, a clause each; nothing if it is the same.
+def differences(then: Evidence, now: Evidence) -> tuple[Difference, ...]:
+    """Say what has really changed between two states of a finding; nothing if it is the same.
 
     A measured position that stays inside its own 95 % ellipse of then, another confidence, more sightings or
     one more drive are no change.
     """
-    clauses = []
+    found: list[Difference] = []
     if then.verdict != now.verdict:
-        clauses.append(f"the verdict changed from {then.verdict} to {now.verdict}")
+        found.append(VerdictChanged(then.verdict, now.verdict))
     if _codes(then.skiltnummer_seen) != _codes(now.skiltnummer_seen):
-        clauses.append(_changed("the sign code seen", then.skiltnummer_seen, now.skiltnummer_seen))
+        found.append(CodesSeenChanged(split_codes(then.skiltnummer_seen), split_codes(now.skiltnummer_seen)))
     if _codes(then.skiltnummer_nvdb) != _codes(now.skiltnummer_nvdb):
-        clauses.append(_changed("the sign code in NVDB", then.skiltnummer_nvdb, now.skiltnummer_nvdb))
+        found.append(CodesKnownChanged(split_codes(then.skiltnummer_nvdb), split_codes(now.skiltnummer_nvdb)))
     if then.nvdb_version != now.nvdb_version:
-        clauses.append(f"NVDB's version changed from {then.nvdb_version} to {now.nvdb_version}")
+        found.append(VersionChanged(then.nvdb_version, now.nvdb_version))
     moved = _nvdb_moved_m(then, now)
     if moved is not None and moved > _NVDB_MOVED_M:
-        clauses.append(f"NVDB's position moved {moved:.2f} m")
+        found.append(NvdbMoved(round(moved, _DECIMALS)))
     if _left_ellipse(then, now):
         distance = math.hypot(now.east_m - then.east_m, now.north_m - then.north_m)
-        clauses.append(f"the measured position moved {distance:.2f} m, out of its 95 % ellipse of then")
-    return clauses
+        found.append(MeasuredMoved(round(distance, _DECIMALS)))
+    return tuple(found)
 
 
 def same_place(then: Evidence, now: Evidence) -> bool:
@@ -162,11 +182,7 @@ def _nvdb_moved_m(then: Evidence, now: Evidence) -> float | None:
 
 
 def _codes(text: str) -> list[str]:
-    return sorted(code.strip() for code in text.split(";") if code.strip())
-
-
-def _changed(what: str, then: str, now: str) -> str:
-    return f"{what} changed from {then or 'none'} to {now or 'none'}"
+    return sorted(split_codes(text))
 
 
 def _covariance(row: Row) -> tuple[float, float, float] | None:

@@ -16,6 +16,7 @@ from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Store
+from twin.words import NO_NAMES, Lang, SignNames, decision_title, reason_of, say, verdict_title
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +39,6 @@ class ChangeExplained:
 
     Attributes
     ----------
-    sentence : str
-        Verdict, confidence, reason and decision, for people.
     change : FindingStatus
         The finding, and what is decided about it.
     drives : tuple of DriveOfFinding
@@ -48,10 +47,38 @@ class ChangeExplained:
         Of the log, oldest first.
     """
 
-    sentence: str
     change: FindingStatus
     drives: tuple[DriveOfFinding, ...]
     history: tuple[Entry, ...]
+
+    @property
+    def sentence(self) -> str:
+        """Verdict, confidence, reason and decision, in English."""
+        return self.in_words()
+
+    def in_words(self, lang: Lang = Lang.EN, names: SignNames = NO_NAMES) -> str:
+        """Verdict, confidence, reason and decision, for people."""
+        finding = self.change.finding
+        return say(
+            lang,
+            "explain.sentence",
+            change=finding.change_id,
+            verdict=verdict_title(finding.verdict, lang),
+            sure=percent(finding.confidence, lang),
+            reason=reason_of(finding, lang, names),
+            decided=self._decided(lang),
+        )
+
+    def _decided(self, lang: Lang) -> str:
+        held = [entry for entry in self.history if entry.holds]
+        if not held:
+            return say(lang, "explain.nobody_decided")
+        if self.change.decision == Decision.OPEN:
+            return say(lang, "explain.is_open")
+        last = held[-1]
+        why = f" ({last.reason})" if last.reason else ""
+        decision = decision_title(last.decision, lang)
+        return say(lang, "explain.decided", decision=decision, day=last.at[:10], by=f"{last.by}{why}")
 
     @property
     def terms(self) -> Mapping[str, Any]:
@@ -95,12 +122,14 @@ def explain_change(store: Store, change_id: str) -> ChangeExplained:
         if change is None:
             raise ConfigError(_absent(change_id, entries))
         drives = _drives(view.rows, change.finding.drive_ids)
-    return ChangeExplained(_sentence(change, entries), change, drives, entries)
+    return ChangeExplained(change, drives, entries)
 
 
-def percent(confidence: float) -> str:
+def percent(confidence: float, lang: Lang = Lang.EN) -> str:
     """Write a probability for people; none is a certainty."""
-    return "over 99.9%" if confidence >= 0.9995 else f"{confidence:.1%}"
+    if confidence >= 0.9995:
+        return say(lang, "explain.nearly_certain", share=0.999)
+    return say(lang, "term.chance", share=confidence)
 
 
 def _drives(ask: Ask, drive_ids: Sequence[str]) -> tuple[DriveOfFinding, ...]:
@@ -113,22 +142,9 @@ def _drives(ask: Ask, drive_ids: Sequence[str]) -> tuple[DriveOfFinding, ...]:
     return tuple(DriveOfFinding(**row) for row in rows)
 
 
-def _sentence(change: FindingStatus, entries: Sequence[Entry]) -> str:
-    decided = "Nobody has decided yet."
-    if entries:
-        last = entries[-1]
-        why = f" ({last.reason})" if last.reason else ""
-        decided = f"Decision: {last.decision}, {last.at[:10]} by {last.by}{why}."
-    if change.decision == Decision.OPEN and entries:
-        decided = "It is open."
-    finding = change.finding
-    sure = f"{percent(finding.confidence)} sure"
-    return f"{finding.change_id} is {finding.verdict}, {sure}: {finding.reason} {decided}"
-
-
 def _absent(change_id: str, entries: Sequence[Entry]) -> str:
-    if entries:
-        last = entries[-1]
+    if held := [entry for entry in entries if entry.holds]:
+        last = held[-1]
         return (
             f"The last match no longer found change {change_id}; the last decision about it is "
             f"{last.decision}, {last.at[:10]} by {last.by}."

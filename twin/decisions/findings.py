@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.kinds import QUIET, Decision
 from twin.store.records import Finding
+from twin.words.reasons import Reopened, Told, cause_from_json
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -33,7 +34,7 @@ class FindingStatus:
     Attributes
     ----------
     finding : Finding
-        The reason of one that is open again says what changed since it was decided.
+        One that is open again says what changed since it was decided (`Finding.reopened`).
     decision : Decision
         That holds now.
     """
@@ -96,10 +97,14 @@ class Selection:
         return not (self.drives or self.area or self.verdicts or self.classes or self.since or self.until)
 
 
-def latest_findings(ask: Ask) -> list[FindingStatus]:
-    """Return the findings of the last match in the order of their ids, each with its decision."""
-    rows = ask(findings_statement(*schema.change.columns))
-    return [FindingStatus(Finding.from_row(_told(row)), Decision(row["decision"])) for row in rows]
+def latest_findings(ask: Ask, only: Collection[str] | None = None) -> list[FindingStatus]:
+    """Return the findings of the last match, or those named, by their ids, each with its decision."""
+    asked = findings_statement(*schema.change.columns)
+    rows = ask(asked if only is None else asked.where(schema.change.c.change_id.in_(only)))
+    return [
+        FindingStatus(replace(Finding.from_row(row), reopened=_reopened(row)), Decision(row["decision"]))
+        for row in rows
+    ]
 
 
 def whole_ids(given: Collection[str], existing: Collection[str]) -> list[str]:
@@ -135,7 +140,7 @@ def whole_ids(given: Collection[str], existing: Collection[str]) -> list[str]:
 
 
 def findings_statement(*columns: sa.Column[Any]) -> sa.Select[Any]:
-    """Ask for columns of the ``change`` table, its ``decision``, and ``kind`` and ``note`` of that."""
+    """Ask for columns of ``change``, their ``decision``, and its ``kind``, ``note`` and ``cause``."""
     change, said = schema.change, schema.decision
     return (
         sa.select(
@@ -143,15 +148,11 @@ def findings_statement(*columns: sa.Column[Any]) -> sa.Select[Any]:
             sa.func.coalesce(said.c.decision, Decision.OPEN).label("decision"),
             said.c.kind.label("kind"),
             said.c.reason.label("note"),
+            said.c.cause.label("cause"),
         )
         .select_from(change.outerjoin(said, said.c.change_id == change.c.change_id))
         .order_by(change.c.change_id)
     )
-
-
-def told_reason(reason: str, kind: str | None, note: str | None) -> str:
-    """Give a finding's reason; of one that is open again also what changed since it was decided."""
-    return f"{reason} {note}" if kind == REOPENED else reason
 
 
 def select(ask: Ask, wanted: Selection) -> list[FindingStatus]:
@@ -207,8 +208,13 @@ def read_area(path: Path) -> BaseGeometry:
     return shapely.union_all([shapely.make_valid(polygon) for polygon in polygons])
 
 
-def _told(row: Row) -> Row:
-    return {**row, "reason": told_reason(row["reason"], row["kind"], row["note"])}
+def _reopened(row: Row) -> Reopened | Told | None:
+    """Why a finding is open again, from the entry that opened it."""
+    if row["kind"] != REOPENED:
+        return None
+    cause = None if row["cause"] is None else cause_from_json(row["cause"])
+    # Entries of before causes were kept have their sentence alone.
+    return cause if isinstance(cause, Reopened) else Told(row["note"])
 
 
 def _has_class(finding: Finding, classes: Collection[str]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import sqlalchemy as sa
@@ -10,9 +10,12 @@ import sqlalchemy as sa
 from twin.decisions.evidence import Ask, Evidence, differences, present_evidence
 from twin.decisions.findings import SHORTEST_ID, whole_ids
 from twin.decisions.log import (
+    BY_TWIN,
     DECIDED,
-    REOPENED,
+    OPINION,
+    SUPPRESSED,
     UNDONE,
+    WITHDRAWN,
     Entry,
     all_entries,
     append,
@@ -20,10 +23,12 @@ from twin.decisions.log import (
     last_entries,
 )
 from twin.decisions.reopen import reopen_changed
+from twin.decisions.temporary import settle_road_works, temporary_cause
 from twin.errors import ConfigError, RefusedError
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Store, utc_now
+from twin.words.reasons import Temporary
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +72,7 @@ def decide(
     *,
     by: str,
     reason: str = "",
+    temporary: bool = False,
     dry_run: bool = False,
 ) -> Decided:
     """Decide about findings of the last match.
@@ -82,6 +88,9 @@ def decide(
     by : str
         Who decides.
     reason : str, optional
+    temporary : bool
+        The signs stand for road works: others of the same works need no decision of their own
+        (:mod:`twin.decisions.temporary`). With ``dismiss`` alone.
     dry_run : bool
         Only say what would be decided.
 
@@ -93,7 +102,7 @@ def decide(
     StoreError, RefusedError
         As :meth:`twin.store.store.Store.matched`.
     """
-    _check(decision, by)
+    check(decision, by, temporary=temporary)
     with store.transaction() as connection:
         store.view(connection).matched()
         ask = asking(connection)
@@ -105,10 +114,14 @@ def decide(
                 f" {SHORTEST_ID} digits, from `twin match` or from the column change_id of an export."
             )
         now = utc_now()
-        already = {key for key in change_ids if _stands(standing.get(key), decision, reason)}
+        already = {key for key in change_ids if _stands(standing.get(key), decision, reason, temporary)}
         fresh = tuple(sorted(set(change_ids) - already))
         entries = [Entry(key, Decision(decision), reason, by, now, evidence[key]) for key in fresh]
-        append(connection, [] if dry_run else entries)
+        if temporary:
+            entries = [replace(entry, cause=temporary_cause(ask, entry.change_id)) for entry in entries]
+        if not dry_run:
+            append(connection, entries)
+            settle_road_works(connection, now)
     return Decided(fresh, tuple(sorted(already)))
 
 
@@ -130,7 +143,7 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
     RefusedError
         Fewer than `n` commands are left to take back.
     """
-    _check(Decision.OPEN, by)
+    check(Decision.OPEN, by)
     if n < 1:
         raise ConfigError(f"{n} commands cannot be taken back: give a number of at least 1.")
     with store.transaction() as connection:
@@ -143,19 +156,67 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
                 f"The store {store.path} has {len(batches)} command(s) to take back, not {n}: "
                 "see `twin explain` for a change's history."
             )
-        taken = [entry for entry in left if entry.batch in batches]
-        undone |= {entry.id for entry in taken}
-        # A change that several of these commands decided goes back behind the first of them, at once.
-        first = {entry.change_id: entry.id for entry in reversed(taken)}
-        before = {
-            entry.change_id: entry
-            for entry in log
-            if entry.kind != REOPENED and entry.id not in undone and entry.id < first.get(entry.change_id, 0)
-        }
-        now = utc_now()
-        append(connection, [_back(entry, before.get(entry.change_id), by, now) for entry in reversed(taken)])
-        reopen_changed(connection, now)
-    return tuple(sorted(first))
+        taken = [entry for entry in log if entry.batch in batches and is_left(entry, undone)]
+        take_back(connection, log, taken, by=by, at=utc_now())
+    return tuple(sorted({entry.change_id for entry in taken}))
+
+
+def is_left(entry: Entry, undone: Collection[int]) -> bool:
+    """Whether an entry is a person's, to take back: `undone` are those that were taken back before."""
+    return entry.kind in (DECIDED, OPINION) and entry.id not in undone
+
+
+def take_back(
+    connection: sa.Connection,
+    log: Sequence[Entry],
+    taken: Sequence[Entry],
+    *,
+    by: str,
+    at: str,
+    session: str = "",
+    request: str | None = None,
+    only: Collection[str] | None = None,
+) -> None:
+    """Add the entries that take others back, inside the caller's transaction.
+
+    Parameters
+    ----------
+    connection : Connection
+    log : sequence of Entry
+        All of the changes concerned, oldest first.
+    taken : sequence of Entry
+        To be taken back, oldest first.
+    by, at, session, request : str
+        Of the new entries.
+    only : collection of str, optional
+        As :func:`twin.decisions.reopen.reopen_changed`.
+    """
+    undone = {entry.undo_of for entry in log if entry.undo_of is not None} | {entry.id for entry in taken}
+    decided = [entry for entry in taken if entry.kind == DECIDED]
+    # A change that several of these commands decided goes back behind the first of them, at once.
+    first = {entry.change_id: entry.id for entry in reversed(decided)}
+    before = {
+        entry.change_id: entry
+        for entry in log
+        if entry.kind not in BY_TWIN
+        and (entry.holds and entry.id not in undone and entry.id < first.get(entry.change_id, 0))
+    }
+    # What somebody decided later holds, whatever was before it.
+    later = {
+        entry.change_id
+        for entry in log
+        if entry.kind == DECIDED
+        and entry.id not in undone
+        and entry.id > first.get(entry.change_id, entry.id)
+    }
+    entries = [
+        _withdrawn(entry) if entry.kind == OPINION or entry.change_id in later else _back(entry, before)
+        for entry in reversed(taken)
+    ]
+    told = [replace(entry, by=by, at=at, session=session, request=None) for entry in entries]
+    append(connection, [replace(told[0], request=request), *told[1:]])
+    reopen_changed(connection, at, only)
+    settle_road_works(connection, at)
 
 
 def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str = "") -> tuple[str, ...]:
@@ -174,7 +235,7 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
     ConfigError
         Nobody is named.
     """
-    _check(Decision.OPEN, by)
+    check(Decision.OPEN, by)
     if not edits:
         return ()
     with store.transaction() as connection:
@@ -191,20 +252,32 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
         append(connection, entries)
         if entries:
             reopen_changed(connection, now)
+            settle_road_works(connection, now)
     return tuple(entry.change_id for entry in entries)
 
 
-def _check(decision: str, by: str) -> None:
+def check(decision: str, by: str, *, temporary: bool = False) -> None:
+    """Refuse what is no decision, or nobody's.
+
+    Raises
+    ------
+    ConfigError
+        The decision is none of those that exist, or is none for being temporary; nobody is named.
+    """
+    if temporary and decision != Decision.DISMISS:
+        raise ConfigError(f"A finding is not {decision} for being temporary: only dismiss takes that.")
     if decision not in set(Decision):
         raise ConfigError(f"{decision!r} is no decision: choose one of {', '.join(Decision)}.")
     if not by.strip():
         raise ConfigError("Nobody is named as the one who decides: give --by, or set TWIN_USER.")
 
 
-def _stands(last: Entry | None, decision: str, reason: str) -> bool:
-    """Whether the decision holds already, with this reason or without a new one."""
+def _stands(last: Entry | None, decision: str, reason: str, temporary: bool = False) -> bool:
+    """Whether the decision holds already, with this reason or without a new one, and for the same cause."""
     if last is None:
         return decision == Decision.OPEN
+    if last.kind == SUPPRESSED or (temporary and not isinstance(last.cause, Temporary)):
+        return False  # a person's word counts for more than what twin made of another's
     return last.decision == decision and reason in ("", last.reason)
 
 
@@ -221,7 +294,12 @@ def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
     }
 
 
-def _back(taken: Entry, before: Entry | None, by: str, at: str) -> Entry:
+def _back(taken: Entry, before: Mapping[str, Entry]) -> Entry:
     """Make the entry that puts the decision of before back in the place of the one that is taken back."""
-    kept = before or replace(taken, decision=Decision.OPEN, reason="")
-    return replace(kept, by=by, at=at, kind=UNDONE, undo_of=taken.id)
+    kept = before.get(taken.change_id) or replace(taken, decision=Decision.OPEN, reason="", cause=None)
+    return replace(kept, kind=UNDONE, undo_of=taken.id)
+
+
+def _withdrawn(taken: Entry) -> Entry:
+    """Make the entry that takes one back and leaves what is decided as it is."""
+    return replace(taken, kind=WITHDRAWN, undo_of=taken.id)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 import sqlalchemy as sa
@@ -19,14 +19,14 @@ from twin.decisions.log import (
     last_entries_by_people,
 )
 from twin.store.kinds import QUIET, Decision
+from twin.words import sentence
+from twin.words.reasons import Reopened
 
 Object = tuple[int, int | None, str]
 """NVDB's type and id; what NVDB does not know has no id, and is known by its pole."""
 
-_DONE = {Decision.ACCEPT: "Accepted", Decision.DISMISS: "Dismissed", Decision.DEFER: "Deferred"}
 
-
-def reopen_changed(connection: sa.Connection, at: str) -> int:
+def reopen_changed(connection: sa.Connection, at: str, only: Collection[str] | None = None) -> int:
     """Reopen every present finding that was decided on other evidence, inside the caller's transaction.
 
     A finding may come under another ``change_id`` than before: its verdict or sign code changed, or its
@@ -34,16 +34,24 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
     longer found; where nothing else changed, it takes over the forerunner's decision. Where the evidence is
     again what it was, the decision of then holds again: a match by another method costs none.
 
+    Parameters
+    ----------
+    connection : Connection
+    at : str
+        When, ISO 8601.
+    only : collection of str, optional
+        Changes to look at, where no other can be concerned: present ones that have entries of their own.
+
     Returns
     -------
     int
         How many findings were reopened.
     """
     ask = asking(connection)
-    by_people, standing = last_entries_by_people(ask), last_entries(ask)
+    by_people, standing = last_entries_by_people(ask, only), last_entries(ask, only)
     if not by_people:
         return 0
-    evidence = {key: now for key, now in present_evidence(ask).items() if now.verdict not in QUIET}
+    evidence = {key: now for key, now in present_evidence(ask, only).items() if now.verdict not in QUIET}
     absent = _by_object(entry for key, entry in by_people.items() if key not in evidence)
     reopened, carried = [], []
     for key, now in evidence.items():
@@ -52,11 +60,13 @@ def reopen_changed(connection: sa.Connection, at: str) -> int:
             continue
         holds = standing.get(key)
         if changes := differences(last.evidence, now):
-            told = _told(last, changes)
+            cause = Reopened(last.decision.value, last.at, last.by, last.reason, changes)
+            told = sentence(cause)
+            # Of an entry from before causes were kept the text is all there is.
             if holds is None or (holds.kind, holds.reason) != (REOPENED, told):
-                reopened.append(Entry(key, Decision.OPEN, told, TWIN, at, now, REOPENED))
+                reopened.append(Entry(key, Decision.OPEN, told, TWIN, at, now, REOPENED, cause=cause))
         elif holds is None or holds.kind == REOPENED:
-            carried.append(replace(last, change_id=key, kind=CARRIED, undo_of=None))
+            carried.append(replace(last, change_id=key, kind=CARRIED, undo_of=None, session="", request=None))
     append(connection, [*carried, *reopened])
     return len(reopened)
 
@@ -89,8 +99,3 @@ def _forerunner(absent: Mapping[Object, list[Entry]], now: Evidence) -> Entry | 
     forerunner = min(fitting, key=lambda c: c.evidence.skiltnummer_seen != now.skiltnummer_seen)
     candidates.remove(forerunner)
     return forerunner
-
-
-def _told(last: Entry, changes: Sequence[str]) -> str:
-    why = f" ({last.reason})" if last.reason else ""
-    return f"{_DONE[last.decision]} {last.at[:10]} by {last.by}{why}; since then {', '.join(changes)}."

@@ -19,6 +19,7 @@ from twin.store.atomic_files import refuse_if_open
 from twin.store.kinds import Decision
 from twin.store.schema import METHODS
 from twin.store.store import Store
+from twin.words import Lang
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,7 @@ def export_findings(
     decision: str = Decision.ACCEPT,
     project: bool = False,
     api_url: str = SKRIV_TEST_URL,
+    lang: Lang = Lang.EN,
     progress: Callable[[str], None] | None = None,
 ) -> ExportReport:
     """Export the findings of the last match, after keeping what people decided in the last export.
@@ -72,6 +74,8 @@ def export_findings(
     api_url : str, optional
         The API Skriv that the change sets are for: what is under way to it, or carried out there and not yet
         in the mirror, is left out.
+    lang : Lang, optional
+        Of the reasons, and of what people read in QGIS.
     progress : callable, optional
         Told what is being done.
 
@@ -96,7 +100,7 @@ def export_findings(
     folder = Path(folder)
     refuse_if_pending(store, folder)
     if store.fact("last_match") is None:
-        return _export_positions(store, folder, decision, project=project, progress=progress)
+        return _export_positions(store, folder, decision, project=project, lang=lang, progress=progress)
     last = store.matched()
     decided = decisions_made_in(folder)
     if decided:
@@ -107,7 +111,7 @@ def export_findings(
             edits = {**_edits(path), **edits}
         keep_edits(store, edits, by=by)
     noted = position(store.rows)
-    layers = layers_from_store(store, last["method"])
+    layers = layers_from_store(store, last["method"], lang)
     log = SentLog(store, api_url) if decision == Decision.ACCEPT else None
     change_sets = groups_from_store(store, decision, log=log)
     # The layers are of one moment, but of which? The same match before and after it leaves one answer.
@@ -120,6 +124,7 @@ def export_findings(
         log_position=noted,
         change_sets=files_of(change_sets),
         project=project,
+        lang=lang,
         progress=progress,
     )
     return ExportReport(tuple(files), change_sets)
@@ -131,6 +136,7 @@ def _export_positions(
     decision: str,
     *,
     project: bool,
+    lang: Lang,
     progress: Callable[[str], None] | None,
 ) -> ExportReport:
     """Export what a store without a match has: estimates, drives, and NVDB's signs if there are any."""
@@ -140,7 +146,7 @@ def _export_positions(
     layers = layers_from_store(store, min(held, key=METHODS.index))
     if store.fact("last_match") is not None:
         raise RefusedError(f"The store {store.path} was matched during the export: export again.")
-    files = export_all(layers, folder, project=project, progress=progress)
+    files = export_all(layers, folder, project=project, lang=lang, progress=progress)
     return ExportReport(tuple(files), ChangeSets(decision), matched=False)
 
 

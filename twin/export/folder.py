@@ -16,6 +16,7 @@ from twin.export.geojson import write_geojson
 from twin.export.geopackage import edited_decisions, write_geopackage
 from twin.export.layers import ExportLayers, data_time, normalised
 from twin.store.atomic_files import replacing
+from twin.words import Lang
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -38,6 +39,7 @@ def export_all(
     log_position: int = 0,
     change_sets: Mapping[str, bytes] = MappingProxyType({}),
     project: bool = False,
+    lang: Lang = Lang.EN,
     progress: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Write the layers for QGIS and for the web.
@@ -64,6 +66,8 @@ def export_all(
         Name → content of the files of :func:`twin.changesets.files_of`, which go after those above.
     project : bool, optional
         Also put a QGIS project into ``twin_utm33.gpkg`` (:mod:`twin.export.qgis.project`).
+    lang : Lang, optional
+        Of what people read in QGIS.
     progress : callable, optional
         Told what is being written.
 
@@ -87,7 +91,7 @@ def export_all(
     tell = progress or (lambda _message: None)
     try:
         with replacing(folder, (*FILES, *change_sets)) as staging:
-            _write(checked, staging, tell, log_position, project)
+            _write(checked, staging, tell, log_position, project, lang)
             for name, content in change_sets.items():
                 (staging / name).write_bytes(content)
             _refuse_to_lose_decisions(folder, checked.changes, known_decisions)
@@ -117,15 +121,22 @@ def _cause(error: Exception) -> str:
 
 
 def _write(
-    layers: ExportLayers, staging: Path, tell: Callable[[str], None], log_position: int, project: bool
+    layers: ExportLayers,
+    staging: Path,
+    tell: Callable[[str], None],
+    log_position: int,
+    project: bool,
+    lang: Lang,
 ) -> None:
     time = data_time(layers)
     tell(f"writing {UTM33}")
     projected = file_layers(layers)
-    write_geopackage(projected, staging / UTM33, time=time, log_position=log_position, project=project)
+    write_geopackage(
+        projected, staging / UTM33, time=time, log_position=log_position, project=project, lang=lang
+    )
     tell(f"writing {WGS84}")
     geographic = in_wgs84(projected)
-    write_geopackage(geographic, staging / WGS84, time=time, log_position=log_position)
+    write_geopackage(geographic, staging / WGS84, time=time, log_position=log_position, lang=lang)
     tell(f"writing {GEOJSON}")
     write_geojson(geographic["changes"], "changes", staging / GEOJSON)
 

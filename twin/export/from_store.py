@@ -13,10 +13,12 @@ from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.earth.heights import nn2000_from_ellipsoidal
 from geoloc.locate.combine import cep95_m, ellipse
 from nvdb.datakatalog import SKILTPUNKT
-from twin.decisions.findings import findings_statement, told_reason
+from twin.decisions.findings import findings_statement, latest_findings
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
+from twin.mirror.names import sign_names
 from twin.store import schema
 from twin.store.store import Snapshot, Store
+from twin.words import Lang, SignNames, reason_of
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -28,7 +30,7 @@ _PLACE = ("east_m", "north_m")
 _COVARIANCE = ("cov_ee_m2", "cov_en_m2", "cov_nn_m2")
 
 
-def layers_from_store(store: Store, method: str) -> ExportLayers:
+def layers_from_store(store: Store, method: str, lang: Lang = Lang.EN) -> ExportLayers:
     """Read changes with their decisions, the estimates of one method, the mirror and the drives.
 
     All of it is of one moment, whatever other processes write to the store meanwhile.
@@ -38,16 +40,19 @@ def layers_from_store(store: Store, method: str) -> ExportLayers:
     store : Store
     method : str
         The method whose estimates were matched.
+    lang : Lang, optional
+        Of the findings' reasons.
 
     Returns
     -------
     ExportLayers
         In EPSG:25833.
     """
+    names = sign_names(store)
     with store.snapshot() as view:
         signs = _signs(view)
         return ExportLayers(
-            changes=_changes(view, signs),
+            changes=_changes(view, signs, lang, names),
             estimates=_estimates(view, method),
             nvdb_signs=signs,
             drives=_drives(view, method),
@@ -67,10 +72,10 @@ def _frame(name: str, columns: Columns, geometry: Any = None) -> gpd.GeoDataFram
     return gpd.GeoDataFrame(data, geometry=geometry, crs=EPSG_UTM33)
 
 
-def _changes(view: Snapshot, signs: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
+def _changes(view: Snapshot, signs: gpd.GeoDataFrame, lang: Lang, names: SignNames) -> gpd.GeoDataFrame:
     wanted = [column for column in schema.change.columns if column.name in _names("changes", *_PLACE)]
     found = view.columns(findings_statement(*wanted))
-    found["reason"] = list(map(told_reason, found["reason"], found["kind"], found["note"]))
+    found["reason"] = [reason_of(one.finding, lang, names) for one in latest_findings(view.rows)]
     fetched = dict(zip(signs["nvdb_id"].tolist(), signs["synced_at"].tolist(), strict=True))
     newest = max(fetched.values(), default="")
     last = _last_match(view)

@@ -21,6 +21,7 @@ from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY
 from twin.export.qgis.project import PROJECTS_TABLE, project_row
 from twin.export.qgis.qml import style
 from twin.store.kinds import QUIET, Decision
+from twin.words import Lang
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -53,6 +54,7 @@ def write_geopackage(
     time: str,
     log_position: int = 0,
     project: bool = False,
+    lang: Lang = Lang.EN,
 ) -> None:
     """Write layers with their styles into a new GeoPackage.
 
@@ -68,6 +70,8 @@ def write_geopackage(
         How far the log of decisions has come (:func:`twin.decisions.log.position`).
     project : bool
         With a QGIS project of the layers (:mod:`twin.export.qgis.project`).
+    lang : Lang
+        Of what people read in QGIS.
 
     Raises
     ------
@@ -96,7 +100,9 @@ def write_geopackage(
                 },
                 layer_metadata=_decision_metadata(frame, log_position) if name == "changes" else None,
             )
-    styles = {name: style(name, verdicts=set(frame.get("verdict", ()))) for name, frame in layers.items()}
+    styles = {
+        name: style(name, verdicts=set(frame.get("verdict", ())), lang=lang) for name, frame in layers.items()
+    }
     row = project_row(layers, styles, path.name, time) if project else None
     _finish(draft, path, styles, time, row)
     with closing(sqlite3.connect(path)) as database:

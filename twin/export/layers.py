@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ExportRefusedError
 from twin.store.kinds import Decision, Verdict
+from twin.words import Lang, say
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -24,25 +25,28 @@ class Column:
 
     Attributes
     ----------
-    name : str
+    layer, name : str
     dtype : str
         ``str`` (never null: "" where unknown), ``int64``, ``Int64`` (nullable), ``float64`` (NaN is null),
         ``bool`` or ``datetime64[ms, UTC]`` (NaT is null).
-    alias : str
-        What a person reads in QGIS, without the unit.
     unit : str
         "" where there is none.
     """
 
+    layer: str
     name: str
     dtype: str
-    alias: str
     unit: str = ""
 
     @property
     def label(self) -> str:
-        """Alias and unit, e.g. ``Distance (m)``."""
-        return f"{self.alias} ({self.unit})" if self.unit else self.alias
+        """What a person reads in QGIS, with the unit: ``Distance (m)``."""
+        return self.label_in(Lang.EN)
+
+    def label_in(self, lang: Lang) -> str:
+        """The same in a language."""
+        alias = say(lang, f"alias.{self.layer}.{self.name}")
+        return f"{alias} ({self.unit})" if self.unit else alias
 
 
 TIME = "datetime64[ms, UTC]"
@@ -50,85 +54,85 @@ TIME = "datetime64[ms, UTC]"
 
 COLUMNS: dict[str, tuple[Column, ...]] = {
     "changes": (
-        Column("change_id", "str", "Change"),
-        Column("verdict", "str", "Verdict"),
-        Column("reason", "str", "Reason"),
-        Column("confidence", "float64", "Confidence", "0–1"),
-        Column("nvdb_type", "int64", "NVDB object type"),
-        Column("nvdb_id", "Int64", "NVDB id"),
-        Column("nvdb_version", "Int64", "NVDB version"),
-        Column("skiltnummer_nvdb", "str", "Sign code in NVDB"),
-        Column("skiltnummer_seen", "str", "Sign code seen"),
-        Column("distance_m", "float64", "Distance from NVDB's position", "m"),
-        Column("distance_sigma_m", "float64", "Standard deviation of the distance", "m"),
-        Column("drive_ids", "str", "Drives"),
-        Column("n_sightings", "int64", "Sightings"),
-        Column("decision", "str", "Decision"),
-        Column("cameras", "str", "Cameras"),
-        Column("synced_at", "str", "Fetched from NVDB"),
-        Column("software", "str", "Software"),
-        Column("config_sha256", "str", "Settings (SHA-256)"),
+        Column("changes", "change_id", "str"),
+        Column("changes", "verdict", "str"),
+        Column("changes", "reason", "str"),
+        Column("changes", "confidence", "float64", "0–1"),
+        Column("changes", "nvdb_type", "int64"),
+        Column("changes", "nvdb_id", "Int64"),
+        Column("changes", "nvdb_version", "Int64"),
+        Column("changes", "skiltnummer_nvdb", "str"),
+        Column("changes", "skiltnummer_seen", "str"),
+        Column("changes", "distance_m", "float64", "m"),
+        Column("changes", "distance_sigma_m", "float64", "m"),
+        Column("changes", "drive_ids", "str"),
+        Column("changes", "n_sightings", "int64"),
+        Column("changes", "decision", "str"),
+        Column("changes", "cameras", "str"),
+        Column("changes", "synced_at", "str"),
+        Column("changes", "software", "str"),
+        Column("changes", "config_sha256", "str"),
     ),
     "moves": (
-        Column("change_id", "str", "Change"),
-        Column("verdict", "str", "Verdict"),
-        Column("distance_m", "float64", "Distance from NVDB's position", "m"),
-        Column("distance_sigma_m", "float64", "Standard deviation of the distance", "m"),
+        Column("moves", "change_id", "str"),
+        Column("moves", "verdict", "str"),
+        Column("moves", "distance_m", "float64", "m"),
+        Column("moves", "distance_sigma_m", "float64", "m"),
     ),
     "nvdb_signs": (
-        Column("nvdb_id", "int64", "NVDB id"),
-        Column("nvdb_type", "int64", "NVDB object type"),
-        Column("version", "Int64", "NVDB version"),
-        Column("point_id", "Int64", "Skiltpunkt of the plate"),
-        Column("skiltnummer", "str", "Sign code"),
-        Column("text", "str", "Text on the sign"),
-        Column("own_geometry", "bool", "Has its own geometry"),
-        Column("accuracy_cm", "float64", "Stated accuracy", "cm"),
-        Column("capture_method", "str", "Capture method"),
-        Column("road_reference", "str", "Road reference"),
-        Column("ansiktsside", "str", "Ansiktsside"),
-        Column("last_modified", "str", "Last modified"),
-        Column("synced_at", "str", "Fetched from NVDB"),
+        Column("nvdb_signs", "nvdb_id", "int64"),
+        Column("nvdb_signs", "nvdb_type", "int64"),
+        Column("nvdb_signs", "version", "Int64"),
+        Column("nvdb_signs", "point_id", "Int64"),
+        Column("nvdb_signs", "skiltnummer", "str"),
+        Column("nvdb_signs", "text", "str"),
+        Column("nvdb_signs", "own_geometry", "bool"),
+        Column("nvdb_signs", "accuracy_cm", "float64", "cm"),
+        Column("nvdb_signs", "capture_method", "str"),
+        Column("nvdb_signs", "road_reference", "str"),
+        Column("nvdb_signs", "ansiktsside", "str"),
+        Column("nvdb_signs", "last_modified", "str"),
+        Column("nvdb_signs", "synced_at", "str"),
     ),
     "estimates": (
-        Column("estimate_id", "str", "Estimate"),
-        Column("drive_id", "str", "Drive"),
-        Column("object", "str", "Annotated object"),
-        Column("label", "str", "Annotator's label"),
-        Column("skiltnummer", "str", "Sign codes seen"),
-        Column("nvdb_type", "int64", "NVDB object type"),
-        Column("method", "str", "Method"),
-        Column("n_sightings", "int64", "Sightings"),
-        Column("n_frames", "int64", "Frames"),
-        Column("n_cameras", "int64", "Cameras"),
-        Column("first_seen", TIME, "First seen", "UTC"),
-        Column("last_seen", TIME, "Last seen", "UTC"),
-        Column("range_min_m", "float64", "Shortest distance to the camera", "m"),
-        Column("height_m", "float64", "Ellipsoidal height", "m"),
-        Column("height_nn2000_m", "float64", "Height in NN2000", "m"),
-        Column("sigma_major_m", "float64", "Standard deviation along the error ellipse", "m"),
-        Column("sigma_minor_m", "float64", "Standard deviation across the error ellipse", "m"),
-        Column("sigma_azimuth_deg", "float64", "Error ellipse from true north", "° clockwise"),
-        Column("cep95_m", "float64", "CEP95", "m"),
-        Column("flags", "str", "Flags"),
+        Column("estimates", "estimate_id", "str"),
+        Column("estimates", "drive_id", "str"),
+        Column("estimates", "object", "str"),
+        Column("estimates", "label", "str"),
+        Column("estimates", "skiltnummer", "str"),
+        Column("estimates", "nvdb_type", "int64"),
+        Column("estimates", "method", "str"),
+        Column("estimates", "n_sightings", "int64"),
+        Column("estimates", "n_frames", "int64"),
+        Column("estimates", "n_cameras", "int64"),
+        Column("estimates", "first_seen", TIME, "UTC"),
+        Column("estimates", "last_seen", TIME, "UTC"),
+        Column("estimates", "range_min_m", "float64", "m"),
+        Column("estimates", "height_m", "float64", "m"),
+        Column("estimates", "height_nn2000_m", "float64", "m"),
+        Column("estimates", "sigma_major_m", "float64", "m"),
+        Column("estimates", "sigma_minor_m", "float64", "m"),
+        Column("estimates", "sigma_azimuth_deg", "float64", "° clockwise"),
+        Column("estimates", "cep95_m", "float64", "m"),
+        Column("estimates", "flags", "str"),
     ),
     "ellipses": (
-        Column("estimate_id", "str", "Estimate"),
-        Column("object", "str", "Annotated object"),
-        Column("sigma_major_m", "float64", "Standard deviation along the error ellipse", "m"),
-        Column("sigma_minor_m", "float64", "Standard deviation across the error ellipse", "m"),
-        Column("cep95_m", "float64", "CEP95", "m"),
+        Column("ellipses", "estimate_id", "str"),
+        Column("ellipses", "object", "str"),
+        Column("ellipses", "sigma_major_m", "float64", "m"),
+        Column("ellipses", "sigma_minor_m", "float64", "m"),
+        Column("ellipses", "cep95_m", "float64", "m"),
     ),
     "drives": (
-        Column("drive_id", "str", "Drive"),
-        Column("name", "str", "Name"),
-        Column("started", TIME, "Started", "UTC"),
-        Column("ended", TIME, "Ended", "UTC"),
-        Column("n_frames", "int64", "Frames"),
-        Column("n_sightings", "int64", "Sightings"),
-        Column("annotations_complete", "bool", "Every sign in view annotated"),
-        Column("datum", "str", "Datum of the GNSS"),
-        Column("length_m", "float64", "Length", "m"),
+        Column("drives", "drive_id", "str"),
+        Column("drives", "name", "str"),
+        Column("drives", "started", TIME, "UTC"),
+        Column("drives", "ended", TIME, "UTC"),
+        Column("drives", "n_frames", "int64"),
+        Column("drives", "n_sightings", "int64"),
+        Column("drives", "annotations_complete", "bool"),
+        Column("drives", "datum", "str"),
+        Column("drives", "length_m", "float64", "m"),
     ),
 }
 """Layer → its columns, in order; the geometry comes after them. The first layer belongs on top of the map."""

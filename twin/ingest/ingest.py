@@ -191,7 +191,7 @@ def ingest_drive(
         estimates,
         n_unplaced,
         corrections_of(sighted.adjusted, trajectory),
-        misfits=[misfit.what for misfit in misfits],
+        misfits=[misfit.kind for misfit in misfits],
         absence_gap=gap,
         annotations_sha256=drive.annotations_sha256,
         folder=str(path),

@@ -15,9 +15,11 @@ from geoloc.doubts import Doubt
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.reasons import Reason, stands_far_away
 from geoloc.trajectory.trajectory import Trajectory
+from twin import words
 from twin.drives.drive import Drive
 from twin.drives.folder.notes import DriveDoubt, SkipKind
 from twin.ingest.locate import SightedObjects, adjust_camera
+from twin.words import reasons
 
 _MOST_TURN_DEG = 1.0
 _MOST_OUTLIERS = 0.15
@@ -36,14 +38,19 @@ class Misfit:
 
     Attributes
     ----------
-    what : str
-        A clause, for findings: ``wide is turned by 4.5°``.
+    kind : reasons.Misfit
+        With its facts, for findings.
     sentence : str
-        The same with its cure.
+        The same in English, with its cure.
     """
 
-    what: str
+    kind: reasons.Misfit
     sentence: str
+
+    @property
+    def what(self) -> str:
+        """A clause in English: ``wide is turned by 4.5°``."""
+        return words.sentence(self.kind)
 
 
 def misfits_of(
@@ -68,7 +75,7 @@ def misfits_of(
         return ()
     found = [*_clock_and_shutter(adjusted), *turned_cameras(adjusted)]
     found += [
-        Misfit("its cameras do not agree with one another", doubt.sentence)
+        Misfit(reasons.CamerasDisagree(), doubt.sentence)
         for doubt in id_doubts
         if doubt.kind is DriveDoubt.CAMERAS_DISAGREE
     ]
@@ -102,10 +109,9 @@ def clocks_apart(
 def _clock_and_shutter(adjusted: Adjusted) -> Iterator[Misfit]:
     for doubt in adjusted.doubts:
         if doubt.kind == AdjustmentDoubt.CLOCK:
-            off_ms = abs(adjusted.time_offset_ms.value)
-            yield Misfit(f"its camera clock is {off_ms:.0f} ms off", doubt.sentence)
+            yield Misfit(reasons.ClockOff(abs(adjusted.time_offset_ms.value)), doubt.sentence)
         elif doubt.kind == AdjustmentDoubt.SHUTTER:
-            yield Misfit("its rolling shutter cannot be", doubt.sentence)
+            yield Misfit(reasons.ShutterImpossible(), doubt.sentence)
 
 
 def turned_cameras(adjusted: Adjusted) -> Iterator[Misfit]:
@@ -113,11 +119,11 @@ def turned_cameras(adjusted: Adjusted) -> Iterator[Misfit]:
     for camera, turns in adjusted.boresight_deg.items():
         worst = max(turns, key=lambda turn: abs(turn.value))
         if abs(worst.value) > max(_MOST_TURN_DEG, 5.0 * worst.sigma):
-            turned = f"{camera} is turned by {abs(worst.value):.1f}°"
+            turned = reasons.CameraTurned(camera, abs(worst.value))
             yield Misfit(
                 turned,
-                f"{turned} ± {worst.sigma:.1f}° against its stated angles: check their signs, units and order"
-                " (roll_pitch_yaw), or calibrate it anew.",
+                f"{words.sentence(turned)} ± {worst.sigma:.1f}° against its stated angles: check their signs,"
+                " units and order (roll_pitch_yaw), or calibrate it anew.",
             )
 
 
@@ -127,11 +133,11 @@ def _outliers(drive: Drive, sighted: SightedObjects, adjusted: Adjusted) -> Iter
     outlier = adjusted.rejected[rows] == Reason.OUTLIER
     tried = int((outlier | adjusted.used[rows]).sum())
     if outlier.sum() > _MOST_OUTLIERS * tried:
-        what = f"{int(outlier.sum()):,} of its {tried:,} sightings contradict the others"
+        outliers = int(outlier.sum())
         yield Misfit(
-            what,
-            f"{what.replace('its ', '', 1)}: check calibration, mounting and clock of each camera, and that"
-            " pictures and annotations are of this drive.",
+            reasons.SightingsContradict(outliers, tried),
+            f"{outliers:,} of {tried:,} sightings contradict the others: check calibration, mounting"
+            " and clock of each camera, and that pictures and annotations are of this drive.",
         )
 
 
@@ -150,7 +156,7 @@ def _poor_cameras(drive: Drive, sighted: SightedObjects, budget: ErrorBudget) ->
         if far.sum() > _MOST_FAR * mine.sum() and hit >= _FEW_OBJECTS and hit > 0.5 * of_all:
             px = float(np.quantile(off_px[mine], 1 - _MOST_FAR))
             yield Misfit(
-                f"{camera} does not fit",
+                reasons.CameraPoor(camera),
                 f"{camera} does not fit: {int(far.sum()):,} of its {int(mine.sum()):,} annotations lie far"
                 f" from where the drive places them ({px:.0f} px and more for one in twenty), at {hit} of"
                 f" {of_all} objects; check its calibration (model, size), or that of the other cameras.",

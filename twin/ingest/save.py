@@ -21,6 +21,8 @@ from twin.store.annotation_sets import (
 )
 from twin.store.records import Corrections, Estimate
 from twin.store.store import Row, Store, utc_now
+from twin.words import why_to_json
+from twin.words.reasons import Misfit
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ def save_drive(
     estimates: Sequence[Estimate],
     n_unplaced: int = 0,
     corrections: Corrections | None = None,
-    misfits: Sequence[str] = (),
+    misfits: Sequence[Misfit] = (),
     absence_gap: str = "",
     *,
     annotations_sha256: str = "",
@@ -114,7 +116,7 @@ def save_drive(
         "method": method,
         "n_unplaced": n_unplaced,
         "corrections": {} if corrections is None else corrections.to_json(),
-        "misfits": list(misfits),
+        "misfits": [why_to_json(misfit) for misfit in misfits],
         "absence_gap": absence_gap,
     }
     results: dict[sa.Table, Sequence[Row]] = {

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 from twin.errors import ConfigError
 
@@ -105,3 +107,30 @@ class MatchConfig:
 
 
 _SHARES = frozenset({"own_share", "review_below", "text_alike"})
+
+
+def settings_from(path: Path) -> MatchConfig:
+    """Read settings of matching from the table ``[matching]`` of a TOML file; the others keep their values.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be read, has no such table, or a setting in it is unknown or none that there can be.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8")).get("matching")
+    except OSError as error:
+        told = f"The settings {path} cannot be read ({error.strerror}): name a TOML file."
+        raise ConfigError(told) from error
+    except ValueError as error:
+        raise ConfigError(f"The settings {path} are no TOML ({error}): mend that line.") from error
+    if not isinstance(table, dict):
+        raise ConfigError(f"The settings {path} have no table [matching]: put the settings below that line.")
+    kinds = {field.name: type(field.default) for field in fields(MatchConfig)}
+    for name, value in table.items():
+        if kinds.get(name, bool) is bool:
+            raise ConfigError(f"The settings {path} name {name!r}, which matching does not have: correct it.")
+        if isinstance(value, bool) or not isinstance(value, (int, kinds[name])):
+            number = "a whole number" if kinds[name] is int else "a number"
+            raise ConfigError(f"The settings {path} give {name} as {value!r}: give {number}.")
+    return MatchConfig(**table)

@@ -30,7 +30,7 @@ from twin.matching.poles.same_pole import each_pole_once, may_be_one
 from twin.matching.poles.seen_in import known_marks, marks_of, pictures_of, seen_from
 from twin.matching.save import save_changes
 from twin.matching.sites import Site, along_the_road, mirror_near, sites_from_mirror
-from twin.matching.verdicts.finding import doubt_of, doubtful_as_review
+from twin.matching.verdicts.finding import doubtful_as_review
 from twin.matching.verdicts.judge import judge
 from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store import schema
@@ -38,6 +38,8 @@ from twin.store.kinds import Method, Verdict
 from twin.store.poses import poses_from_blob
 from twin.store.records import Corrections, Estimate, Finding
 from twin.store.store import Row, Snapshot, Store, utc_now
+from twin.words import sentence
+from twin.words.reasons import DriveDoesNotFit, Misfit, misfit_from_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +184,9 @@ def _with_evidence(
     findings: Sequence[Finding], poles: Sequence[ObservedPole], drives: Sequence[_Drive]
 ) -> list[Finding]:
     """Put drives that are not trusted up for review, and add covariances and cameras."""
-    doubted = doubtful_as_review(findings, {drive.drive_id: drive.doubt for drive in drives if drive.misfits})
+    doubted = doubtful_as_review(
+        findings, {drive.drive_id: drive.doubt for drive in drives if drive.doubt is not None}
+    )
     measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in poles}
     watched = _Cameras.of(poles, drives)
     return [
@@ -219,7 +223,7 @@ class _Drive:
     name: str
     started_ns: int
     content_sha256: str
-    misfits: tuple[str, ...]
+    misfits: tuple[Misfit, ...]
     is_complete: bool
     absence_gap: str
     rig: Rig
@@ -237,14 +241,15 @@ class _Drive:
         return self.is_complete and not self.absence_gap and not self.misfits
 
     @property
-    def doubt(self) -> str:
-        """The sentence that says in which ways it does not fit itself; "" where it does."""
-        return doubt_of(self.name, self.misfits)
+    def doubt(self) -> DriveDoesNotFit | None:
+        """In which ways it does not fit itself; None where it does."""
+        return DriveDoesNotFit(self.name, self.misfits) if self.misfits else None
 
     def warnings(self) -> Iterator[str]:
         """What to know of its findings."""
-        if self.misfits:
-            yield f"{self.doubt} Until then its findings are for review, and it shows no sign to be missing."
+        if self.doubt is not None:
+            told = sentence(self.doubt)
+            yield f"{told} Until then its findings are for review, and it shows no sign to be missing."
         elif self.is_complete and self.absence_gap:
             yield f"The drive {self.name} cannot show that a sign is missing: {self.absence_gap}."
 
@@ -277,7 +282,7 @@ def _settings(
                 "content_sha256": drive.content_sha256,
                 "estimates_sha256": digests[drive.drive_id].hexdigest(),
                 "complete": drive.is_evidence,
-                "doubt": drive.doubt,
+                "doubt": "" if drive.doubt is None else sentence(drive.doubt),
             }
             for drive in drives
         },
@@ -350,7 +355,7 @@ def _drives(view: Snapshot, method: str) -> list[_Drive]:
                 started_ns=row["started_ns"],
                 content_sha256=row["content_sha256"],
                 name=row["name"],
-                misfits=tuple(row["misfits"]),
+                misfits=tuple(map(misfit_from_json, row["misfits"])),
                 is_complete=bool(row["annotations_complete"]),
                 absence_gap=row["absence_gap"] or unplaced,
                 rig=rig,

@@ -8,6 +8,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import sqlite
 
 from twin.decisions.reopen import reopen_changed
+from twin.decisions.temporary import settle_road_works
 from twin.matching.poles.keys import Mark
 from twin.store import schema
 from twin.store.records import Finding
@@ -43,7 +44,9 @@ def save_changes(
             keys = [{"member": member, "pole": pole} for member, pole in pole_keys.items()]
             connection.execute(sa.insert(schema.pole_key), keys)
         _remember(connection, pole_keys, marks or {})
-        reopen_changed(connection, utc_now())
+        now = utc_now()
+        reopen_changed(connection, now)
+        settle_road_works(connection, now)
         store.put_fact(connection, "last_match", {"revision": store.view(connection).revision(), **run})
 
 

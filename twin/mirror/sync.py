@@ -29,12 +29,11 @@ from nvdb.mirror import (
 from twin.errors import RefusedError
 from twin.mirror.counts import Counts, by_accuracy, by_capture_method, without_own_geometry
 from twin.mirror.mirror_tables import StoreMirror
+from twin.mirror.names import KATALOG_FACT
 from twin.store.lock import exclusive
 from twin.store.store import Store
 
 log = logging.getLogger("nvdb.sync")
-
-_KATALOG = "datakatalog"
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,9 +347,9 @@ def _sync(
     )
     # Also without news: what was fetched is whole, what ships with this program is not.
     document = katalog.to_document()
-    if katalog is not snapshot() and document != store.fact(_KATALOG):
+    if katalog is not snapshot() and document != store.fact(KATALOG_FACT):
         with store.transaction() as connection:
-            store.put_fact(connection, _KATALOG, document)
+            store.put_fact(connection, KATALOG_FACT, document)
     return _result(store, mirror.counts(), report, katalog, news)
 
 
@@ -361,7 +360,7 @@ def _source(name: str, client: NvdbClient, katalog: Datakatalog) -> Source:
 
 def _katalog(client: NvdbClient, store: Store) -> tuple[Datakatalog, list[str]]:
     """Fetch the datakatalog and say what changed; the known one, where the API has none to give."""
-    fact = store.fact(_KATALOG)
+    fact = store.fact(KATALOG_FACT)
     last = katalog_from_document(fact) if fact else snapshot()
     try:
         fetched = hent_datakatalog(client)

@@ -27,6 +27,8 @@ from twin.store import schema
 from twin.store.records import Corrections, Covariance, Estimate
 from twin.store.schema import METHODS
 from twin.store.store import Snapshot, Store
+from twin.words import sentence
+from twin.words.reasons import misfit_from_json
 
 Row = Mapping[str, Any]
 
@@ -174,7 +176,7 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
         frames=frames,
         cameras=cameras_of(frames),
         corrections=Corrections.from_json(of_method["corrections"]),
-        misfits=tuple(of_method["misfits"]),
+        misfits=tuple(sentence(misfit_from_json(one)) for one in of_method["misfits"]),
         absence_gap=of_method["absence_gap"],
         neighbours=near,
         also=tuple(sorted((r["estimate_id"] for r in also), key=_rank)),

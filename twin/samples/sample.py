@@ -72,8 +72,7 @@ def make_sample(folder: Path | str, seed: int = SEED) -> list[Path]:
         If the folder cannot be written.
     """
     folder = Path(folder)
-    world = replace(scenario("sample"), name=TRIP)
-    drive = simulate_drive(world, seed)
+    drive = sample_drives(seed)[TRIP]
     poles = _nvdb_poles(drive, seed)
     files = write_driveworks_trip(drive, folder / TRIP)
     points = pages(SKILTPUNKT, [skiltpunkt_document(pole) for pole in poles.values()])
@@ -86,6 +85,11 @@ def make_sample(folder: Path | str, seed: int = SEED) -> list[Path]:
         _expected(drive, poles),
     )
     return [*files, *(_write(folder / name, text) for name, text in texts.items())]
+
+
+def sample_drives(seed: int = SEED) -> dict[str, SimulatedDrive]:
+    """Simulate the drives of the sample, by the names of their folders."""
+    return {TRIP: simulate_drive(replace(scenario("sample"), name=TRIP), seed)}
 
 
 def _nvdb_poles(drive: SimulatedDrive, seed: int) -> dict[str, NvdbPole]:

@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from twin.store.kinds import Method, Verdict
+from twin.words import Why, reason_of, why_from_json, why_to_json
+from twin.words.reasons import Reopened, Told
 
 Row = Mapping[str, Any]
 Covariance = tuple[float, float, float]
@@ -122,6 +124,8 @@ class Finding:
     ----------
     change_id : str
         The same finding has the same one in every run (:func:`twin.matching.verdicts.finding.change_id`).
+    why : Why
+        Its reason, as a kind with facts: :func:`twin.words.reason_of` makes the sentence.
     confidence : float
         Probability that the verdict is right; of ``review`` that of the likeliest reading.
     skiltnummer_nvdb, skiltnummer_seen : tuple of str
@@ -136,11 +140,13 @@ class Finding:
         What verdict and confidence rest on, as JSON (``docs/matching.md``).
     cameras : tuple of str
         That saw it, or looked for it.
+    reopened : Reopened or Told, optional
+        What was decided of it and has changed since; not of the match, but of the log of decisions.
     """
 
     change_id: str
     verdict: Verdict
-    reason: str
+    why: Why
     confidence: float
     nvdb_type: int
     nvdb_id: int | None
@@ -156,10 +162,18 @@ class Finding:
     terms: Mapping[str, Any] = field(default_factory=dict)
     covariance_m2: Covariance | None = None
     cameras: tuple[str, ...] = ()
+    reopened: Reopened | Told | None = None
+
+    @property
+    def reason(self) -> str:
+        """The reason in English, without the names of signs."""
+        return reason_of(self)
 
     @classmethod
     def from_row(cls, row: Row) -> Finding:
         """Take it from a row of the table ``change``."""
+        terms = dict(row["terms"] or {})
+        why = terms.pop(_WHY, None)
         covariance = (row["cov_ee_m2"], row["cov_en_m2"], row["cov_nn_m2"])
         return cls(
             **{name: row[name] for name in _SAME_IN_FINDING},
@@ -168,7 +182,9 @@ class Finding:
             skiltnummer_seen=_parts(row["skiltnummer_seen"], ";"),
             drive_ids=_parts(row["drive_ids"], ","),
             cameras=_parts(row["cameras"], ","),
-            terms=row["terms"] or {},
+            # Findings of before reasons were kept as kinds have their sentence alone.
+            why=Told(row["reason"]) if why is None else why_from_json(why),
+            terms=terms,
             covariance_m2=None if None in covariance else covariance,
         )
 
@@ -177,17 +193,21 @@ class Finding:
         return {
             **{name: getattr(self, name) for name in _SAME_IN_FINDING},
             "verdict": self.verdict.value,
+            "reason": self.reason,
             "skiltnummer_nvdb": ";".join(self.skiltnummer_nvdb),
             "skiltnummer_seen": ";".join(self.skiltnummer_seen),
             "drive_ids": ",".join(self.drive_ids),
             "cameras": ",".join(self.cameras),
-            "terms": self.terms,
+            "terms": {**self.terms, _WHY: why_to_json(self.why)},
             **_covariance_columns(self.covariance_m2),
         }
 
 
+_WHY = "why"
+"""Where the row's terms keep the reason."""
+
 _SAME_IN_FINDING = (
-    *("change_id", "reason", "confidence", "nvdb_type", "nvdb_id", "nvdb_version"),
+    *("change_id", "confidence", "nvdb_type", "nvdb_id", "nvdb_version"),
     *("distance_m", "distance_sigma_m", "n_sightings", "east_m", "north_m"),
 )
 

@@ -163,6 +163,11 @@ class Store:
         """Close it."""
         self.close()
 
+    @property
+    def read_only(self) -> StoreError | None:
+        """Why nothing can be written; None where it can."""
+        return self._read_only
+
     @contextmanager
     def transaction(self) -> Iterator[sa.Connection]:
         """Give a connection inside one write transaction: all of it is kept, or nothing.

@@ -146,7 +146,7 @@ def test_decision_stands_while_nothing_really_changes(store: Store, decision: st
         ({"skiltnummer_seen": ""}, "the sign code seen changed from 362.50 to none"),
         ({"skiltnummer_nvdb": "362.30"}, "the sign code in NVDB changed from 362.40 to 362.30"),
         ({"nvdb_version": 2}, "NVDB's version changed from 1 to 2"),
-        ({"verdict": "review"}, "the verdict changed from wrong_type to review"),
+        ({"verdict": "review"}, "the verdict changed from wrong type to review"),
         ({"east_m": EAST + 0.3}, "the measured position moved 0.30 m, out of its 95 % ellipse of then"),
     ],
 )
@@ -419,15 +419,15 @@ def test_explain_says_it_in_one_sentence(store: Store) -> None:
     """Verdict, confidence, reason and decision; of what is gone, the last decision."""
     match(store, change("a", confidence=0.93))
     assert explain_change(store, "a").sentence == (
-        "a is wrong_type, 93.0% sure: Another plate. Nobody has decided yet."
+        "a is wrong type, 93.0% sure: Another plate. Nobody has decided yet."
     )
     match(store, change("a", confidence=0.99999, terms={"log_odds": {"code": -1.6}}))
-    assert explain_change(store, "a").sentence.startswith("a is wrong_type, over 99.9% sure: ")
+    assert explain_change(store, "a").sentence.startswith("a is wrong type, over 99.9% sure: ")
     assert explain_change(store, "a").terms == {"log_odds": {"code": -1.6}}
     decide(store, ["a"], "dismiss", by="kari", reason="road works")
     explained = explain_change(store, "a")
     day = explained.history[0].at[:10]
-    assert explained.sentence.endswith(f"Decision: dismiss, {day} by kari (road works).")
+    assert explained.sentence.endswith(f"Decision: dismissed, {day} by kari (road works).")
     assert [drive.name for drive in explained.drives] == ["trip 1"]
     json.dumps(explained.as_json())
     match(store, new("b", east_m=EAST + 50))

@@ -40,6 +40,7 @@ def test_documented_frames_read() -> None:
         "rear": FrameSettings("rear/"),
         "front": FrameSettings("front.mp4", start_ns=1_781_078_399_123_000_000),
         "left": FrameSettings("left/", utc_offset_hours=2.0),
+        "right": FrameSettings("right/", numbered=True),
     }
 
 

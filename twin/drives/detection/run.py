@@ -123,6 +123,7 @@ def _of_camera(
 ) -> tuple[AnnotationFile, list[Skipped]]:
     camera, epoch_ns = recorded.rig.camera(pictures.camera), recorded.epoch_ns[pictures.camera]
     wanted, n_outside = _wanted(epoch_ns, recorded.span_ns, options.every)
+    wanted &= np.fromiter((pictures.has(frame) for frame in range(wanted.size)), np.bool_, wanted.size)
     lost: Counter[str] = Counter()
     unfit = Counter({"outside the track": n_outside})
     boxes: Counter[str] = Counter()

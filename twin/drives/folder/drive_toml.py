@@ -72,7 +72,7 @@ _KEYS = (
 )
 _INSTANT = 'an instant with its zone, "2026-06-10T07:59:59.123Z"'
 _CAMERA_KEYS = ("intrinsics", "position", "roll_pitch_yaw", "mask")
-_FRAME_KEYS = ("file", "start", "utc_offset_hours")
+_FRAME_KEYS = ("file", "start", "utc_offset_hours", "numbered")
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +87,14 @@ class FrameSettings:
         Epoch of the first frame of a video.
     utc_offset_hours : float or None
         Zone of the times in the names or tags of images.
+    numbered : bool
+        The folder holds some of the frames: the number in an image's name is its frame's.
     """
 
     file: str
     start_ns: int | None = None
     utc_offset_hours: float | None = None
+    numbered: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,7 +367,8 @@ def _frames(table: Mapping[str, Any]) -> dict[str, FrameSettings]:
                 f"{name}.utc_offset_hours", offset, "a number from -14 to 14, 2 in Norwegian summer"
             )
         start_ns = _moment(entry["start"], f"{name}.start") if "start" in entry else None
-        frames[camera] = FrameSettings(file, start_ns, None if offset is None else float(offset))
+        zone = None if offset is None else float(offset)
+        frames[camera] = FrameSettings(file, start_ns, zone, flag_of(entry, "numbered"))
     return frames
 
 

@@ -32,7 +32,8 @@ class Pictures:
     settings : FrameSettings
         `file` is the video or the folder of images; "" where only a table of times names the images.
     images : tuple of str or None
-        Names of the images by frame number, relative to the drive folder; None for a video.
+        Names of the images by frame number, relative to the drive folder; "" for a frame that has none,
+        where the folder holds some frames of many. None for a video.
     """
 
     camera: str
@@ -45,12 +46,14 @@ class Pictures:
         """Name of the video or folder, for messages."""
         return self.settings.file
 
+    def has(self, frame: int) -> bool:
+        """Whether there may be a picture of a frame: for certain only where these are images."""
+        return self.images is None or (0 <= frame < len(self.images) and bool(self.images[frame]))
+
     def frame_of(self) -> Mapping[str, int]:
         """Frame number by the name of an image, with and without its suffix; empty for a video."""
-        images = [PurePosixPath(image) for image in self.images or ()]
-        return {image.stem: i for i, image in enumerate(images)} | {
-            image.name: i for i, image in enumerate(images)
-        }
+        images = [(i, PurePosixPath(image)) for i, image in enumerate(self.images or ()) if image]
+        return {image.stem: i for i, image in images} | {image.name: i for i, image in images}
 
 
 def find_pictures(folder: DriveFolder, settings: DriveSettings, rig: Rig) -> dict[str, Pictures]:
@@ -118,7 +121,24 @@ def _pictures(folder: DriveFolder, camera: str, frames: FrameSettings) -> Pictur
         )
     if len(images) > MAX_FRAME:
         raise DriveError(f"The folder {frames.file} holds {len(images):,} images: split the drive.")
-    return Pictures(camera, folder, frames, images)
+    return Pictures(camera, folder, frames, _by_number(images, frames.file) if frames.numbered else images)
+
+
+def _by_number(images: tuple[str, ...], where: str) -> tuple[str, ...]:
+    """Put images at the last number in their names; frames between them have none."""
+    names: dict[int, str] = {}
+    for image in images:
+        digits = _DIGITS.findall(PurePosixPath(image).stem)
+        number = int(digits[-1]) if digits else -1
+        if not 0 <= number <= MAX_FRAME or number in names:
+            said = "says no frame number" if number < 0 else f"says frame {number:,}"
+            said += f", as {names[number]} does" if number in names else ""
+            raise DriveError(
+                f"{image} {said}: with numbered = true for {where} in {SETTINGS_FILE}, each image is named"
+                " after its frame, as 000012.jpg."
+            )
+        names[number] = image
+    return tuple(names.get(number, "") for number in range(max(names) + 1))
 
 
 def _video_of(folder: DriveFolder, camera: RigCamera) -> str | None:

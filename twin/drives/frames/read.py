@@ -87,6 +87,9 @@ def _images(
             yield from decoded(file, index, fits, faults)
         return
     for number in np.flatnonzero(wanted).tolist():
+        if not pictures.has(number):
+            faults["no picture of this frame"] += 1
+            continue
         try:
             yield number, decoded_image(pictures.folder.peek(pictures.images[number]))
         except (UnusableImageError, DriveError) as error:

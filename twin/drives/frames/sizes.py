@@ -23,7 +23,7 @@ def picture_size(pictures: Pictures) -> tuple[int, int] | None:
                 return video_size(file, pictures.where)
         except DriveError:
             return None  # whoever needs the video says what is wrong with it
-    for image in pictures.images[:_MOST_IMAGES]:
+    for image in [image for image in pictures.images if image][:_MOST_IMAGES]:
         try:
             return image_size(pictures.folder.head(image, HEAD_BYTES))
         except (DriveError, UnusableImageError):

@@ -54,6 +54,8 @@ def times_from_file(content: bytes, file: str, pictures: Pictures | None, *, by_
     if pictures is None or not pictures.where:
         return FrameTimes(epoch_ns, file, skipped, clock=computed(epoch_ns, file))
     warnings: tuple[str, ...] = ()
+    if pictures.settings.numbered:
+        return _some_pictures(pictures, epoch_ns, file, skipped)
     if pictures.images is not None:
         n_frames = len(pictures.images)
     else:
@@ -83,6 +85,8 @@ def times_of_pictures(pictures: Pictures) -> FrameTimes:
     """
     if pictures.images is None:
         return _of_container(pictures, video_index(pictures))
+    if pictures.settings.numbered:
+        raise DriveError(_numbers_only(pictures))
     epoch_ns = _of_images(pictures, pictures.images)
     epoch_ns, late = increasing(epoch_ns, pictures.where)
     stamped_ns = epoch_ns[epoch_ns != NO_STAMP]
@@ -107,7 +111,31 @@ def video_index(pictures: Pictures) -> VideoIndex:
         return index_video(file, pictures.where)
 
 
+def _some_pictures(
+    pictures: Pictures, epoch_ns: IntArray, file: str, skipped: tuple[Skipped, ...]
+) -> FrameTimes:
+    """All stamps stay: which frames have pictures, their names say."""
+    there = np.flatnonzero([bool(image) for image in pictures.images or ()])
+    beyond = int(np.count_nonzero(there >= len(epoch_ns)))
+    if beyond == there.size:
+        raise DriveError(
+            f"Not one image of {pictures.where} is of a frame that {file} has a stamp for: it ends with frame"
+            f" {len(epoch_ns) - 1:,}, the images begin with {there[0]:,}. Give the stamps of this recording."
+        )
+    left_out = (Skipped("frames", pictures.where, beyond, f"no stamp in {file}"),) if beyond else ()
+    return FrameTimes(epoch_ns, file, skipped + left_out, clock=computed(epoch_ns, file))
+
+
+def _numbers_only(pictures: Pictures) -> str:
+    return (
+        f"The images of {pictures.where} are numbered = true in {SETTINGS_FILE}, which says their frames but"
+        " no times: give a file of stamps by frame number under [timestamps]."
+    )
+
+
 def _by_image(content: bytes, file: str, pictures: Pictures | None) -> FrameTimes:
+    if pictures is not None and pictures.settings.numbered:
+        raise DriveError(_numbers_only(pictures))
     times, skipped = read_image_times(content, file)
     if pictures is None or pictures.images is None:
         raise DriveError(

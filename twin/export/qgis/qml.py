@@ -13,13 +13,17 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+from twin.export.layers import COLUMNS
+from twin.store.kinds import Decision, Verdict
+from twin.words import Lang, say, verdict_title
+
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 DOCTYPE = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>"
 
 
-def style(layer: str, *, verdicts: Collection[str]) -> str:
+def style(layer: str, *, verdicts: Collection[str], lang: Lang = Lang.EN) -> str:
     """QML document of a layer.
 
     Parameters
@@ -29,6 +33,8 @@ def style(layer: str, *, verdicts: Collection[str]) -> str:
     verdicts : collection of str
         The verdicts that occur in the layer: the legends of ``changes`` and ``moves`` show these, or all
         where there is none.
+    lang : Lang, optional
+        Of what people read: names of columns, legends and choices.
     """
     from defusedxml.ElementTree import fromstring
 
@@ -41,7 +47,33 @@ def style(layer: str, *, verdicts: Collection[str]) -> str:
     renderer = root.find("renderer-v2")
     if renderer is not None and renderer.get("attr") == "verdict":
         _keep_categories(renderer, verdicts)
+    if lang is not Lang.EN:
+        _translate(root, layer, lang)
     return f"{DOCTYPE}\n{ET.tostring(root, encoding='unicode')}\n"
+
+
+def _translate(root: Element, layer: str, lang: Lang) -> None:
+    """Put another language in the place of the file's English; its values stay what they are."""
+    labels = {column.name: column.label_in(lang) for column in COLUMNS[layer]}
+    for alias in root.iter("alias"):
+        alias.set("name", labels.get(alias.get("field", ""), alias.get("name", "")))
+    for category in root.iter("category"):
+        value = category.get("value")
+        category.set("label", _begun(verdict_title(value, lang)) if value else say(lang, "qgis.other"))
+    choices = {
+        "verdict": {verdict.value: _begun(verdict_title(verdict, lang)) for verdict in Verdict},
+        "decision": {decision.value: say(lang, f"decide.{decision.value}") for decision in Decision},
+    }
+    for field in root.iter("field"):
+        for option in field.iter("Option"):
+            shown = choices.get(field.get("name", ""), {}).get(option.get("value", ""))
+            if shown is not None:
+                option.set("name", shown)
+
+
+def _begun(text: str) -> str:
+    """With a capital, as a label of its own."""
+    return text[:1].upper() + text[1:]
 
 
 def _keep_categories(renderer: Element, verdicts: Collection[str]) -> None:

@@ -13,9 +13,10 @@ from twin.matching.assign import Alternatives
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import moved_density
 from twin.matching.poles.poles import ObservedPole
-from twin.matching.sites import SKILTPUNKT, Site
+from twin.matching.sites import Site
 from twin.store.kinds import Verdict
 from twin.store.records import Finding
+from twin.words.reasons import Doubtful, DriveDoesNotFit, SignSite
 
 
 def change_id(*identity: object) -> str:
@@ -23,11 +24,9 @@ def change_id(*identity: object) -> str:
     return hashlib.sha256("|".join(str(part) for part in identity).encode()).hexdigest()[:12]
 
 
-def name_of(site: Site) -> str:
-    """``Skiltpunkt 17 (202, 808)``."""
-    kind = "Skiltpunkt" if site.nvdb_type == SKILTPUNKT else "Skiltplate"
-    codes = f" ({', '.join(site.codes)})" if site.codes else ""
-    return f"{kind} {site.nvdb_id}{codes}"
+def named(site: Site) -> SignSite:
+    """What a reason says of a site."""
+    return SignSite(site.nvdb_type, site.nvdb_id, site.codes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,19 +116,12 @@ def other_poles(alternatives: Alternatives, poles: Sequence[ObservedPole]) -> li
 _CLAIMS = (Verdict.NEW, Verdict.MOVED, Verdict.WRONG_TYPE, Verdict.MISSING)
 
 
-def doubt_of(name: str, misfits: Sequence[str]) -> str:
-    """Return the sentence that says in which way a drive does not fit itself; "" where it does."""
-    if not misfits:
-        return ""
-    return f"The drive {name} does not fit itself ({'; '.join(misfits)}): mend it and ingest it again."
-
-
-def doubtful_as_review(findings: Sequence[Finding], doubts: Mapping[str, str]) -> list[Finding]:
+def doubtful_as_review(findings: Sequence[Finding], doubts: Mapping[str, DriveDoesNotFit]) -> list[Finding]:
     """Turn what contradicts NVDB into ``review`` where it rests on a drive whose positions are not trusted.
 
     Parameters
     ----------
-    doubts : mapping of drive id to the sentence of `doubt_of`
+    doubts : mapping of drive id to DriveDoesNotFit
         Of the drives that are not trusted alone.
     """
 
@@ -142,7 +134,7 @@ def doubtful_as_review(findings: Sequence[Finding], doubts: Mapping[str, str]) -
             # An id of its own: the same site may have another review.
             change_id=change_id(Verdict.REVIEW, finding.change_id),
             verdict=Verdict.REVIEW,
-            reason=f"{doubt} Else this would be {finding.verdict.replace('_', ' ')}: {finding.reason}",
+            why=Doubtful(doubt, finding.verdict.value, finding.why),
         )
 
     return sorted(map(judged, findings), key=lambda finding: finding.change_id)

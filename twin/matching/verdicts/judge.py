@@ -1,4 +1,4 @@
-"""Pairs and leftovers → verdicts, each with its reason in one sentence and its terms."""
+"""Pairs and leftovers → verdicts, each with its reason and its terms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from twin.matching.sites import SKILTPUNKT, Site
 from twin.matching.verdicts.finding import (
     Offset,
     change_id,
-    name_of,
+    named,
     offset_of,
     other_poles,
     other_sites,
@@ -30,6 +30,25 @@ from twin.matching.verdicts.finding import (
 from twin.matching.verdicts.judge_plates import MatchedPole, plate_findings
 from twin.store.kinds import Verdict
 from twin.store.records import Finding
+from twin.words import Why
+from twin.words.reasons import (
+    AsInNvdb,
+    Basis,
+    CodesAgree,
+    Missing,
+    Moved,
+    New,
+    NewOrKnown,
+    NoOwnPosition,
+    NotObservable,
+    OutsideMirror,
+    PerhapsMissing,
+    StoodHere,
+    TextDiffers,
+    UnsureOfSite,
+    UnsureOrNew,
+    UnsureTakenDown,
+)
 
 
 def judge(
@@ -136,74 +155,68 @@ def _pair(scene: _Scene, index: int, site_index: int) -> list[Finding]:
         terms=_pair_terms(scene, index, site, offset),
     )
     if scene.unsure(index):
-        reason = (
-            f"{name_of(site)} is the likeliest match ({confidence:.0%}), but {_rival(scene, index)} "
-            f"({_why(match)}): look before deciding."
-        )
-        return [_pole_finding(Verdict.REVIEW, reason, match, confidence)]
+        return [_pole_finding(Verdict.REVIEW, _unsure(scene, index, match), match, confidence)]
     plates = plate_findings(match, config)
     findings = plates.findings
     match = replace(match, pole=replace(pole, codes=plates.codes))
     if not site.own_geometry:
-        reason = (
-            f"{name_of(site)} has no position of its own in NVDB, only the road's centre line: here is one, "
-            f"± {pole.sigma_m:.2f} m ({_why(match)})."
-        )
-        return [_pole_finding(Verdict.REVIEW, reason, match, confidence), *findings]
+        lacks = NoOwnPosition(named(site), round(pole.sigma_m, 4), _basis(match))
+        return [_pole_finding(Verdict.REVIEW, lacks, match, confidence), *findings]
     if offset.distance_m - config.tolerance_m > config.moved_quantile * offset.sigma_m:
-        reason = (
-            f"{name_of(site)} stands {offset.distance_m:.2f} m (± {offset.sigma_m:.2f} m) from NVDB's "
-            f"position, beyond the tolerance of {config.tolerance_m:.1f} m ({_why(match)})."
-        )
-        return [_pole_finding(Verdict.MOVED, reason, match, confidence * offset.p_beyond), *findings]
+        moved = Moved(named(site), *_rounded(offset), config.tolerance_m, _basis(match))
+        return [_pole_finding(Verdict.MOVED, moved, match, confidence * offset.p_beyond), *findings]
     if findings:
         return findings
-    reason = (
-        f"{name_of(site)} stands where NVDB has it: {offset.distance_m:.2f} m off, ± {offset.sigma_m:.2f} m "
-        f"({_why(match)})."
-    )
     confidence *= (1 - offset.p_beyond) * plates.p_as_known
-    return [_pole_finding(Verdict.UNCHANGED, reason, match, confidence)]
+    as_known = AsInNvdb(named(site), *_rounded(offset), _basis(match))
+    return [_pole_finding(Verdict.UNCHANGED, as_known, match, confidence)]
 
 
-def _rival(scene: _Scene, index: int) -> str:
-    """What else a pole may be, in words."""
+def _rounded(offset: Offset) -> tuple[float, float]:
+    """Distance and sigma to a tenth of a millimetre."""
+    return round(offset.distance_m, 4), round(offset.sigma_m, 4)
+
+
+def _unsure(scene: _Scene, index: int, match: MatchedPole) -> UnsureTakenDown | UnsureOfSite | UnsureOrNew:
+    """What else a pole may be."""
+    site, p, basis = named(match.site), round(match.confidence, 4), _basis(match)
     if scene.poles[index].p_taken_down > 1 - scene.assignment.confidence_of_pole[index]:
-        return "a later, completely annotated drive passed and did not see it"
+        return UnsureTakenDown(site, p, basis)
     rival = int(scene.assignment.rival_of_pole[index])
-    name = name_of(scene.sites[rival]) if rival >= 0 else "a sign that NVDB does not have"
-    return f"{name} is nearly as likely"
+    if rival >= 0:
+        return UnsureOfSite(site, p, named(scene.sites[rival]), basis)
+    return UnsureOrNew(site, p, basis)
 
 
-def _why(match: MatchedPole) -> str:
-    """The terms of a pair in words."""
+def _basis(match: MatchedPole) -> Basis:
+    """What speaks for and against a pair."""
     pole, site, terms = match.pole, match.site, match.terms["log_odds"]
-    words = [f"a distance of {match.terms['sigmas']:.1f} sigmas"] if site.own_geometry else []
-    if not pole.codes:
-        words.append("its sign code was not annotated")
-    elif site.codes:
-        words.append(_codes_in_words(pole.codes, site.codes))
-    words += [
-        f'though {told["code"]} reads "{told["seen"]}" and in NVDB "{told["nvdb"]}"'
-        for told in match.terms.get("texts", ())
-        if told["differs"]
-    ]
-    if terms["facing"] < 0:
-        words.append("though NVDB says that it faces away")
-    if terms["side"]:
-        words.append("on the side that NVDB says" if terms["side"] > 0 else "though on the other side")
-    n_drives = len(pole.drive_ids)
-    words.append(f"seen in {n_drives} drives" if n_drives > 1 else "seen in one drive")
-    return ", ".join(words)
+    return Basis(
+        sigmas=match.terms["sigmas"] if site.own_geometry else None,
+        codes=_codes_agree(pole.codes, site.codes),
+        n_codes=len(pole.codes),
+        texts=tuple(
+            TextDiffers(told["code"], told["seen"], told["nvdb"])
+            for told in match.terms.get("texts", ())
+            if told["differs"]
+        ),
+        faces_away=terms["facing"] < 0,
+        same_side=terms["side"] > 0 if terms["side"] else None,
+        n_drives=len(pole.drive_ids),
+    )
 
 
-def _codes_in_words(seen: Sequence[str], known: Sequence[str]) -> str:
+def _codes_agree(seen: Sequence[str], known: Sequence[str]) -> CodesAgree:
+    if not seen:
+        return CodesAgree.NOT_ANNOTATED
+    if not known:
+        return CodesAgree.NOT_IN_NVDB
     if Counter(seen) == Counter(known):
-        return "same sign code" if len(seen) == 1 else "same sign codes"
+        return CodesAgree.SAME
     if set(seen) & set(known):
-        return "some of its sign codes"
+        return CodesAgree.SOME
     kin = {family(code) for code in seen} & {family(code) for code in known}
-    return "a code of its family" if kin else "another code"
+    return CodesAgree.FAMILY if kin else CodesAgree.OTHER
 
 
 def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[str, Any]:
@@ -224,12 +237,12 @@ def _pair_terms(scene: _Scene, index: int, site: Site, offset: Offset) -> dict[s
     }
 
 
-def _pole_finding(verdict: Verdict, reason: str, match: MatchedPole, confidence: float) -> Finding:
+def _pole_finding(verdict: Verdict, why: Why, match: MatchedPole, confidence: float) -> Finding:
     pole, site = match.pole, match.site
     return Finding(
         change_id=change_id(verdict, site.nvdb_type, site.nvdb_id),
         verdict=verdict,
-        reason=reason,
+        why=why,
         confidence=confidence,
         nvdb_type=site.nvdb_type,
         nvdb_id=site.nvdb_id,
@@ -247,29 +260,17 @@ def _pole_finding(verdict: Verdict, reason: str, match: MatchedPole, confidence:
 
 
 def _new_pole(scene: _Scene, index: int) -> list[Finding]:
-    pole, config = scene.poles[index], scene.config
+    pole = scene.poles[index]
     rival = int(scene.assignment.rival_of_pole[index])
-    codes = " ".join(pole.codes) or "a sign without an annotated code"
-    verdict = Verdict.REVIEW
-    if not scene.mirrored[index]:
-        reason = (
-            f"{codes} stands here, and the mirror has no sign at all within {config.mirrored_m:.0f} m: is "
-            "this place inside the mirrored area?"
-        )
-    elif scene.unsure(index) and rival >= 0:
-        name = name_of(scene.sites[rival])
-        reason = f"{codes}: either new, or {name} moved or changed: look before deciding."
-    elif scene.unsure(index):
-        reason = f"{codes} stood here, but a later, completely annotated drive passed and did not see it."
-    else:
+    verdict, why = Verdict.REVIEW, _why_new(scene, index, rival)
+    if isinstance(why, New):
         verdict = Verdict.NEW
-        reason = f"{codes} stands here, and no sign of NVDB within {config.gate_m:.0f} m is left for it."
     confidence = scene.confidence(index)
     alternatives = scene.assignment.alternatives_of_pole.get(index, ())
     finding = Finding(
         change_id=change_id(verdict, SKILTPUNKT, pole.key),
         verdict=verdict,
-        reason=reason,
+        why=why,
         confidence=confidence,
         nvdb_type=SKILTPUNKT,
         nvdb_id=None,
@@ -293,6 +294,15 @@ def _new_pole(scene: _Scene, index: int) -> list[Finding]:
     return [finding]
 
 
+def _why_new(scene: _Scene, index: int, rival: int) -> New | OutsideMirror | NewOrKnown | StoodHere:
+    codes, config = scene.poles[index].codes, scene.config
+    if not scene.mirrored[index]:
+        return OutsideMirror(codes, config.mirrored_m)
+    if scene.unsure(index):
+        return NewOrKnown(codes, named(scene.sites[rival])) if rival >= 0 else StoodHere(codes)
+    return New(codes, config.gate_m)
+
+
 def _unseen_site(scene: _Scene, j: int) -> list[Finding]:
     """A site that a complete drive passed, and that no pole belongs to."""
     site, config, frames = scene.sites[j], scene.config, int(scene.views[j])
@@ -302,26 +312,17 @@ def _unseen_site(scene: _Scene, j: int) -> list[Finding]:
     drives = len(scene.drives[j])
     if frames < config.min_views or gone < config.review_below:
         verdict, confidence = Verdict.NOT_OBSERVABLE, 1 - gone
-        reason = (
-            f"{name_of(site)} was not seen, but its front was in view in only {frames} frames of completely "
-            f"annotated drives, and never in {config.min_views} of one drive: that is too few to tell."
-        )
+        why: Why = NotObservable(named(site), frames, config.min_views)
     elif confidence >= config.review_below:
-        verdict = Verdict.MISSING
-        reason = f"{name_of(site)} was not seen, though its place was in view in {frames} frames of " + (
-            "a completely annotated drive." if drives == 1 else f"{drives} completely annotated drives."
-        )
+        verdict, why = Verdict.MISSING, Missing(named(site), frames, drives)
     elif any(i >= 0 and scene.unsure(i) for i, _ in alternatives):
         return []  # The pole that it may be asks the question already.
     else:
-        verdict = Verdict.REVIEW
-        reason = (
-            f"{name_of(site)} was not seen for certain in {frames} frames: a sign near it may be this one."
-        )
+        verdict, why = Verdict.REVIEW, PerhapsMissing(named(site), frames)
     finding = Finding(
         change_id=change_id(verdict, site.nvdb_type, site.nvdb_id),
         verdict=verdict,
-        reason=reason,
+        why=why,
         confidence=confidence,
         nvdb_type=site.nvdb_type,
         nvdb_id=site.nvdb_id,

@@ -13,9 +13,11 @@ from twin.matching.plates.readings import PlateHistory, code_chances, family, is
 from twin.matching.plates.texts import text_pairs
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import SKILTPLATE, Plate, Site
-from twin.matching.verdicts.finding import Offset, change_id, name_of, utc_time
+from twin.matching.verdicts.finding import Offset, change_id, named, utc_time
 from twin.store.kinds import Verdict
 from twin.store.records import Finding
+from twin.words import Why
+from twin.words.reasons import MissingPlate, NewPlate, UnclearType, WrongType, WrongTypeDisputed
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +142,7 @@ def _plate_finding(
     match: MatchedPole,
     identity: tuple[object, ...],
     verdict: Verdict,
-    reason: str,
+    why: Why,
     plate: Plate | None,
     seen: str,
     confidence: float,
@@ -149,7 +151,7 @@ def _plate_finding(
     return Finding(
         change_id=change_id(verdict, SKILTPLATE, *identity),
         verdict=verdict,
-        reason=reason,
+        why=why,
         confidence=confidence,
         nvdb_type=SKILTPLATE,
         nvdb_id=plate.nvdb_id if plate else None,
@@ -171,12 +173,13 @@ def _plate_finding(
 
 
 def _wrong_type(match: MatchedPole, plate: Plate, read: PlateHistory, seen: str, chance: float) -> Finding:
-    reason = f"Skiltplate {plate.nvdb_id} is {plate.code or 'without a code'} in NVDB, but {seen} was seen"
-    reason += f" ({_in_words(read)})." if is_disputed(read) else "."
+    why: Why = WrongType(plate.nvdb_id, plate.code, seen)
+    if is_disputed(read):
+        why = WrongTypeDisputed(plate.nvdb_id, plate.code, seen, _codes(read))
     terms = {"readings": _told(read), "code": round(chance, 4)}
     confidence = match.confidence * chance
     return _plate_finding(
-        match, (plate.nvdb_id, seen), Verdict.WRONG_TYPE, reason, plate, seen, confidence, terms
+        match, (plate.nvdb_id, seen), Verdict.WRONG_TYPE, why, plate, seen, confidence, terms
     )
 
 
@@ -185,21 +188,16 @@ def _unclear_type(
 ) -> Finding:
     """Drives contradict each other, and neither an exchange nor a slip is likely enough."""
     seen = max((code for code in chance if code != plate.code), key=lambda code: chance[code])
-    reason = (
-        f"Skiltplate {plate.nvdb_id} is {plate.code or 'without a code'} in NVDB, and the drives disagree "
-        f"({_in_words(read)}): exchanged or misread, look before deciding."
-    )
+    why = UnclearType(plate.nvdb_id, plate.code, _codes(read))
     terms = {"readings": _told(read), "code": round(chance[seen], 4)}
     confidence = match.confidence * max(chance.values())
     # Its own kind of question: the plate may be a site of its own, with a review of that.
-    return _plate_finding(
-        match, (plate.nvdb_id, "code"), Verdict.REVIEW, reason, plate, seen, confidence, terms
-    )
+    return _plate_finding(match, (plate.nvdb_id, "code"), Verdict.REVIEW, why, plate, seen, confidence, terms)
 
 
-def _in_words(read: PlateHistory) -> str:
-    """``362.50, 362.60, 362.60 in this order``."""
-    return ", ".join(reading.code for reading in read) + " in this order"
+def _codes(read: PlateHistory) -> tuple[str, ...]:
+    """What was read, in this order."""
+    return tuple(reading.code for reading in read)
 
 
 def _told(read: PlateHistory) -> list[dict[str, Any]]:
@@ -212,15 +210,12 @@ def _told(read: PlateHistory) -> list[dict[str, Any]]:
 def _new_plate(match: MatchedPole, seen: str, number: int) -> Finding:
     """One plate more than NVDB has; `number` tells plates of the same code apart."""
     site = match.site
-    reason = f"{seen} was seen on {name_of(site)}, where NVDB has no such plate."
+    why = NewPlate(seen, named(site))
     identity = (site.nvdb_type, site.nvdb_id, seen, *([number] if number else []))
-    return _plate_finding(match, identity, Verdict.NEW, reason, None, seen, match.confidence)
+    return _plate_finding(match, identity, Verdict.NEW, why, None, seen, match.confidence)
 
 
 def _missing_plate(match: MatchedPole, plate: Plate) -> Finding:
-    reason = (
-        f"Skiltplate {plate.nvdb_id} ({plate.code}) was not seen on {name_of(match.site)}, whose other "
-        "plates were, in a completely annotated drive."
-    )
+    why = MissingPlate(plate.nvdb_id, plate.code, named(match.site))
     confidence = match.confidence * match.p_gone
-    return _plate_finding(match, (plate.nvdb_id,), Verdict.MISSING, reason, plate, "", confidence)
+    return _plate_finding(match, (plate.nvdb_id,), Verdict.MISSING, why, plate, "", confidence)

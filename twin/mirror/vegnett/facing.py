@@ -23,12 +23,12 @@ from nvdb.vegnett import (
     stedfester,
     true_azimuth,
 )
+from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import in_chunks, load_vegnett
 from twin.store import schema
 from twin.store.store import Row, Store
 
 _COLUMNS = ("nvdb_id", "ansiktsside", "own_geometry", "east_m", "north_m", "stedfesting")
-_KATALOG_FACT = "datakatalog"
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +183,7 @@ def _named(stedfesting: Sequence[Mapping[str, Any]]) -> _Stedfestet | None:
 
 def _enum_ids(store: Store) -> dict[str, int]:
     """Texts of Ansiktsside, folded → enum ids: of the shipped datakatalog and of the one last fetched."""
-    fact = store.fact(_KATALOG_FACT)
+    fact = store.fact(KATALOG_FACT)
     katalogs: list[Datakatalog] = [snapshot(), *([katalog_from_document(fact)] if fact else [])]
     return {
         _folded(str(text)): enum_id

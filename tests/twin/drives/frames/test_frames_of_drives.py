@@ -67,6 +67,49 @@ def test_broken_video_beside_good_stamps_costs_a_warning(small: Any, content: by
     assert any(said in warning.sentence for warning in drive.warnings)
 
 
+NUMBERED = '[frames.front]\nfile = "some/"\nnumbered = true\n'
+
+
+def test_some_frames_as_images_keep_the_numbers_in_their_names(small: Any) -> None:
+    """Every third frame was cut out: all stamps stay, and each picture is that of its own frame."""
+    for number in (0, 3, 6):
+        small.add(f"some/frame_{number:06d}.jpg", small.movies.jpeg())
+    small.settings(NUMBERED)
+    small.stamps(10)
+    small.annotate_video(3)
+    drive = small.read()
+    pictures, epoch_ns = drive.pictures["front"], drive.frame_epoch_ns["front"]
+    assert len(epoch_ns) == 10
+    assert [frame for frame in range(12) if pictures.has(frame)] == [0, 3, 6]
+    faults: Counter[str] = Counter()
+    decoded = list(frames(pictures, epoch_ns, np.ones(10, dtype=np.bool_), faults))
+    assert [frame.number for frame in decoded] == [0, 3, 6]
+    assert faults == {"no picture of this frame": 7}
+
+
+@pytest.mark.parametrize(
+    ("names", "stamps", "said"),
+    [
+        (("a.jpg",), 10, r"some/a.jpg says no frame number: .* each image is named"),
+        (("a_3.jpg", "b_003.jpg"), 10, r"b_003.jpg says frame 3, as some/a_3.jpg does"),
+        (("20.jpg",), 10, r"Not one image of some/ is of a frame that front.timestamps has a stamp for"),
+        (("3.jpg",), 0, r"numbered = true in drive.toml, which says their frames but no times"),
+    ],
+)
+def test_numbered_images_that_do_not_fit_are_told(
+    small: Any, names: tuple[str, ...], stamps: int, said: str
+) -> None:
+    """Names without a number, two of one frame, another recording's, and numbers without times."""
+    for name in names:
+        small.add(f"some/{name}", small.movies.jpeg())
+    small.settings(NUMBERED)
+    if stamps:
+        small.stamps(stamps)
+    small.annotate_video(3)
+    with pytest.raises(DriveError, match=said):
+        small.read()
+
+
 @pytest.mark.parametrize("zone", [2.0, 2])
 def test_images_are_timed_by_their_names(small: Any, zone: float) -> None:
     """A frame's number is the image's place in the folder, its time stands in its name."""

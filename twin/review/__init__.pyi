@@ -1,0 +1,2 @@
+from .app import ReviewOptions as ReviewOptions
+from .app import review_app as review_app

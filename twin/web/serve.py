@@ -1,0 +1,115 @@
+"""Listen, say where, and serve until Ctrl-C."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import socket
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from twin.errors import ConfigError, RefusedError
+from twin.web.guard import Address
+
+if TYPE_CHECKING:
+    import uvicorn
+    from starlette.types import ASGIApp
+
+LOOPBACK = "127.0.0.1"
+_PATIENCE_S = 2
+"""How long answers under way may take after Ctrl-C."""
+
+
+def listening(host: str = LOOPBACK, port: int = 0) -> tuple[socket.socket, Address]:
+    """Take a port, so that its number is known before anything is served.
+
+    Parameters
+    ----------
+    host : str
+        One address of this machine, as others will write it.
+    port : int
+        0 for any that is free.
+
+    Raises
+    ------
+    ConfigError
+        The host is every address at once, or none of this machine's.
+    RefusedError
+        The port is taken, or this user may not take it.
+    """
+    if _is_every_address(host):
+        raise ConfigError(
+            f"--host {host} would listen on every network of this machine: name the one address that others "
+            "will write in their browser."
+        )
+    try:
+        resolved = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)[0][4]
+    except OSError as error:
+        raise ConfigError(f"--host {host} is no address of this machine ({error.strerror}).") from error
+    taken = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":
+            # A server that has just ended leaves its port in TIME_WAIT; on Windows this would share a port.
+            taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        taken.bind(resolved)
+        taken.listen(128)
+    except OSError as error:
+        taken.close()
+        raise RefusedError(
+            f"The port {port} of {host} cannot be used ({error.strerror}): name another --port, "
+            "or none for one that is free."
+        ) from error
+    return taken, Address(host, int(taken.getsockname()[1]))
+
+
+def serve(app: ASGIApp, listener: socket.socket, *, ready: Callable[[], None]) -> None:
+    """Serve until Ctrl-C or SIGTERM.
+
+    Parameters
+    ----------
+    app : ASGIApp
+    listener : socket
+        Of :func:`listening`; closed at the end.
+    ready : callable
+        Called once, when requests wait to be answered.
+    """
+    with listener:
+        ready()
+        try:
+            server_of(app).run(sockets=[listener])
+        except KeyboardInterrupt:
+            # Uvicorn ends in order and then raises it again: this is how a server is ended.
+            return
+
+
+def server_of(app: ASGIApp) -> uvicorn.Server:
+    """Make the server that :func:`serve` runs: it says little, and trusts no header about who asks."""
+    import uvicorn
+
+    config = uvicorn.Config(
+        app,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        lifespan="off",
+        ws="none",
+        timeout_graceful_shutdown=_PATIENCE_S,
+    )
+    return uvicorn.Server(config)
+
+
+def may_open_browser() -> bool:
+    """Whether a browser of this machine would be seen: somebody sits at a terminal and has a screen."""
+    has_screen = sys.platform in {"darwin", "win32"} or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    return has_screen and sys.stderr.isatty()
+
+
+def _is_every_address(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return not host
