@@ -151,7 +151,9 @@ def test_network_without_people_among_its_classes_is_refused(tmp_path: Path) -> 
 
 def test_people_at_the_edge_of_the_picture_are_masked(tmp_path: Path) -> None:
     """A detector of signs leaves out what the edge cuts, what is small and what overlaps; a masker must not."""
-    boxes = [[[-5, 5, 30, 70, 0.9, 0], [50, 20, 52, 22, 0.2, 0], [0, 5, 33, 70, 0.8, 0], [9, 9, 20, 20, 0.05, 0]]]
+    boxes = [
+        [[-5, 5, 30, 70, 0.9, 0], [50, 20, 52, 22, 0.2, 0], [0, 5, 33, 70, 0.8, 0], [9, 9, 20, 20, 0.05, 0]]
+    ]
     path = Networks().constant(tmp_path / "people.onnx", np.array(boxes), "{0: 'person', 1: 'car'}")
     found = NetworkMasker(path).find(np.zeros((64, 96, 3), np.uint8), (0, 0, 96, 64))
     assert len(found.boxes_px) == 3
