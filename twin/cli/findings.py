@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 _UNDO = "undo"
-"""The terms of :data:`twin.matching.likelihood.TERMS` in plain words."""
 
 
 @dataclass(frozen=True, slots=True)
