@@ -106,9 +106,9 @@ def views(
     usable = np.flatnonzero(poses.valid)
     for start in range(0, usable.size, _CHUNK):
         pose, site = _pairs(poses, usable[start : start + _CHUNK], lat, lon, reach)
-        point = _points_in_rig(poses, pose, lat[site], lon[site], height[site])
+        point = points_in_rig(poses, pose, lat[site], lon[site], height[site])
         for camera in chosen:
-            pixel, distance, seen = _seen(camera, point, margin_px)
+            pixel, distance, seen = seen_by(camera, point, margin_px)
             with np.errstate(invalid="ignore"):
                 seen &= (distance >= min_range_m) & (distance <= max_range_m)
             name = np.full(int(seen.sum()), camera.name)
@@ -137,10 +137,26 @@ def _pairs(
     return np.concatenate(found_pose), np.concatenate(found_site)
 
 
-def _points_in_rig(
+def points_in_rig(
     poses: Poses, pose: IntArray, lat: FloatArray, lon: FloatArray, height: FloatArray
 ) -> FloatArray:
-    """Sites in the rig frame of their poses: on its ground plane where the height is unknown."""
+    """Give places in the rig frame of their poses: on its ground plane where the height is unknown.
+
+    Parameters
+    ----------
+    poses : Poses (n,)
+    pose : int64 (m,)
+        Which of them each place is seen from.
+    lat, lon : float64 (m,)
+        Degrees.
+    height : float64 (m,)
+        Ellipsoidal; NaN where unknown.
+
+    Returns
+    -------
+    float64 (m, 3)
+        FLU, metres.
+    """
     east, north = metres_per_degree(poses.latitude_deg[pose])
     de, dn = (lon - poses.longitude_deg[pose]) * east, (lat - poses.latitude_deg[pose]) * north
     enu_R_rig = rotation_enu_from_rig(poses.heading_deg[pose], poses.pitch_deg[pose], poses.roll_deg[pose])
@@ -150,10 +166,27 @@ def _points_in_rig(
     return np.asarray(np.einsum("nij,ni->nj", enu_R_rig, np.stack([de, dn, up], axis=1)))
 
 
-def _seen(
+def seen_by(
     camera: RigCamera, point_rig_m: FloatArray, margin_px: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Project points of the rig frame; pixel, horizontal distance from the camera, and whether it shows."""
+    """Project points of the rig frame.
+
+    Parameters
+    ----------
+    camera : RigCamera
+    point_rig_m : float64 (m, 3)
+    margin_px : float
+        Nearer to the edge of the picture than this does not count as shown.
+
+    Returns
+    -------
+    pixel_px : float64 (m, 2)
+        NaN outside the camera model's domain.
+    distance_m : float64 (m,)
+        Horizontal, from the camera.
+    seen : bool (m,)
+        Whether it shows: inside the picture, and not on the car itself.
+    """
     offset = point_rig_m - camera.rig_t_camera_m
     pixel, seen = camera.model.pixel_from_camera_point(offset @ camera.rig_R_camera)
     with np.errstate(invalid="ignore"):

@@ -67,6 +67,7 @@ class _Commands(_LazyGroup):
         "match": "findings",
         "explain": "findings",
         "decide": "findings",
+        "evidence": "evidence",
         "export": "export",
         "qgis": "export",
         "submit": "submit",

@@ -141,6 +141,7 @@ def sighting_rows(
     numbers = {
         "u_px": notes.pixel_px[index, 0],
         "v_px": notes.pixel_px[index, 1],
+        **_box_sizes(notes.box_px[index]),
         "east_m": east,
         "north_m": north,
         "cov_ee_m2": covariance[:, 0, 0],
@@ -178,10 +179,16 @@ def _interpolated_rows(drive: Drive) -> Iterator[dict[str, Any]]:
     notes = drive.interpolated
     epoch_ns = epochs_of(notes, drive.frame_epoch_ns) + drive.camera_offset_ns
     why = sentence_of(Reason.INTERPOLATED, max_range_m=MAX_RANGE_M, span_ns=(0, 0))
+    sizes = {name: _none_for_nan(size) for name, size in _box_sizes(notes.box_px).items()}
     columns = (notes.object, notes.camera, notes.frame, epoch_ns, notes.kind, *notes.pixel_px.T)
-    names = ("object", "camera", "frame", "epoch_ns", "kind", "u_px", "v_px")
-    for values in zip(*(column.tolist() for column in columns), strict=True):
+    names = ("object", "camera", "frame", "epoch_ns", "kind", "u_px", "v_px", *sizes)
+    for values in zip(*(column.tolist() for column in columns), *sizes.values(), strict=True):
         yield {**dict(zip(names, values, strict=True)), "rejected": why, "is_measured": False}
+
+
+def _box_sizes(box_px: FloatArray) -> dict[str, FloatArray]:
+    """Width and height of boxes; NaN for points."""
+    return {"width_px": box_px[:, 2] - box_px[:, 0], "height_px": box_px[:, 3] - box_px[:, 1]}
 
 
 def _why_rejected(sighted: SightedObjects, trajectory: Trajectory) -> list[str]:

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 10
+VERSION = 11
 """Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
 metadata = sa.MetaData()
@@ -200,6 +200,8 @@ sighting = sa.Table(
     sa.Column("rejected", sa.String, nullable=False),
     # False: the annotation tool interpolated it; the object was in view, and the reason stands in `rejected`.
     sa.Column("is_measured", sa.Boolean, nullable=False),
+    sa.Column("width_px", sa.Float),  # of a box; null for a foot, and of drives read before schema 11
+    sa.Column("height_px", sa.Float),
 )
 
 estimate = sa.Table(
@@ -358,6 +360,57 @@ sent = sa.Table(
     sa.UniqueConstraint("tag", "change_id"),
 )
 """What was sent to API Skriv: a row for each finding of each set, written before the request."""
+
+crop = sa.Table(
+    "crop",
+    metadata,
+    sa.Column("change_id", sa.String, primary_key=True),
+    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),  # 0 is the best view
+    sa.Column("role", sa.String, primary_key=True),  # twin.evidence.Role
+    sa.Column("drive_id", sa.String, nullable=False),
+    sa.Column("camera", sa.String, nullable=False),
+    sa.Column("frame", sa.Integer, nullable=False),
+    sa.Column("epoch_ns", sa.BigInteger, nullable=False),
+    sa.Column("range_m", sa.Float, nullable=False),
+    sa.Column("sha256", sa.String, nullable=False, index=True),  # of the WebP file
+    sa.Column("width_px", sa.Integer, nullable=False),
+    sa.Column("height_px", sa.Integer, nullable=False),
+    sa.Column("is_masked", sa.Boolean, nullable=False),
+    sa.Column("proof", sa.JSON, nullable=False),  # twin.evidence.MaskProof
+)
+"""Crops of pictures that show a finding; the files lie beside the store (:mod:`twin.evidence.files`)."""
+
+crop_gap = sa.Table(
+    "crop_gap",
+    metadata,
+    sa.Column("id", ROWID, primary_key=True),
+    sa.Column("change_id", sa.String, nullable=False, index=True),
+    sa.Column("drive_id", sa.String, nullable=False),
+    sa.Column("kind", sa.String, nullable=False),  # twin.evidence.GapKind
+    sa.Column("sentence", sa.String, nullable=False),
+)
+"""Why a finding has no crops, or fewer than it could have."""
+
+crop_log = sa.Table(
+    "crop_log",
+    metadata,
+    sa.Column("id", ROWID, primary_key=True),
+    sa.Column("at", sa.String, nullable=False),  # UTC
+    sa.Column("kind", sa.String, nullable=False),  # unmasked, forgotten
+    sa.Column("by", sa.String, nullable=False),
+    sa.Column("reason", sa.String, nullable=False),
+    sa.Column("n_crops", sa.Integer, nullable=False),
+    sa.Column("change_ids", sa.JSON, nullable=False),
+)
+"""When crops were made without masks, and when crops were deleted: rows are added, never changed."""
+
+CROP_LOG_RULES = tuple(
+    f"CREATE TRIGGER crop_log_{name} BEFORE {act} ON crop_log "
+    "BEGIN SELECT RAISE(ABORT, 'the log of crops is never changed'); END"
+    for name, act in (("keeps", "UPDATE"), ("stays", "DELETE"))
+)
+for _rule in CROP_LOG_RULES:
+    sa.event.listen(metadata, "after_create", sa.DDL(_rule))  # type: ignore[no-untyped-call]
 
 
 METHODS = tuple(Method)

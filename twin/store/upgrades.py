@@ -111,5 +111,53 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "ORDER BY k.rowid"
         ),
     ),
+    10: (
+        "ALTER TABLE sighting ADD COLUMN width_px FLOAT",
+        "ALTER TABLE sighting ADD COLUMN height_px FLOAT",
+        "ALTER TABLE sighting_kept RENAME TO sighting_kept_10",
+        (
+            "CREATE TABLE sighting_kept (drive_id VARCHAR NOT NULL, method VARCHAR NOT NULL, number "
+            "INTEGER NOT NULL, object VARCHAR NOT NULL, camera VARCHAR NOT NULL, frame INTEGER NOT NULL, "
+            "epoch_ns BIGINT NOT NULL, kind VARCHAR NOT NULL, u_px FLOAT NOT NULL, v_px FLOAT NOT NULL, "
+            "east_m FLOAT, north_m FLOAT, cov_ee_m2 FLOAT, cov_en_m2 FLOAT, cov_nn_m2 FLOAT, range_m "
+            "FLOAT, speed_mps FLOAT, residual_u_px FLOAT, residual_v_px FLOAT, eye_east_m FLOAT, "
+            "eye_north_m FLOAT, rejected VARCHAR NOT NULL, is_measured BOOLEAN NOT NULL, width_px FLOAT, "
+            "height_px FLOAT, annotation_set INTEGER NOT NULL, PRIMARY KEY (drive_id, method, number, "
+            "annotation_set))"
+        ),
+        (
+            "INSERT INTO sighting_kept SELECT drive_id, method, number, object, camera, frame, epoch_ns, "
+            "kind, u_px, v_px, east_m, north_m, cov_ee_m2, cov_en_m2, cov_nn_m2, range_m, speed_mps, "
+            "residual_u_px, residual_v_px, eye_east_m, eye_north_m, rejected, is_measured, NULL, NULL, "
+            "annotation_set FROM sighting_kept_10"
+        ),
+        "DROP TABLE sighting_kept_10",
+        (
+            "CREATE TABLE crop (change_id VARCHAR NOT NULL, number INTEGER NOT NULL, role VARCHAR NOT NULL, "
+            "drive_id VARCHAR NOT NULL, camera VARCHAR NOT NULL, frame INTEGER NOT NULL, epoch_ns BIGINT NOT "
+            "NULL, range_m FLOAT NOT NULL, sha256 VARCHAR NOT NULL, width_px INTEGER NOT NULL, height_px "
+            "INTEGER NOT NULL, is_masked BOOLEAN NOT NULL, proof JSON NOT NULL, PRIMARY KEY (change_id, "
+            "number, role))"
+        ),
+        "CREATE INDEX ix_crop_sha256 ON crop (sha256)",
+        (
+            "CREATE TABLE crop_gap (id INTEGER NOT NULL PRIMARY KEY, change_id VARCHAR NOT NULL, drive_id "
+            "VARCHAR NOT NULL, kind VARCHAR NOT NULL, sentence VARCHAR NOT NULL)"
+        ),
+        "CREATE INDEX ix_crop_gap_change_id ON crop_gap (change_id)",
+        (
+            "CREATE TABLE crop_log (id INTEGER NOT NULL PRIMARY KEY, at VARCHAR NOT NULL, kind VARCHAR NOT "
+            'NULL, "by" VARCHAR NOT NULL, reason VARCHAR NOT NULL, n_crops INTEGER NOT NULL, change_ids JSON '
+            "NOT NULL)"
+        ),
+        (
+            "CREATE TRIGGER crop_log_keeps BEFORE UPDATE ON crop_log "
+            "BEGIN SELECT RAISE(ABORT, 'the log of crops is never changed'); END"
+        ),
+        (
+            "CREATE TRIGGER crop_log_stays BEFORE DELETE ON crop_log "
+            "BEGIN SELECT RAISE(ABORT, 'the log of crops is never changed'); END"
+        ),
+    ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

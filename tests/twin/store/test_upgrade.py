@@ -19,15 +19,17 @@ SINCE_9 = ("annotation_set", *(table.name for table in schema.KEPT.values()))
 
 
 SINCE_10 = ("known_mark",)
+SINCE_11 = ("crop", "crop_gap", "crop_log")
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 to 9 wrote it, with one decision."""
+    """Make a store as version 4 to 10 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
         for table in ("sighting", "sighting_kept"):
-            raw.execute(f"ALTER TABLE {table} DROP COLUMN is_measured")
-        for table in (*SINCE_10, *(SINCE_9 if version < 9 else ())):
+            for column in ("width_px", "height_px", *(["is_measured"] if version < 10 else [])):
+                raw.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
+        for table in (*SINCE_11, *(SINCE_10 if version < 10 else ()), *(SINCE_9 if version < 9 else ())):
             raw.execute(f"DROP TABLE {table}")
         if version < 8:
             raw.execute("DROP TABLE sent")
@@ -47,7 +49,7 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9])
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
@@ -62,7 +64,7 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
 
 
 @pytest.mark.parametrize(
-    "table", ["estimate", "change", "drive_method", "sent", "sighting", *SINCE_9, *SINCE_10]
+    "table", ["estimate", "change", "drive_method", "sent", "sighting", *SINCE_9, *SINCE_10, *SINCE_11]
 )
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
     """Column by column, in the same order."""
@@ -121,7 +123,8 @@ def test_drives_of_an_older_store_are_annotation_sets_that_count(tmp_path: Path)
 def test_sightings_of_a_store_of_version_9_were_all_measured(tmp_path: Path) -> None:
     """Those that count and those that are kept beside them, with all that was known of them."""
     path = older(tmp_path / "twin.db", 9)
-    of_one = {c.name: 0 for c in schema.sighting.columns if c.name != "is_measured"}
+    since = {"is_measured", "width_px", "height_px"}
+    of_one = {c.name: 0 for c in schema.sighting.columns if c.name not in since}
     with sqlite3.connect(path) as raw:
         for table, one in (("sighting", of_one), ("sighting_kept", {**of_one, "annotation_set": 1})):
             raw.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(one))})", list(one.values()))
@@ -132,7 +135,7 @@ def test_sightings_of_a_store_of_version_9_were_all_measured(tmp_path: Path) -> 
             (schema.KEPT[schema.sighting], {"annotation_set": 1}),
         ):
             (read,) = store.rows(sa.select(*(sa.cast(c, sa.Integer).label(c.name) for c in table.columns)))
-            assert read == of_one | {"is_measured": 1} | more
+            assert read == of_one | {"is_measured": 1, "width_px": None, "height_px": None} | more
 
 
 def test_poles_of_an_older_store_are_known_again(store: Path) -> None:

@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.drives.detection.yolo_output import Detections, candidates, kept, letterboxed
+from twin.drives.detection.yolo_output import (
+    Detections,
+    Letterbox,
+    candidates,
+    kept,
+    letterboxed,
+    strong,
+)
 from twin.errors import ConfigError, DriveError
 
 DEFAULT_SIZE_PX = 640
@@ -85,6 +92,19 @@ class Detector:
         DriveError
             If the network cannot be run, or its output is not of the contract.
         """
+        boxes, letterbox = self._run(image)
+        rows, columns = image.shape[:2]
+        return kept(boxes, letterbox, (columns, rows), threshold, faults)
+
+    def find_all(self, image: NDArray[np.uint8], threshold: float) -> Detections:
+        """As `find`, with boxes that are small, overlap others or are cut by the edge of the picture.
+
+        Where something must not be overlooked, no box is one too many.
+        """
+        boxes, letterbox = self._run(image)
+        return strong(boxes, letterbox, threshold)
+
+    def _run(self, image: NDArray[np.uint8]) -> tuple[Detections, Letterbox]:
         blob, letterbox = letterboxed(image, *self.input_px)
         try:
             output = self._session.run(None, {self._input: blob})[0]
@@ -93,9 +113,7 @@ class Detector:
                 f"{self.where} cannot be run on pictures of {self.input_px[0]} x {self.input_px[1]} pixels"
                 f" ({_first_line(error)}): export it with a fixed input size."
             ) from error
-        boxes = candidates(_floats(output, self.where), len(self.names) or None, self.where)
-        rows, columns = image.shape[:2]
-        return kept(boxes, letterbox, (columns, rows), threshold, faults)
+        return candidates(_floats(output, self.where), len(self.names) or None, self.where), letterbox
 
 
 def _content(path: Path) -> bytes:

@@ -192,6 +192,13 @@ def kept(
     return Detections(image_box[usable], found.score[chosen_rows], found.class_index[chosen_rows])
 
 
+def strong(found: Detections, letterbox: Letterbox, threshold: float) -> Detections:
+    """Every box of `candidates` with a sufficient score, in pixels of the picture; nothing is suppressed."""
+    with np.errstate(invalid="ignore"):
+        rows = np.flatnonzero((found.score >= threshold) & np.isfinite(found.box_px).all(axis=1))
+    return Detections(_in_picture(found.box_px[rows], letterbox), found.score[rows], found.class_index[rows])
+
+
 def _in_picture(box: FloatArray, letterbox: Letterbox) -> FloatArray:
     """Pixels of the input, from its corner → pixels of the picture, from the centre of its first pixel."""
     pad = np.array(letterbox.pad * 2, dtype=np.float64)

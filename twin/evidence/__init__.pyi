@@ -1,0 +1,13 @@
+from .crops import Crop as Crop
+from .crops import Gap as Gap
+from .crops import GapKind as GapKind
+from .crops import MaskProof as MaskProof
+from .crops import Role as Role
+from .crops import crops_of as crops_of
+from .crops import exportable_crops as exportable_crops
+from .crops import gaps_of as gaps_of
+from .files import crop_file as crop_file
+from .forgetting import Forgotten as Forgotten
+from .forgetting import forget as forget
+from .make import EvidenceReport as EvidenceReport
+from .make import make_evidence as make_evidence
