@@ -122,6 +122,8 @@ def demo(
             "drives": f"{numbers['drives']}, with {numbers['pictures']} painted pictures",
             "sightings": numbers["sightings"],
             "estimates": numbers["estimates"],
+            "findings with pictures": f"{report.evidence.n_with_crops} of {report.evidence.n_findings}, "
+            f"{report.evidence.n_crops} crops",
         },
     )
     print_table(

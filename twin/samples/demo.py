@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from twin.errors import TwinError
+from twin.evidence import EvidenceReport, make_evidence
 from twin.export import export_findings, render_png
 from twin.export.from_store import layers_from_store
 from twin.ingest.ingest import IngestReport, ingest_drive
@@ -30,6 +31,7 @@ class DemoReport:
     drives: tuple[IngestReport, ...]
     pictures: tuple[PicturesReport, ...]
     match: MatchReport
+    evidence: EvidenceReport
     evaluation: Evaluation
     expected: dict[str, int]
     """Verdict → how many the sample was made to hold."""
@@ -82,6 +84,8 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
                 drives.append(ingest_drive(store, out / trip.name, method=method, progress=progress))
         say("matching")
         found = match(store, progress=progress)
+        say("cutting out the pictures of the findings")
+        evidence = make_evidence(store, progress=progress)
         say("exporting")
         files = export_findings(store, out, project=True, progress=progress).files
         render_png(layers_from_store(store, found.method), out / "changes.png")
@@ -92,6 +96,7 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
         drives=tuple(drives),
         pictures=tuple(pictures),
         match=found,
+        evidence=evidence,
         evaluation=evaluation,
         expected=_expected(sample / "expected_changes.csv"),
         files=(*files, out / "changes.png", *figures),
@@ -114,6 +119,7 @@ def summary(report: DemoReport) -> dict[str, Any]:
         "signs_synced": {"skiltpunkt": report.sync.skiltpunkt, "skiltplate": report.sync.skiltplate},
         "drives": len({drive.drive_id for drive in report.drives}),
         "pictures": sum(drive.n_pictures for drive in report.pictures),
+        "crops": report.evidence.n_crops,
         "sightings": sum(drive.n_sightings for drive in best),
         "estimates": sum(drive.n_estimates for drive in best),
         "verdicts": {k: v for k, v in report.match.verdicts.items() if v},
