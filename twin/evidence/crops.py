@@ -76,8 +76,10 @@ class MaskProof:
         Of the crop's pixels: made unrecognisable, made coarse, left as they were.
     hidden_px, softened_px, window_px : float
         Sides of the squares that the picture was averaged over there; 0 where nothing was.
+    place_px : (left, top, right, bottom)
+        Which part of the frame the crop shows; the last two are outside.
     of_frame : float
-        Share of the frame that the crop shows.
+        What share of it that is.
     software : str
     """
 
@@ -93,6 +95,7 @@ class MaskProof:
     hidden_px: float
     softened_px: float
     window_px: float
+    place_px: tuple[int, int, int, int]
     of_frame: float
     software: str
 
@@ -104,6 +107,7 @@ class MaskProof:
             "faces_px": tuple(tuple((u, v) for u, v in polygon) for polygon in document["faces_px"]),
             "boxes_px": tuple((left, top, right, low) for left, top, right, low in document["boxes_px"]),
             "labels": tuple(document["labels"]),
+            "place_px": tuple(document["place_px"]),
         }
         return cls(**{**document, **told})
 

@@ -26,6 +26,7 @@ _CENTRE_HALF_M = 0.5
 _NEAR_M, _GROUND_MARGIN_M = 6.0, 0.4
 """NVDB's position is shown up to so far from the foot, and both with so much ground about them."""
 _STEPS = 101
+_BOX_AWAY_PX = 5.0
 _WIDE_QUALITY = 85
 _SEEN, _NVDB, _HALO = (230, 159, 0), (86, 180, 233), (0, 0, 0)
 """Orange and sky blue of Okabe and Ito, apart for every kind of colour vision, on a dark edge."""
@@ -144,6 +145,7 @@ def _cut(patch: Patch, role: Role, rect: Rect, masker: Masker | None, *, is_mask
         hidden_px=round(result.hidden_px, 1),
         softened_px=round(result.softened_px, 1),
         window_px=round(result.window_px, 1),
+        place_px=rect,
         of_frame=round(shape[0] * shape[1] / patch.n_frame_px, 4),
         software=f"nvdb-twin {__version__}",
     )
@@ -155,7 +157,7 @@ def _faces(image: Image, look: Look, codes: tuple[str, ...]) -> tuple[tuple[Floa
     if look.marked.boxes_px:
         boxes = [np.array(box) + _BOX_GROWN_PX * np.array([-1, -1, 1, 1]) for box in look.marked.boxes_px]
         outline = outline_of(codes[0]) if len(boxes) == len(codes) == 1 else None
-        faces = map(_corners, boxes) if outline is None else [_inscribed(np.array(outline), boxes[0])]
+        faces = map(_corners, boxes) if outline is None else [_inscribed(outline, boxes[0])]
         return tuple(faces), FaceFrom.BOX
     if look.marked.foot_px is not None or look.marked.centres_px:
         found = find_faces(image, look.sight.window_px, codes, look.sight.metre_px)
@@ -238,12 +240,13 @@ def _draw(image: Image, sight: Sight, faces: tuple[FloatArray, ...], origin: Flo
 
     def line(points: FloatArray, colour: tuple[int, int, int], *, closed: bool = True) -> None:
         whole = [np.round((points - origin) * 16).astype(np.int32)]
-        for shade, thickness in ((_HALO, 3), (colour, 1)):
+        for shade, thickness in ((_HALO, 4), (colour, 2)):
             cv2.polylines(image, whole, closed, shade, thickness, cv2.LINE_AA, 4)
 
-    for outline in faces or (sight.window_px,):
-        box = np.array([*outline.min(axis=0) - 4.0, *outline.max(axis=0) + 4.0])
-        line(_corners(box), _SEEN)
+    outline = np.concatenate(faces or (sight.window_px,))
+    line(
+        _corners(np.array([*outline.min(axis=0) - _BOX_AWAY_PX, *outline.max(axis=0) + _BOX_AWAY_PX])), _SEEN
+    )
     if sight.ellipse_px is not None:
         line(sight.ellipse_px, _SEEN)
     if sight.nvdb_px is not None:

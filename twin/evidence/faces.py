@@ -64,18 +64,21 @@ def find_faces(
         left out.
     """
     found: list[FloatArray] = []
-    outlines = list(dict.fromkeys(outline for outline in map(outline_of, codes) if outline is not None))
-    if not outlines:
-        return ()
     left, top = np.maximum(np.floor(window_px.min(axis=0)).astype(int) - 4, 0).tolist()
     right, low = (np.ceil(window_px.max(axis=0)).astype(int) + 4).tolist()
     origin = np.array([left, top])
     scales = _scales(image[top:low, left:right], float(np.hypot(*metre_px[0, 0])))
-    for outline in outlines:
-        best = _best(scales, [np.array(outline) @ way for way in metre_px], window_px - origin)
+    for code in dict.fromkeys(codes):
+        if code.startswith(_UNDER_PLATE) and found:
+            window = _under(found[-1])
+        elif code.startswith(_ONE_FORM):
+            window = window_px - origin
+        else:
+            continue
+        best = _best(scales, [_outline(code) @ way for way in metre_px], window)
         if best is not None:
-            found.append(best + origin)
-    return tuple(found)
+            found.append(best)
+    return tuple(one + origin for one in found)
 
 
 class _Scale(NamedTuple):
@@ -96,16 +99,25 @@ def _scales(image: Image, px_per_m: float) -> tuple[_Scale, _Scale]:
     return _Scale(_edges(small), factor), _Scale(_edges(image), 1.0)
 
 
-def outline_of(code: str) -> tuple[tuple[float, float], ...] | None:
-    """Outline of a sign's face by its code, in units of its width about its middle; None if it varies."""
-    if code[:1] not in _ONE_FORM:
-        return None
+def outline_of(code: str) -> FloatArray | None:
+    """Outline (k, 2) of a face by its code, in units of its width about its middle; None if it varies."""
+    return _outline(code) if code.startswith(_ONE_FORM) else None
+
+
+def _outline(code: str) -> FloatArray:
     sign = face(code)
-    return tuple((x / 100.0 - 0.5, (y - sign.height / 2) / 100.0) for x, y in sign.outline)
+    return (np.array(sign.outline) - [50.0, sign.height / 2]) / 100.0
 
 
-_ONE_FORM = tuple("12345")
-"""Warning, priority, prohibition, mandatory and information signs; direction signs and sub plates vary."""
+_ONE_FORM, _UNDER_PLATE = tuple("12345"), "8"
+"""Warning, priority, prohibition, mandatory and information signs have one form each; a plate under one of
+them is looked for there alone; direction signs have any form."""
+
+
+def _under(face_px: FloatArray) -> FloatArray:
+    """Where a plate under a face is: two opposite corners of a box in its pixels."""
+    (left, top), (right, low) = face_px.min(axis=0), face_px.max(axis=0)
+    return np.array([[left, low - 0.1 * (low - top)], [right, low + 0.8 * (right - left)]])
 
 
 def _edges(image: Image) -> _Edges:

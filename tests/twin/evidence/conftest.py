@@ -14,6 +14,7 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 
 from geoloc.earth.geodesy import utm33_from_geographic
+from twin.evidence import make_evidence
 from twin.samples.pictures import EVERY, Studio
 from twin.samples.sample import TRIP, sample_drives
 from twin.store import schema
@@ -41,6 +42,18 @@ class Filmed:
         image = cv2.imread(str(self.folder / camera / f"{number:06d}.jpg"))
         return np.ascontiguousarray(image[..., ::-1])
 
+    def point_to(self, folder: Path) -> None:
+        """Let the store take a folder for the one that its drive was read from."""
+        with Store.open(self.store) as store, store.transaction() as connection:
+            connection.execute(sa.update(schema.annotation_set).values(folder=str(folder)))
+
+    def copied(self, folder: Path) -> Filmed:
+        """A store of its own, with its crops; the pictures are shared."""
+        crops = self.store.with_name("twin.db.evidence")
+        if crops.exists():
+            shutil.copytree(crops, folder / crops.name)
+        return Filmed(Path(shutil.copy(self.store, folder / "twin.db")), self.folder, self.masks)
+
 
 @pytest.fixture(scope="session")
 def rendered(sample: Path, matched_store: Path, tmp_path_factory: pytest.TempPathFactory) -> Filmed:
@@ -59,29 +72,38 @@ def rendered(sample: Path, matched_store: Path, tmp_path_factory: pytest.TempPat
             masks[camera, number] = picture.mask
     with (folder / "drive.toml").open("a") as settings:
         settings.writelines(f'[frames.{name}]\nfile = "{name}"\nnumbered = true\n' for name in cameras)
-    store = Path(shutil.copy(matched_store, root / "twin.db"))
-    point_to(store, folder)
-    return Filmed(store, folder, masks)
+    made = Filmed(Path(shutil.copy(matched_store, root / "twin.db")), folder, masks)
+    made.point_to(folder)
+    return made
+
+
+@pytest.fixture(scope="session")
+def with_crops(rendered: Filmed, tmp_path_factory: pytest.TempPathFactory) -> Filmed:
+    """The same with crops, made without a network; copy before writing."""
+    made = rendered.copied(tmp_path_factory.mktemp("crops"))
+    with Store.open(made.store) as store:
+        make_evidence(store)
+    return made
 
 
 @pytest.fixture
 def filmed(rendered: Filmed, tmp_path: Path) -> Filmed:
     """A store of its own for one test; the pictures are shared."""
-    return Filmed(Path(shutil.copy(rendered.store, tmp_path / "twin.db")), rendered.folder, rendered.masks)
+    return rendered.copied(tmp_path)
+
+
+@pytest.fixture
+def made(with_crops: Filmed, tmp_path: Path) -> Filmed:
+    """A store and crops of their own for one test."""
+    return with_crops.copied(tmp_path)
 
 
 @pytest.fixture
 def own(filmed: Filmed, tmp_path: Path) -> Filmed:
     """A store and pictures of their own, to damage."""
     folder = Path(shutil.copytree(filmed.folder, tmp_path / TRIP))
-    point_to(filmed.store, folder)
+    filmed.point_to(folder)
     return Filmed(filmed.store, folder, filmed.masks)
-
-
-def point_to(path: Path, folder: Path) -> None:
-    """Let the store take a folder for the one that its drive was read from."""
-    with Store.open(path) as store, store.transaction() as connection:
-        connection.execute(sa.update(schema.annotation_set).values(folder=str(folder)))
 
 
 def _frames_near_findings(path: Path, epoch_ns: NDArray[np.int64]) -> Iterator[int]:

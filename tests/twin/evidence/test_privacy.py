@@ -34,69 +34,74 @@ def crops(store: Store) -> list[Crop]:
     return list(exportable_crops(store.rows))
 
 
-def beneath(filmed: Any, crop: Crop, shown: Image) -> tuple[Image, Image, Image]:
-    """The part of the frame that a face crop shows, that of the mask, and the protected faces in it.
-
-    Found by what the faces show, which is as it was: nothing here knows how crops are cut.
-    """
+def beneath(filmed: Any, crop: Crop) -> tuple[Image, Image, Image]:
+    """The part of the frame that a crop shows, that of the mask, and the protected faces in it."""
+    left, top, right, low = crop.proof.place_px
+    there = np.s_[top:low, left:right]
     frame, mask = filmed.frame(crop.camera, crop.frame), filmed.masks[crop.camera, crop.frame]
-    faces = np.zeros(shown.shape[:2], np.uint8)
+    faces = np.zeros((low - top, right - left), np.uint8)
     for polygon in crop.proof.faces_px:
         cv2.fillPoly(faces, [np.round(np.array(polygon)).astype(np.int32)], 1)
-    sure = cv2.erode(faces, np.ones((3, 3), np.uint8))
-    off = cv2.matchTemplate(frame, shown, cv2.TM_SQDIFF, mask=np.repeat(sure[..., None] * 255, 3, axis=2))
-    _, _, (left, top), _ = cv2.minMaxLoc(off)
-    there = np.s_[top : top + shown.shape[0], left : left + shown.shape[1]]
     return frame[there], mask[there], faces
 
 
-def test_people_and_vehicles_are_changed_and_signs_are_not(filmed: Any) -> None:
+def unmasked_people(filmed: Any, crop: Crop, shown: Image) -> tuple[int, int]:
+    """How many pixels of people and vehicles beside the faces a crop has, and how many are as they were."""
+    before, mask, faces = beneath(filmed, crop)
+    assert shown.shape == before.shape
+    away = cv2.dilate(faces, np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) == 0
+    people = np.isin(mask, (Kind.PERSON, Kind.VEHICLE)) & away
+    return int(people.sum()), int((shown == before).all(axis=2)[people].sum())
+
+
+def test_people_and_vehicles_are_changed_and_signs_are_not(made: Any) -> None:
     """Without a network: every pixel of people and vehicles beside the faces differs, none inside them."""
-    hidden = protected = 0
-    with Store.open(filmed.store) as store:
-        make_evidence(store)
-        found = [c for c in crops(store) if c.role is Role.FACE and c.proof.faces_px]
-        assert len(found) == 9
+    people = protected = 0
+    with Store.open(made.store) as store:
+        found = crops(store)
+        assert len(found) == 24
         for crop in found:
             shown = read(store, crop)
-            before, mask, faces = beneath(filmed, crop, shown)
-            same = (shown == before).all(axis=2)
-            sign = (mask == Kind.SIGN).astype(np.uint8)
-            away = cv2.dilate(np.maximum(sign, faces), np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) == 0
-            others = np.isin(mask, (Kind.PERSON, Kind.VEHICLE)) & away
-            assert not same[others].any()
-            inside = cv2.erode(faces, np.ones((3, 3), np.uint8)) > 0
-            assert same[inside].all()
-            hidden, protected = hidden + int(others.sum()), protected + int(inside.sum())
-    assert hidden > 300
+            n_people, n_same = unmasked_people(made, crop, shown)
+            assert n_same == 0, crop
+            people += n_people
+            if crop.role is Role.FACE:
+                before, _, faces = beneath(made, crop)
+                inside = cv2.erode(faces, np.ones((3, 3), np.uint8)) > 0
+                assert (shown == before).all(axis=2)[inside].all()
+                protected += int(inside.sum())
+    assert people > 100_000
     assert protected > 50_000
 
 
-def test_faces_are_found_by_their_outline_alone(filmed: Any) -> None:
-    """What is protected is the render's face: nearly all of it, and nearly nothing else."""
-    with Store.open(filmed.store) as store:
-        make_evidence(store)
-        for crop in (c for c in crops(store) if c.role is Role.FACE and c.proof.faces_px):
+def test_faces_are_found_by_their_outline_alone(made: Any) -> None:
+    """What is protected is the render's face, plates under it too: nearly all of it, and little else."""
+    with Store.open(made.store) as store:
+        found = [c for c in crops(store) if c.role is Role.FACE and c.change_id != MISSING]
+        for crop in found:
             assert crop.proof.face_from is FaceFrom.OUTLINE
-            _, mask, faces = beneath(filmed, crop, read(store, crop))
-            # Of several plates on the pole the lower ones are signs too.
-            sign = (mask == Kind.SIGN) & (faces > 0)
-            assert sign.sum() > 0.85 * faces.sum(), crop
+            _, mask, faces = beneath(made, crop)
+            sign = mask == Kind.SIGN
+            _, part = cv2.connectedComponents(sign.astype(np.uint8))
+            face = np.isin(part, np.unique(part[(faces > 0) & sign]))
+            both = np.count_nonzero(face & (faces > 0))
+            assert both > 0.95 * face.sum(), crop
+            assert both > 0.75 * faces.sum(), crop
+    assert len(found) == 9
 
 
-def test_detail_that_tells_people_apart_is_gone_everywhere_else(filmed: Any) -> None:
-    """A wide crop holds, outside the faces, nothing finer than the squares that its proof states."""
-    with Store.open(filmed.store) as store:
-        make_evidence(store)
+def test_place_where_nobody_saw_a_sign_is_shown_coarsely(made: Any) -> None:
+    """Nothing is protected there, and nothing is finer than the squares that the proof states."""
+    with Store.open(made.store) as store:
         for crop in (c for c in crops_of(store.rows, MISSING) if c.role is Role.FACE):
+            assert (crop.proof.face_from, crop.proof.share_clear) == (FaceFrom.NOWHERE, 0.0)
             grey = cv2.cvtColor(read(store, crop), cv2.COLOR_RGB2GRAY).astype(np.float32)
-            cell = min(crop.proof.hidden_px, crop.proof.window_px)
+            cell = crop.proof.window_px
             assert cell >= 3.0
             coarse = cv2.resize(grey, None, fx=1 / cell, fy=1 / cell, interpolation=cv2.INTER_AREA)
             again = cv2.resize(coarse, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
-            # Only the edge between window and surroundings is sharp.
+            # The edge between window and surroundings alone is sharp.
             assert np.median(np.abs(again - grey)) < 2.0
-            assert crop.proof.share_clear == 0.0
 
 
 @pytest.fixture
@@ -108,36 +113,34 @@ def network(tmp_path: Path) -> NetworkMasker:
 
 
 def test_boxes_of_a_network_are_hidden_but_for_the_faces(filmed: Any, network: NetworkMasker) -> None:
-    """People are hidden, other classes are not; what lies inside a face is kept also where a box covers it."""
+    """People are hidden, kites are not; and inside a face nothing changes, whatever box covers it."""
     with Store.open(filmed.store) as store:
-        make_evidence(store)
-        bare = {(c.change_id, c.number): c for c in crops(store) if c.role is Role.FACE}
-        plain = {key: read(store, crop) for key, crop in bare.items()}
         make_evidence(store, masker=network)
-        for crop in (c for c in crops(store) if c.role is Role.FACE and c.proof.faces_px):
+        found = crops(store)
+        for crop in found:
             assert (crop.proof.masker, crop.proof.version) == ("people.onnx", network.version)
             assert set(crop.proof.labels) <= {"person"}
-            before, _, faces = beneath(filmed, crop, read(store, crop))
-            inside = cv2.erode(faces, np.ones((3, 3), np.uint8)) > 0
-            assert (read(store, crop) == before).all(axis=2)[inside].all()
-            assert plain[crop.change_id, crop.number].shape == read(store, crop).shape
-        assert any(crop.proof.share_hidden > 0 for crop in crops(store))
-        assert all(crop.proof.share_softened > 0 for crop in crops(store))
+            if crop.role is Role.FACE:
+                before, _, faces = beneath(filmed, crop)
+                inside = cv2.erode(faces, np.ones((3, 3), np.uint8)) > 0
+                assert (read(store, crop) == before).all(axis=2)[inside].all()
+        assert any(crop.proof.share_hidden > 0.05 for crop in found)
 
 
-def test_what_a_network_misses_is_not_shown_finer_than_its_proof_says(
-    filmed: Any, network: NetworkMasker
-) -> None:
-    """Every pixel outside the faces differs from the frame also where no box is: a network misses people."""
+def test_what_a_network_misses_is_not_shown_as_it_was(filmed: Any, network: NetworkMasker) -> None:
+    """A network misses people: what shows them differs from the frame also where no box is.
+
+    Wide crops are compressed with loss, which by chance gives a pixel in a hundred thousand its value back.
+    """
+    people = same = 0
     with Store.open(filmed.store) as store:
         make_evidence(store, masker=network)
-        for crop in (c for c in crops(store) if c.role is Role.FACE and c.proof.faces_px):
-            shown = read(store, crop)
-            before, mask, faces = beneath(filmed, crop, shown)
-            away = cv2.dilate(faces, np.ones((2 * RIM_PX + 1,) * 2, np.uint8)) == 0
-            others = np.isin(mask, (Kind.PERSON, Kind.VEHICLE)) & away
-            assert not (shown == before).all(axis=2)[others].any()
+        for crop in crops(store):
+            n_people, n_same = unmasked_people(filmed, crop, read(store, crop))
+            assert n_same == 0 or crop.role is Role.WIDE
+            people, same = people + n_people, same + n_same
             assert crop.proof.softened_px >= 2.0
+    assert same < 1e-4 * people
 
 
 def test_network_without_people_among_its_classes_is_refused(tmp_path: Path) -> None:
@@ -150,8 +153,10 @@ def test_network_without_people_among_its_classes_is_refused(tmp_path: Path) -> 
 
 
 def test_people_at_the_edge_of_the_picture_are_masked(tmp_path: Path) -> None:
-    """A detector of signs leaves out what the edge cuts, what is small and what overlaps; a masker must not."""
-    boxes = [[[-5, 5, 30, 70, 0.9, 0], [50, 20, 52, 22, 0.2, 0], [0, 5, 33, 70, 0.8, 0], [9, 9, 20, 20, 0.05, 0]]]
+    """A detector of signs leaves out what the edge cuts, what is small, what overlaps; a masker must not."""
+    boxes = [
+        [[-5, 5, 30, 70, 0.9, 0], [50, 20, 52, 22, 0.2, 0], [0, 5, 33, 70, 0.8, 0], [9, 9, 20, 20, 0.05, 0]]
+    ]
     path = Networks().constant(tmp_path / "people.onnx", np.array(boxes), "{0: 'person', 1: 'car'}")
     found = NetworkMasker(path).find(np.zeros((64, 96, 3), np.uint8), (0, 0, 96, 64))
     assert len(found.boxes_px) == 3
