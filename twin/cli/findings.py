@@ -20,6 +20,7 @@ from twin.store.kinds import Decision, Method, Verdict
 from twin.words import (
     Lang,
     SignNames,
+    chance_text,
     decision_title,
     nvdb_type_title,
     reason_of,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from twin.decisions.findings import FindingStatus, Selection
     from twin.matching.match_store import MatchReport
     from twin.mirror.roads import Road
+    from twin.store.records import Finding
     from twin.store.store import Store
 
 app = typer.Typer()
@@ -119,14 +121,22 @@ class _Told:
     lang: Lang
     names: SignNames
     roads: Mapping[str, Road]
+    days: Mapping[str, dt.date]
+
+    def seen(self, finding: Finding) -> str:
+        """When a finding's sign was seen, or looked for."""
+        return seen_sentence(
+            finding, self.lang, [self.days[drive] for drive in finding.drive_ids if drive in self.days]
+        )
 
 
 def _told(store: Store, changes: Sequence[FindingStatus], lang: Lang) -> _Told:
+    from twin.decisions.findings import drive_days
     from twin.mirror.names import sign_names
     from twin.mirror.roads import roads_of
 
     asked = [change.finding for change in changes if not change.is_quiet]
-    return _Told(lang, sign_names(store), roads_of(store, asked))
+    return _Told(lang, sign_names(store), roads_of(store, asked), drive_days(store.rows))
 
 
 def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: int, told: _Told) -> None:
@@ -159,7 +169,7 @@ def _print_findings(changes: Sequence[FindingStatus], told: _Told) -> None:
             verdict_title(change.finding.verdict, lang),
             decision_title(change.decision, lang),
             str(told.roads.get(change.change_id) or ""),
-            f"{seen_sentence(change.finding, lang)} {reason_of(change.finding, lang, told.names)}",
+            f"{told.seen(change.finding)} {reason_of(change.finding, lang, told.names)}",
         )
         for change in changes
     ]
@@ -370,8 +380,7 @@ def explain(
     if json_output:
         print_json(explained.as_json())
         return
-    days = [drive.day for drive in explained.drives]
-    sys.stdout.write(f"{seen_sentence(explained.change.finding, lang, days)}\n")
+    sys.stdout.write(f"{told.seen(explained.change.finding)}\n")
     sys.stdout.write(f"{explained.in_words(lang, told.names)}\n")
     print_pairs(say(lang, "explain.title", change=explained.change.change_id), dict(_pairs(explained, told)))
     terms = terms_in_words(explained.change.finding, lang)
@@ -398,8 +407,6 @@ def explain(
 
 
 def _pairs(explained: ChangeExplained, told: _Told) -> Iterator[tuple[str, object]]:
-    from twin.decisions.explain import percent
-
     finding, lang, names = explained.change.finding, told.lang, told.names
     known = None
     if finding.nvdb_id is not None:
@@ -413,7 +420,7 @@ def _pairs(explained: ChangeExplained, told: _Told) -> Iterator[tuple[str, objec
     drives = [f"{drive.name} {drive.day}" for drive in explained.drives]
     pairs = {
         "verdict": verdict_title(finding.verdict, lang),
-        "confidence": percent(finding.confidence, lang),
+        "confidence": chance_text(finding.confidence, lang),
         "nvdb": known,
         "road": str(told.roads.get(finding.change_id) or "") or None,
         "code_nvdb": sign_titles(finding.skiltnummer_nvdb, names) or None,
