@@ -65,7 +65,7 @@ class _Commands(_LazyGroup):
         "inspect": "drives",
         "trajectory": "drives",
         "match": "findings",
-        "explain": "findings",
+        "explain": "explain",
         "decide": "findings",
         "evidence": "evidence",
         "review": "review",

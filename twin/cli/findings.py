@@ -1,10 +1,9 @@
-"""``twin match``, ``twin explain`` and ``twin decide``: findings and what people decide."""
+"""``twin match`` and ``twin decide``: findings and what people decide."""
 
 from __future__ import annotations
 
 import datetime as dt
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -14,27 +13,21 @@ import typer
 
 from twin.cli.exit_codes import EXIT_OPEN_FINDINGS
 from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, LangOption, StoreOption, person
-from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
+from twin.cli.output import note, print_json, print_table, steps, warn
+from twin.cli.told import Told, told_in
 from twin.errors import ConfigError, RefusedError
 from twin.store.kinds import Decision, Method, Verdict
 from twin.words import (
     Lang,
-    SignNames,
     decision_title,
-    nvdb_type_title,
     reason_of,
     say,
-    seen_sentence,
-    sign_titles,
-    terms_in_words,
     verdict_title,
 )
 
 if TYPE_CHECKING:
-    from twin.decisions.explain import ChangeExplained
     from twin.decisions.findings import FindingStatus, Selection
     from twin.matching.match_store import MatchReport
-    from twin.mirror.roads import Road
     from twin.store.store import Store
 
 app = typer.Typer()
@@ -99,7 +92,7 @@ def match(
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         report = run(opened, method=method, config=config, progress=progress)
         changes = latest_findings(opened.rows)
-        told = _told(opened, changes, lang)
+        told = told_in(opened, changes, lang)
     n_open = sum(change.is_open for change in changes)
     for warning in report.warnings:
         warn(warning)
@@ -112,24 +105,7 @@ def match(
         raise typer.Exit(EXIT_OPEN_FINDINGS)
 
 
-@dataclass(frozen=True, slots=True)
-class _Told:
-    """In which language findings are told, with which names of signs and roads."""
-
-    lang: Lang
-    names: SignNames
-    roads: Mapping[str, Road]
-
-
-def _told(store: Store, changes: Sequence[FindingStatus], lang: Lang) -> _Told:
-    from twin.mirror.names import sign_names
-    from twin.mirror.roads import roads_of
-
-    asked = [change.finding for change in changes if not change.is_quiet]
-    return _Told(lang, sign_names(store), roads_of(store, asked))
-
-
-def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: int, told: _Told) -> None:
+def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: int, told: Told) -> None:
     lang = told.lang
     _print_findings([change for change in changes if change.finding.verdict != Verdict.UNCHANGED], told)
     verdicts = [(verdict_title(verdict, lang), n) for verdict, n in report.verdicts.items()]
@@ -153,7 +129,7 @@ def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: 
         note(say(lang, "match.open", n=n_open))
 
 
-def _print_findings(changes: Sequence[FindingStatus], told: _Told) -> None:
+def _print_findings(changes: Sequence[FindingStatus], told: Told) -> None:
     lang = told.lang
     rows: list[tuple[str, ...]] = [
         (
@@ -161,7 +137,7 @@ def _print_findings(changes: Sequence[FindingStatus], told: _Told) -> None:
             verdict_title(change.finding.verdict, lang),
             decision_title(change.decision, lang),
             str(told.roads.get(change.change_id) or ""),
-            f"{seen_sentence(change.finding, lang)} {reason_of(change.finding, lang, told.names)}",
+            f"{told.seen(change.finding)} {reason_of(change.finding, lang, told.names)}",
         )
         for change in changes
     ]
@@ -287,7 +263,7 @@ def _meant(store: Store, named: Sequence[str], selection: Selection, show: Lang 
         return named
     selected = _selected(store, selection)
     if show is not None:
-        _print_findings(selected, _told(store, selected, show))
+        _print_findings(selected, told_in(store, selected, show))
     return [change.change_id for change in selected]
 
 
@@ -356,80 +332,3 @@ def _undo(store: Store, numbers: Sequence[str], by: str) -> _Outcome:
 
 def _findings(n: int) -> str:
     return "1 finding" if n == 1 else f"{n:,} findings"
-
-
-@app.command("explain", epilog="Example: twin explain 3f09a1b2c4d5")
-def explain(
-    change: Annotated[
-        str, typer.Argument(help="A finding's change_id, or its first six digits.", metavar="CHANGE_ID")
-    ],
-    lang: LangOption = Lang.EN,
-    store: StoreOption = DEFAULT_STORE,
-    json_output: JsonOption = False,
-) -> None:
-    """Explain one finding: verdict, confidence and reason, and who decided what about it."""
-    from twin.decisions.explain import explain_change
-    from twin.store.store import Store
-
-    with Store.open(store, create=False) as opened:
-        explained = explain_change(opened, change)
-        told = _told(opened, [explained.change], lang)
-    if json_output:
-        print_json(explained.as_json())
-        return
-    days = [drive.day for drive in explained.drives]
-    sys.stdout.write(f"{seen_sentence(explained.change.finding, lang, days)}\n")
-    sys.stdout.write(f"{explained.in_words(lang, told.names)}\n")
-    print_pairs(say(lang, "explain.title", change=explained.change.change_id), dict(_pairs(explained, told)))
-    terms = terms_in_words(explained.change.finding, lang)
-    if terms:
-        columns = [say(lang, f"explain.{name}") for name in ("term", "value", "meaning")]
-        rows = [(term.label, term.value, term.explanation) for term in terms]
-        print_table(say(lang, "explain.terms"), columns, rows, right_from=3)
-    if explained.history:
-        print_table(
-            say(lang, "explain.decisions"),
-            [say(lang, f"explain.{name}") for name in ("at", "decision", "by", "how", "reason")],
-            [
-                (
-                    e.at,
-                    decision_title(e.decision, lang),
-                    e.by,
-                    say(lang, f"entry.{e.kind}"),
-                    e.told(lang, told.names),
-                )
-                for e in explained.history
-            ],
-            right_from=5,
-        )
-
-
-def _pairs(explained: ChangeExplained, told: _Told) -> Iterator[tuple[str, object]]:
-    from twin.decisions.explain import percent
-
-    finding, lang, names = explained.change.finding, told.lang, told.names
-    known = None
-    if finding.nvdb_id is not None:
-        kind = nvdb_type_title(finding.nvdb_type)
-        facts = {"object": f"{kind} {finding.nvdb_id}", "version": str(finding.nvdb_version)}
-        known = say(lang, "explain.known_as", **facts)
-    distance = None
-    if finding.distance_m is not None and finding.distance_sigma_m is not None:
-        metres = {"distance_m": finding.distance_m, "sigma_m": finding.distance_sigma_m}
-        distance = say(lang, "explain.metres", **metres)
-    drives = [f"{drive.name} {drive.day}" for drive in explained.drives]
-    pairs = {
-        "verdict": verdict_title(finding.verdict, lang),
-        "confidence": percent(finding.confidence, lang),
-        "nvdb": known,
-        "road": str(told.roads.get(finding.change_id) or "") or None,
-        "code_nvdb": sign_titles(finding.skiltnummer_nvdb, names) or None,
-        "code_seen": sign_titles(finding.skiltnummer_seen, names) or None,
-        "distance": distance,
-        "position": say(lang, "explain.grid", east=finding.east_m, north=finding.north_m),
-        "sightings": finding.n_sightings,
-        "drives": ", ".join(drives) or None,
-        "decided": decision_title(explained.change.decision, lang),
-    }
-    for name, value in pairs.items():
-        yield say(lang, f"explained.{name}"), value

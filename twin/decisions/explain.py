@@ -16,7 +16,16 @@ from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Store
-from twin.words import NO_NAMES, Lang, SignNames, decision_title, reason_of, say, verdict_title
+from twin.words import (
+    NO_NAMES,
+    Lang,
+    SignNames,
+    chance_text,
+    decision_title,
+    reason_of,
+    say,
+    verdict_title,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +73,7 @@ class ChangeExplained:
             "explain.sentence",
             change=finding.change_id,
             verdict=verdict_title(finding.verdict, lang),
-            sure=percent(finding.confidence, lang),
+            sure=chance_text(finding.confidence, lang),
             reason=reason_of(finding, lang, names),
             decided=self._decided(lang),
         )
@@ -123,13 +132,6 @@ def explain_change(store: Store, change_id: str) -> ChangeExplained:
             raise ConfigError(_absent(change_id, entries))
         drives = _drives(view.rows, change.finding.drive_ids)
     return ChangeExplained(change, drives, entries)
-
-
-def percent(confidence: float, lang: Lang = Lang.EN) -> str:
-    """Write a probability for people; none is a certainty."""
-    if confidence >= 0.9995:
-        return say(lang, "explain.nearly_certain", share=0.999)
-    return say(lang, "term.chance", share=confidence)
 
 
 def _drives(ask: Ask, drive_ids: Sequence[str]) -> tuple[DriveOfFinding, ...]:

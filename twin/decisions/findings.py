@@ -155,6 +155,14 @@ def findings_statement(*columns: sa.Column[Any]) -> sa.Select[Any]:
     )
 
 
+def drive_days(ask: Ask) -> dict[str, dt.date]:
+    """Return the UTC day on which each drive of the store began."""
+    drive = schema.drive.c
+    return {
+        row["drive_id"]: _day(row["started_ns"]) for row in ask(sa.select(drive.drive_id, drive.started_ns))
+    }
+
+
 def select(ask: Ask, wanted: Selection) -> list[FindingStatus]:
     """Return the findings that a selection means, ``unchanged`` never among them.
 

@@ -11,7 +11,7 @@ from twin.words.seen import position_sentence, seen_sentence
 from twin.words.sentences import reason_of, sentence
 from twin.words.signs import NO_NAMES, SignNames, name_in, sign_title, sign_titles
 from twin.words.table import Lang, language_from, messages, say
-from twin.words.terms import Term, terms_in_words
+from twin.words.terms import Term, chance_text, terms_in_words
 from twin.words.titles import decision_title, nvdb_type_title, verdict_title
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "SignNames",
     "Term",
     "Why",
+    "chance_text",
     "decision_title",
     "language_from",
     "messages",

@@ -35,19 +35,24 @@ def _terms(terms: Mapping[str, Any], lang: Lang) -> Iterator[Term]:
             yield _term(lang, f"odds_{name}", say(lang, "term.odds", odds=float(odds[name])))
     for name in _CHANCES:
         if terms.get(name) is not None:
-            yield _term(lang, name, _chance(lang, terms[name]))
+            yield _term(lang, name, chance_text(terms[name], lang))
     if "sigmas" in terms:
         yield _term(lang, "sigmas", say(lang, "term.number", number=float(terms["sigmas"])))
     if "nvdb_sigma_m" in terms:
         yield _term(lang, "nvdb_sigma", say(lang, "term.metres", metres=float(terms["nvdb_sigma_m"])))
     if absence := terms.get("absence"):
         yield _term(lang, "frames", say(lang, "term.count", count=int(absence["frames"])))
-        yield _term(lang, "gone", _chance(lang, absence["gone"]))
+        yield _term(lang, "gone", chance_text(absence["gone"], lang))
 
 
 def _term(lang: Lang, name: str, value: str) -> Term:
     return Term(say(lang, f"term.{name}.label"), value, say(lang, f"term.{name}.explanation"))
 
 
-def _chance(lang: Lang, share: float) -> str:
+def chance_text(share: float, lang: Lang = Lang.EN) -> str:
+    """Write a probability for people: ``66.9%``; none is a certainty, and none an impossibility."""
+    if share >= 0.9995:
+        return say(lang, "term.nearly_certain", share=0.999)
+    if share < 0.0005:
+        return say(lang, "term.hardly", share=0.001)
     return say(lang, "term.chance", share=float(share))
