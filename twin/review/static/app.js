@@ -181,15 +181,18 @@ class Page {
   }
 
   /** Give an answer and move on at once; the box sends it. */
-  async answer(kind, comment) {
+  async answer(given, comment) {
     const { finding } = this;
     if (!finding) return;
+    const temporary = given === "temporary";
+    const kind = temporary ? "dismiss" : given;
     const facts = { title: questionOf(finding), verdict: finding.verdict, answer: kind, comment };
     const before = this.queue.stateOf(finding.change_id);
     this.queue.settle(finding.change_id, kind);
     this.count(finding.verdict, before, kind);
-    const body = { change_id: finding.change_id, answer: kind, comment, seen_revision: finding.revision };
-    this.outbox.put("api/answer", body, facts);
+    const body = { change_id: finding.change_id, answer: kind, comment, seen_revision: finding.revision, temporary };
+    const sent = this.outbox.put("api/answer", body, facts);
+    if (temporary) sent.then(() => this.refresh()).catch((error) => this.onFailure(error));
     const next = this.queue.nextOpen(finding.change_id);
     this.tell(say(`page.said.${kind}`, { title: nameOf(finding) }));
     try {
@@ -207,6 +210,15 @@ class Page {
       history.pushState(null, "", this.addressOf(this.filter));
       this.showEnd();
     }
+  }
+
+  /** Signs of the same road works are settled with the one that was answered: read what is left anew. */
+  async refresh() {
+    const { counts } = await get("api/session");
+    this.session.counts = counts;
+    showProgress(byId("progress"), counts);
+    await this.queue.begin(this.queue.filter);
+    if (this.finding && this.queue.items.length && this.queue.indexOf(this.finding.change_id) < 0) await this.go({ id: this.queue.nextOpen(null) ?? "" });
   }
 
   /** Take the last answer back and show its question again. */
