@@ -15,9 +15,9 @@ import { FILTERS, Queue } from "./queue.js";
 import { say, speak } from "./words.js";
 
 class Page {
-  constructor(session) {
+  constructor(session, queue) {
     this.session = session;
-    this.queue = new Queue();
+    this.queue = queue;
     this.notices = new Notices(byId("notices"));
     this.outbox = new Outbox(`twin-review-answers:${session.store}`, {
       reviewer: () => this.session.reviewer,
@@ -50,7 +50,7 @@ class Page {
   // Where we are stands in the address after "#", so that reloading and going back work.
 
   get place() {
-    return Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+    return placeIn(location.hash);
   }
 
   addressOf(place) {
@@ -59,8 +59,7 @@ class Page {
   }
 
   get filter() {
-    const place = this.place;
-    return Object.fromEntries(FILTERS.filter((name) => place[name]).map((name) => [name, place[name]]));
+    return filterIn(this.place);
   }
 
   go(place, { replace = false } = {}) {
@@ -88,8 +87,8 @@ class Page {
     try {
       if (JSON.stringify(filter) !== JSON.stringify(this.queue.filter) || !this.queue.hasBegun) {
         await this.queue.begin(filter);
-        byId("filter").show(filter);
       }
+      byId("filter").show(filter);
       this.showView(view);
       if (view === "list") this.showList(place.id);
       else if (view === "map") await this.showOverview();
@@ -265,11 +264,16 @@ class Page {
   }
 }
 
+const placeIn = (hash) => Object.fromEntries(new URLSearchParams(hash.slice(1)));
+const filterIn = (place) => Object.fromEntries(FILTERS.filter((name) => place[name]).map((name) => [name, place[name]]));
+
 async function start() {
   try {
-    const session = await get("api/session");
+    // Asked at once: neither needs the other.
+    const queue = new Queue();
+    const [session] = await Promise.all([get("api/session"), queue.begin(filterIn(placeIn(location.hash)))]);
     speak(session.messages, session.lang);
-    const page = new Page(session);
+    const page = new Page(session, queue);
     window.twinReview = page;
     await page.begin();
     document.body.dataset.ready = "true";
