@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration soak fuzz clean
+.PHONY: demo test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review pictures soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -58,6 +58,12 @@ bench-export: $(VENV)/.installed  ## an export of 100,000 findings against bare 
 bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known lenses, against the bars
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/extrinsics.py
+
+bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium
+	$(BIN)/python benchmarks/review.py
+
+pictures: $(VENV)/.installed      ## the pictures of docs/review.md, taken in Chromium
+	TWIN_PICTURES=1 $(BIN)/python -m pytest tests/twin/review/test_page_pictures.py
 
 soak: $(VENV)/.installed          ## a hundred syncs killed at random instants, a thousand histories of sending, and of annotating
 	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/mirror/test_kill.py

@@ -9,8 +9,12 @@ import { say } from "./words.js";
 const KINDS = [
   ["accept", "A"],
   ["dismiss", "D"],
+  ["temporary", "T"],
   ["defer", "S"],
 ];
+
+/** What stands only as long as road works last is nothing for NVDB: only a sign that NVDB lacks can be that. */
+const isOffered = (kind, finding) => kind !== "temporary" || finding.verdict === "new";
 
 export class Answers {
   constructor(place, page) {
@@ -44,7 +48,7 @@ export class Answers {
       oninput: () => this.drafts.set(finding.change_id, this.comment.value),
     });
     this.comment.value = this.drafts.get(finding.change_id) ?? "";
-    this.buttons = Object.fromEntries(KINDS.map(([kind, key]) => [kind, this.button(kind, key, finding)]));
+    this.buttons = Object.fromEntries(KINDS.filter(([kind]) => isOffered(kind, finding)).map(([kind, key]) => [kind, this.button(kind, key, finding)]));
     const focused = this.place.contains(document.activeElement) ? document.activeElement.dataset.kind : null;
     fill(
       this.place,
@@ -84,6 +88,7 @@ export class Answers {
       this.place.querySelector("input")?.focus();
       return;
     }
+    if (!this.buttons[kind]) return;
     const comment = this.comment.value.trim();
     this.drafts.delete(this.finding.change_id);
     this.page.answer(kind, comment);
@@ -91,7 +96,7 @@ export class Answers {
 
   /** An answer with a comment: Enter in the field gives it. */
   giveWithComment(kind) {
-    if (!this.canAnswer) return;
+    if (!this.canAnswer || !this.buttons[kind]) return;
     this.pending = kind;
     for (const [one, button] of Object.entries(this.buttons)) button.classList.toggle("chosen", one === kind);
     this.comment.focus();

@@ -15,9 +15,9 @@ import { FILTERS, Queue } from "./queue.js";
 import { say, speak } from "./words.js";
 
 class Page {
-  constructor(session) {
+  constructor(session, queue) {
     this.session = session;
-    this.queue = new Queue();
+    this.queue = queue;
     this.notices = new Notices(byId("notices"));
     this.outbox = new Outbox(`twin-review-answers:${session.store}`, {
       reviewer: () => this.session.reviewer,
@@ -50,7 +50,7 @@ class Page {
   // Where we are stands in the address after "#", so that reloading and going back work.
 
   get place() {
-    return Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+    return placeIn(location.hash);
   }
 
   addressOf(place) {
@@ -59,8 +59,7 @@ class Page {
   }
 
   get filter() {
-    const place = this.place;
-    return Object.fromEntries(FILTERS.filter((name) => place[name]).map((name) => [name, place[name]]));
+    return filterIn(this.place);
   }
 
   go(place, { replace = false } = {}) {
@@ -88,8 +87,8 @@ class Page {
     try {
       if (JSON.stringify(filter) !== JSON.stringify(this.queue.filter) || !this.queue.hasBegun) {
         await this.queue.begin(filter);
-        byId("filter").show(filter);
       }
+      byId("filter").show(filter);
       this.showView(view);
       if (view === "list") this.showList(place.id);
       else if (view === "map") await this.showOverview();
@@ -181,15 +180,18 @@ class Page {
   }
 
   /** Give an answer and move on at once; the box sends it. */
-  async answer(kind, comment) {
+  async answer(given, comment) {
     const { finding } = this;
     if (!finding) return;
+    const temporary = given === "temporary";
+    const kind = temporary ? "dismiss" : given;
     const facts = { title: questionOf(finding), verdict: finding.verdict, answer: kind, comment };
     const before = this.queue.stateOf(finding.change_id);
     this.queue.settle(finding.change_id, kind);
     this.count(finding.verdict, before, kind);
-    const body = { change_id: finding.change_id, answer: kind, comment, seen_revision: finding.revision };
-    this.outbox.put("api/answer", body, facts);
+    const body = { change_id: finding.change_id, answer: kind, comment, seen_revision: finding.revision, temporary };
+    const sent = this.outbox.put("api/answer", body, facts);
+    if (temporary) sent.then(() => this.refresh()).catch((error) => this.onFailure(error));
     const next = this.queue.nextOpen(finding.change_id);
     this.tell(say(`page.said.${kind}`, { title: nameOf(finding) }));
     try {
@@ -207,6 +209,15 @@ class Page {
       history.pushState(null, "", this.addressOf(this.filter));
       this.showEnd();
     }
+  }
+
+  /** Signs of the same road works are settled with the one that was answered: read what is left anew. */
+  async refresh() {
+    const { counts } = await get("api/session");
+    this.session.counts = counts;
+    showProgress(byId("progress"), counts);
+    await this.queue.begin(this.queue.filter);
+    if (this.finding && this.queue.items.length && this.queue.indexOf(this.finding.change_id) < 0) await this.go({ id: this.queue.nextOpen(null) ?? "" });
   }
 
   /** Take the last answer back and show its question again. */
@@ -253,11 +264,16 @@ class Page {
   }
 }
 
+const placeIn = (hash) => Object.fromEntries(new URLSearchParams(hash.slice(1)));
+const filterIn = (place) => Object.fromEntries(FILTERS.filter((name) => place[name]).map((name) => [name, place[name]]));
+
 async function start() {
   try {
-    const session = await get("api/session");
+    // Asked at once: neither needs the other.
+    const queue = new Queue();
+    const [session] = await Promise.all([get("api/session"), queue.begin(filterIn(placeIn(location.hash)))]);
     speak(session.messages, session.lang);
-    const page = new Page(session);
+    const page = new Page(session, queue);
     window.twinReview = page;
     await page.begin();
     document.body.dataset.ready = "true";

@@ -66,7 +66,7 @@ export function showFinding(section, finding, { index, left }) {
 
 function aboutOf(finding) {
   return [
-    h("span", { class: "verdict" }, mark(finding.verdict), finding.verdict_title),
+    h("span", { class: "verdict" }, mark(finding.verdict), say(`page.verdict.${finding.verdict}`)),
     h("span", {}, finding.road),
     h("span", { class: "sure" }, say("page.sure", { confidence: percent(finding.confidence) })),
     finding.state !== "open" && h("span", { class: `state ${finding.state}` }, say(`page.state.${finding.state}`)),

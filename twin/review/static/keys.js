@@ -4,14 +4,15 @@ import { byId, fill, h, isTyping } from "./dom.js";
 import { say } from "./words.js";
 
 const SWITCH = "twin-review-keys";
-const ANSWERS = { a: "accept", d: "dismiss", s: "defer" };
+const ANSWERS = { a: "accept", d: "dismiss", s: "defer", t: "temporary" };
 
 /** Keys in the order of the help panel. */
 const HELP = [
   ["A", "accept"],
   ["D", "dismiss"],
   ["S", "defer"],
-  ["⇧ A D S", "comment"],
+  ["T", "temporary"],
+  ["⇧ A D S T", "comment"],
   ["U", "undo"],
   ["J K ← →", "browse"],
   ["1 2 3", "pictures"],

@@ -23,7 +23,7 @@ export function showPictures(place, finding) {
   const choose = (at) => {
     const view = views[at];
     if (!view) return false;
-    fill(stage, ["face", "wide"].filter((role) => view[role]).map((role) => picture(view[role])));
+    fill(stage, ["face", "wide"].filter((role) => view[role]).map((role) => picture(view[role], titleOf(role, finding))));
     // Both as high as one another, whatever their shapes.
     const shares = ["face", "wide"].filter((role) => view[role]).map((role) => Math.min(2.2, Math.max(0.6, view[role].width / view[role].height)));
     stage.style.gridTemplateColumns = shares.map((share) => `minmax(0, ${share}fr)`).join(" ");
@@ -36,8 +36,13 @@ export function showPictures(place, finding) {
   fill(place, stage, h("div", { class: "strip" }, buttons.length > 1 && h("div", { class: "thumbnails" }, buttons), caption), gapsOf(finding));
 }
 
-function picture(crop) {
-  const says = say(`page.picture.${crop.role}`);
+/** What a picture shows; of a sign that is gone, the place where it should be. */
+function titleOf(role, { verdict, claim }) {
+  if (verdict === "missing") return say(`page.picture.${role}-missing`);
+  return say(role === "wide" && claim ? "page.picture.wide-nvdb" : `page.picture.${role}`);
+}
+
+function picture(crop, says) {
   return h(
     "figure",
     { class: `picture ${crop.role}` },
