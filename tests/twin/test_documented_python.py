@@ -53,3 +53,13 @@ def test_decisions_from_python(twin: Twin, matched_store: Path, capsys: pytest.C
     assert len(names["every"]) == 16
     assert [one.finding.verdict for one in names["chosen"]] == ["new"]
     assert capsys.readouterr().out.startswith("4567abf7173d is wrong_type, ")
+
+
+def test_pictures_of_findings_from_python(matched_store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """docs/evidence.md: made, listed, and told why there are none: the drive has no pictures."""
+    Path("demo-out").mkdir()
+    shutil.copy(matched_store, "demo-out/demo.db")
+    run_page("evidence.md")
+    told = capsys.readouterr().out.splitlines()
+    assert (told[0], told[-1]) == ("0", "0")
+    assert "has no pictures" in told[1]

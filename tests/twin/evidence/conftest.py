@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from geoloc.earth.geodesy import utm33_from_geographic
 from twin.evidence import make_evidence
-from twin.samples.pictures import EVERY, Studio
+from twin.samples.pictures import Studio
 from twin.samples.sample import TRIP, sample_drives
 from twin.store import schema
 from twin.store.kinds import QUIET
 from twin.store.poses import poses_from_blob
 from twin.store.store import Store
 
-NEAR_M = 22.0
+NEAR_M, STEP = 22.0, 12
 Image = NDArray[np.uint8]
 
 
@@ -114,7 +114,7 @@ def _frames_near_findings(path: Path, epoch_ns: NDArray[np.int64]) -> Iterator[i
     poses = poses_from_blob(drive["poses"])
     way = np.stack(utm33_from_geographic(poses.latitude_deg, poses.longitude_deg), axis=1)
     places = np.array([(row["east_m"], row["north_m"]) for row in found])
-    for number in range(0, epoch_ns.size, EVERY):
+    for number in range(0, epoch_ns.size, STEP):
         here = way[np.argmin(np.abs(poses.epoch_ns - epoch_ns[number]))]
         if np.hypot(*(places - here).T).min() < NEAR_M:
             yield number
