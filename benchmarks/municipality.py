@@ -35,6 +35,7 @@ from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.sites import Site
 from twin.matching.verdicts.judge import judge
 from twin.store.records import Finding
+from twin.words.reasons import NoOwnPosition
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1.0001)
 
@@ -110,7 +111,7 @@ def add_score(
         pole = row_of_place.get((change.east_m, change.north_m), -1)
         name = change.verdict
         paired = pole == truth and pole >= 0
-        if name == "review" and truth in loose and "here is one" in change.reason:
+        if name == "review" and truth in loose and isinstance(change.why, NoOwnPosition):
             score.n_placed += 1
             score.n_placed_right += paired
             continue

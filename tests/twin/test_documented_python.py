@@ -52,7 +52,7 @@ def test_decisions_from_python(twin: Twin, matched_store: Path, capsys: pytest.C
     names = run_page("decisions-and-review.md")
     assert len(names["every"]) == 16
     assert [one.finding.verdict for one in names["chosen"]] == ["new"]
-    assert capsys.readouterr().out.startswith("4567abf7173d is wrong_type, ")
+    assert capsys.readouterr().out.startswith("4567abf7173d is wrong type, ")
 
 
 def test_pictures_of_findings_from_python(matched_store: Path, capsys: pytest.CaptureFixture[str]) -> None:

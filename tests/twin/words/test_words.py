@@ -57,6 +57,14 @@ def named_in_code() -> set[str]:
         # Opinions and their withdrawal come with second opinions.
         "entry": ["decided", "undone", "reopened", "carried", "opinion", "withdrawn", "suppressed", "lifted"],
         "alias": [f"{layer}.{one.name}" for layer, columns in COLUMNS.items() for one in columns],
+        "qgis": [
+            f"{layer}.{value}"
+            for layer in COLUMNS
+            for value in re.findall(
+                r'<category .*?value="(\w+)"',
+                (TWIN / f"export/qgis/saved_styles/{layer}.qml").read_text(),
+            )
+        ],
         "match": ["change", "verdict", "decision", "road", "reason"],
         "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/findings.py").read_text()),

@@ -57,9 +57,15 @@ def _translate(root: Element, layer: str, lang: Lang) -> None:
     labels = {column.name: column.label_in(lang) for column in COLUMNS[layer]}
     for alias in root.iter("alias"):
         alias.set("name", labels.get(alias.get("field", ""), alias.get("name", "")))
+    renderer = root.find("renderer-v2")
+    by_verdict = renderer is not None and renderer.get("attr") == "verdict"
     for category in root.iter("category"):
-        value = category.get("value")
-        category.set("label", _begun(verdict_title(value, lang)) if value else say(lang, "qgis.other"))
+        value = category.get("value", "")
+        if by_verdict:
+            label = _begun(verdict_title(value, lang)) if value else say(lang, "qgis.other")
+        else:
+            label = say(lang, f"qgis.{layer}.{value}")
+        category.set("label", label)
     choices = {
         "verdict": {verdict.value: _begun(verdict_title(verdict, lang)) for verdict in Verdict},
         "decision": {decision.value: say(lang, f"decide.{decision.value}") for decision in Decision},

@@ -13,6 +13,7 @@ from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARKS, NVDB_CO
 from twin.export.layers import COLUMNS
 from twin.export.qgis.qml import style
 from twin.store.kinds import Decision, Verdict
+from twin.words import Lang, say
 
 ALL = list(Verdict)
 
@@ -189,3 +190,30 @@ def test_map_tip_uses_fields_of_its_layer(layer: str) -> None:
 def test_sigmas_95_is_the_root_of_chi_square() -> None:
     """The 95 % quantile of chi-square with two degrees of freedom is -2 ln 0.05."""
     assert pytest.approx(math.sqrt(-2 * math.log(0.05)), abs=1e-15) == SIGMAS_95
+
+
+@pytest.mark.parametrize("layer", sorted(COLUMNS))
+def test_norwegian_style_says_everything_in_norwegian_and_decides_the_same(layer: str) -> None:
+    """Names of columns, legends and choices are others; fields and values are those of the English file."""
+    english, norsk = (fromstring(style(layer, verdicts=ALL, lang=lang)) for lang in Lang)
+    shown = {"alias": "name", "category": "label"}
+    for one, other in zip(english.iter(), norsk.iter(), strict=True):
+        spoken = shown.get(one.tag, "name" if one.tag == "Option" else "")
+        assert {k: v for k, v in one.items() if k != spoken} == {
+            k: v for k, v in other.items() if k != spoken
+        }
+    aliases = {alias.get("field"): alias.get("name") for alias in norsk.iter("alias")}
+    assert aliases == {c.name: c.label_in(Lang.NB) for c in COLUMNS[layer]}
+    labels = [
+        {one.get("value"): one.get("label") for one in root.iter("category")} for root in (english, norsk)
+    ]
+    told = {
+        value: say(Lang.EN, f"qgis.{layer}.{value}")
+        for value in labels[0]
+        if layer not in {"changes", "moves"}
+    }
+    assert labels[0] == (told or labels[0])
+    if layer == "changes":
+        choices = {one.get("value"): one.get("name") for one in norsk.iter("Option")}
+        assert (choices["accept"], choices["wrong_type"]) == ("Godta", "Feil skilttype")
+        assert {one.get("label") for one in norsk.iter("category")} >= {"Mangler", "Er flyttet", "Annet"}
