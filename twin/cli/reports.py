@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 import sys
+from collections.abc import Mapping
 from enum import StrEnum
 from operator import attrgetter
 from pathlib import Path
@@ -17,6 +18,7 @@ from twin.cli.output import note, print_json, print_pairs, print_table, warn
 from twin.words import Lang, say, verdict_title
 
 if TYPE_CHECKING:
+    from twin.decisions.opinions import Agreement
     from twin.reports.confidences import ConfidenceReport
     from twin.reports.estimate import EstimateExplained
     from twin.reports.evaluation import MethodResult, RangeErrors
@@ -302,8 +304,14 @@ def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) 
             "estimates": ", ".join(f"{n} {m}" for m, n in held.estimates.items()) or None,
             "last match": held.last_match.at if held.last_match else None,
             "findings": ", ".join(f"{n} {v}" for v, n in held.verdicts.items()) or None,
+            "blind opinions agree": _agreement(held.opinions),
         },
     )
+
+
+def _agreement(opinions: Mapping[str, Agreement]) -> str | None:
+    """``new: 40 of 42`` for each verdict that people have reviewed blindly."""
+    return ", ".join(f"{verdict}: {one.n_agreed} of {one.n}" for verdict, one in opinions.items()) or None
 
 
 def _mirror_pairs(held: Status) -> dict[str, object]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from twin.decisions.opinions import Agreement, agreement, opinions_of
 from twin.store import schema
 from twin.store.store import Row, Snapshot, Store
 
@@ -92,6 +93,8 @@ class Status:
         In order of time.
     estimates, verdicts : dict
         Method → estimates; verdict → findings.
+    opinions : dict
+        Verdict → how often people agree who reviewed blindly; only verdicts with second opinions.
     """
 
     store: str
@@ -103,6 +106,7 @@ class Status:
     drives: tuple[DriveStatus, ...]
     estimates: dict[str, int]
     verdicts: dict[str, int]
+    opinions: dict[str, Agreement]
     last_match: LastMatch | None
 
     def as_json(self) -> dict[str, Any]:
@@ -128,6 +132,7 @@ def status(store: Store) -> Status:
             drives=_drives(view),
             estimates=_counts_by(view, schema.estimate.c.method),
             verdicts=_counts_by(view, schema.change.c.verdict),
+            opinions=agreement(opinions_of(view.rows)),
             last_match=_last_match(facts.get("last_match")),
         )
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 import sqlalchemy as sa
 
@@ -31,6 +32,7 @@ NEAR_M = 60.0
 """How far a finding's map reaches."""
 _BAND_M = 500.0
 """Findings in order of place follow each other along bands of this width, back and forth."""
+_KEPT_QUEUES = 64
 _QUEUED = (Verdict.MISSING, Verdict.NEW, Verdict.WRONG_TYPE, Verdict.MOVED, Verdict.REVIEW)
 _RANK = {verdict: rank for rank, verdict in enumerate(_QUEUED)}
 
@@ -63,6 +65,8 @@ class Index:
     names : SignNames
     signs : NvdbSigns
         Around all of them.
+    queues : dict
+        Queues that were asked for, whatever is decided, in order: every answer asks for one again.
     """
 
     match: str
@@ -79,6 +83,7 @@ class Index:
     row: Mapping[str, int]
     names: SignNames
     signs: NvdbSigns
+    queues: dict[Queue, list[int]] = field(default_factory=dict)
 
     def item(self, row: int, state: State) -> FindingItem:
         """Return one for a list."""
@@ -95,8 +100,13 @@ class Index:
 
     def ordered(self, queue: Queue) -> list[int]:
         """Return the rows that a queue means whatever is decided of them, in its order."""
-        rows = [row for row in range(len(self.change_id)) if self._fits(row, queue)]
-        rows.sort(key=lambda row: (*self._key(row, queue.order), self.change_id[row]))
+        asked = msgspec.structs.replace(queue, state="")
+        rows = self.queues.get(asked)
+        if rows is None:
+            rows = [row for row in range(len(self.change_id)) if self._fits(row, asked)]
+            rows.sort(key=lambda row: (*self._key(row, asked.order), self.change_id[row]))
+            if len(self.queues) < _KEPT_QUEUES:
+                self.queues[asked] = rows
         return rows
 
     def _fits(self, row: int, queue: Queue) -> bool:

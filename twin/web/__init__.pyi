@@ -6,7 +6,6 @@ from .messages import answer_of as answer_of
 from .messages import body_of as body_of
 from .serve import listening as listening
 from .serve import may_open_browser as may_open_browser
-from .serve import serve as serve
 from .sessions import Session as Session
 from .sessions import Sessions as Sessions
 from .sessions import session_of as session_of

@@ -47,7 +47,8 @@ def listening(host: str = LOOPBACK, port: int = 0) -> tuple[socket.socket, Addre
         resolved = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)[0][4]
     except OSError as error:
         raise ConfigError(f"--host {host} is no address of this machine ({error.strerror}).") from error
-    taken = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    # Named as TCP's own, it sends what it has at once: asyncio asks for that only where the protocol is said.
+    taken = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         if os.name == "posix":
             # A server that has just ended leaves its port in TIME_WAIT; on Windows this would share a port.

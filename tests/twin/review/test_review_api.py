@@ -14,8 +14,11 @@ from review_browser import Browser, Open
 from twin.cli import run
 from twin.decisions.explain import explain_change
 from twin.decisions.record import decide
+from twin.evidence.crops import Crop, FaceFrom, MaskProof, Role
+from twin.evidence.files import evidence_folder, write_crop
 from twin.store import schema
 from twin.store.store import Store
+from twin.words import Lang
 
 MISSING, NEW, WRONG_TYPE, MOVED = "e679cb267742", "89cb19927fd6", "4567abf7173d", "45ca7449d96d"
 Server = Callable[..., Open]
@@ -306,3 +309,65 @@ def test_language_is_the_browsers(page: Browser, accepted: str, lang: str) -> No
     """The most wanted that the page speaks; English where it speaks none."""
     page.http.headers["Accept-Language"] = accepted
     assert page.get("session")["lang"] == lang
+
+
+def test_crop_is_served_by_its_hash_alone(page: Browser, store: Path) -> None:
+    """Of a row of the store; a file that no row names, and any other name, is not there."""
+    with Store.open(store) as opened:
+        kept, stray = (
+            write_crop(evidence_folder(opened), content)[0] for content in (b"RIFF kept", b"stray")
+        )
+        proof = MaskProof(
+            "geometry",
+            "1",
+            FaceFrom.BOX,
+            (),
+            (),
+            (),
+            0.5,
+            0.25,
+            0.25,
+            9.0,
+            3.0,
+            2.0,
+            (0, 0, 90, 80),
+            0.01,
+            "twin",
+        )
+        taken = ("a4fa72eb80eb", "C2_tricam60", 7, 1781078400 * 10**9, 12.0)
+        crop = Crop(NEW, 0, Role.FACE, *taken, kept, 90, 80, True, proof)
+        with opened.transaction() as connection:
+            connection.execute(sa.insert(schema.crop), [crop.to_row()])
+    (shown,) = page.get(f"finding/{NEW}")["crops"]
+    assert shown["caption"] == "C2_tricam60, 12 m away, 10 June 2026"
+    assert shown["proof"] == "Around the sign 75% was made unrecognisable by the geometry alone."
+    assert shown["drive"] == "trip_trondheim"
+    answer = page.http.get(f"{page.url}/{shown['url']}", timeout=30)
+    assert (answer.content, answer.headers["Content-Type"]) == (b"RIFF kept", "image/webp")
+    for name in (stray, kept.upper(), kept[:-1], "x", f"{kept}%00"):
+        assert page.http.get(f"{page.url}/crop/{name}.webp", timeout=30).status_code == 404
+
+
+def test_sign_is_drawn_with_what_is_written_on_it(page: Browser) -> None:
+    """Whatever is asked for is text in the drawing, never markup."""
+    answer = page.http.get(f"{page.url}/sign/802.svg", params={"text": "<script>200 m"}, timeout=30)
+    assert answer.headers["Content-Type"] == "image/svg+xml"
+    assert "<script" not in answer.text
+
+
+def test_page_speaks_norwegian(server: Server) -> None:
+    """Verdict, reason, when it was seen, and every text of the page."""
+    page = server(lang=Lang.NB)("kari")
+    found = page.get(f"finding/{WRONG_TYPE}")
+    assert found["seen_sentence"] == "Sett 10. juni 2026 av to kameraer."
+    assert page.get("session")["messages"]["page.view.finding"] == "Funn"
+    assert page.post("undo", {})[1]["error"] == "Det er ingenting igjen å angre i denne økten."
+
+
+def test_dismissed_as_temporary_speaks_for_its_kind(page: Browser, store: Path) -> None:
+    """The log says so; only a dismissal can be for that."""
+    assert page.answer(NEW, "accept", temporary=True)[0] == 400
+    assert page.answer(NEW, "dismiss", temporary=True)[0] == 200
+    with Store.open(store) as opened:
+        (entry,) = opened.rows(sa.select(schema.decision_log.c.cause))
+    assert entry["cause"]["kind"] == "temporary"
