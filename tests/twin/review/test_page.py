@@ -103,6 +103,26 @@ def test_a_hundred_findings_by_keyboard_alone(
     assert len({one for one, _ in given}) == 100
 
 
+def test_a_sign_of_road_works_is_dismissed_by_its_own_key(
+    address: Callable[..., str], context: BrowserContext, store: Path
+) -> None:
+    """Only a sign that NVDB lacks can be one: elsewhere the key does nothing."""
+    put_findings(store, 2)
+    page = open_page(context, address(person="kari"))
+    for _ in range(2):
+        before, verdict = shown(page), page.evaluate("window.twinReview.finding.verdict")
+        if verdict == "new":
+            press(page, "t")
+            new = before
+        else:
+            page.keyboard.press("t")
+            page.wait_for_timeout(300)
+            assert shown(page) == before
+            press(page, "j" if page.evaluate("window.twinReview.queue.left") == 2 else "s")
+    wait_until_sent(page)
+    assert (new, "dismiss") in {entry[:2] for entry in log_of(store)}
+
+
 def test_a_key_that_is_held_answers_once(address: Callable[..., str], context: BrowserContext) -> None:
     """What is pressed too long must not answer findings that nobody has looked at."""
     page = open_page(context, address(person="kari"))

@@ -25,6 +25,8 @@ class Page {
       lost: (pending, error) => this.notices.lost(pending, error),
       refused: (entry, error) => this.onRefused(entry, error),
     });
+    // What an earlier page could not send counts as answered.
+    for (const { body } of this.outbox.pending) if (body.change_id) queue.states.set(body.change_id, body.answer);
     this.panels = new Panels({ history: () => showHistory(byId("history"), this), help: () => undefined, filter: () => undefined });
     this.answers = new Answers(byId("answers"), this);
   }
