@@ -286,7 +286,9 @@ def _sigma(value: float) -> str:
 
 
 @app.command("status", epilog="Example: twin status")
-def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) -> None:
+def status(
+    lang: LangOption = Lang.EN, store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False
+) -> None:
     """Say what the store holds: the mirror and its age, drives, estimates, findings."""
     from twin.reports.store_status import status as status_of
     from twin.store.store import Store
@@ -296,46 +298,54 @@ def status(store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) 
     if json_output:
         print_json(held.as_json())
         return
-    print_pairs(
-        f"Store {held.store}",
-        {
-            **_mirror_pairs(held),
-            "drives": len(held.drives),
-            "estimates": ", ".join(f"{n} {m}" for m, n in held.estimates.items()) or None,
-            "last match": held.last_match.at if held.last_match else None,
-            "findings": ", ".join(f"{n} {v}" for v, n in held.verdicts.items()) or None,
-            "blind opinions agree": _agreement(held.opinions),
-        },
-    )
+    pairs = {
+        **_mirror_pairs(held, lang),
+        "drives": len(held.drives),
+        "estimates": ", ".join(f"{n} {m}" for m, n in held.estimates.items()) or None,
+        "last_match": held.last_match.at if held.last_match else None,
+        "findings": ", ".join(f"{n} {verdict_title(v, lang)}" for v, n in held.verdicts.items()) or None,
+        "agreement": _agreement(held.opinions, lang),
+    }
+    title = say(lang, "status.title", store=str(held.store))
+    print_pairs(title, {say(lang, f"status.{name}"): value for name, value in pairs.items()})
 
 
-def _agreement(opinions: Mapping[str, Agreement]) -> str | None:
+def _agreement(opinions: Mapping[str, Agreement], lang: Lang) -> str | None:
     """``new: 40 of 42`` for each verdict that people have reviewed blindly."""
-    return ", ".join(f"{verdict}: {one.n_agreed} of {one.n}" for verdict, one in opinions.items()) or None
+    told = (
+        say(lang, "status.agreed", verdict=verdict_title(verdict, lang), agreed=one.n_agreed, of=one.n)
+        for verdict, one in opinions.items()
+    )
+    return ", ".join(told) or None
 
 
-def _mirror_pairs(held: Status) -> dict[str, object]:
+def _mirror_pairs(held: Status, lang: Lang) -> dict[str, object]:
     mirror = held.mirror
     pairs: dict[str, object] = {
-        "NVDB area": mirror.area if mirror else None,
-        "Skiltpunkt": held.skiltpunkt,
-        "Skiltplate": held.skiltplate,
-        "last synced": f"{mirror.synced_at}, {_ago(mirror.age_hours)}" if mirror else None,
-        "follows": mirror.source if mirror else None,
-        "position in its change feed": mirror.position if mirror else None,
+        "area": mirror.area if mirror else None,
+        "skiltpunkt": held.skiltpunkt,
+        "skiltplate": held.skiltplate,
+        "synced": f"{mirror.synced_at}, {_ago(mirror.age_hours, lang)}" if mirror else None,
+        "source": mirror.source if mirror else None,
+        "position": mirror.position if mirror else None,
     }
     if held.unfinished:
-        kept = " and ".join(f"{n:,} {name}" for name, n in held.unfinished.kept.items())
-        pairs["unfinished backfill"] = f"{held.unfinished.area}: {kept} so far"
+        kept = [f"{n:,} {name}" for name, n in held.unfinished.kept.items()]
+        both = say(lang, "status.both", first=kept[0], second=kept[-1])
+        pairs["unfinished"] = say(lang, "status.so_far", area=held.unfinished.area, kept=both)
     if network := held.vegnett:
-        pairs["road network"] = f"{network.count:,} links of {network.area}, {network.fetched_at}"
+        pairs["network"] = say(
+            lang, "status.links", links=network.count, area=network.area, at=network.fetched_at
+        )
     return pairs
 
 
-def _ago(hours: float) -> str:
+def _ago(hours: float, lang: Lang) -> str:
     if hours < 1:
-        return f"{hours * 60:.0f} min ago"
-    return f"{hours:.1f} h ago" if hours < 48 else f"{hours / 24:.0f} days ago"
+        return say(lang, "status.minutes_ago", minutes=hours * 60)
+    if hours < 48:
+        return say(lang, "status.hours_ago", hours=hours)
+    return say(lang, "status.days_ago", days=hours / 24)
 
 
 @app.command("confidence", epilog="Example: twin confidence --out confidence.svg")

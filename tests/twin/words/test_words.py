@@ -68,7 +68,9 @@ def named_in_code() -> set[str]:
         "match": ["change", "verdict", "decision", "road", "reason"],
         "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/explain.py").read_text()),
-        "confidence": re.findall(r'"(\w+)"', (TWIN / "cli/reports.py").read_text()),
+        **dict.fromkeys(
+            ("confidence", "status"), re.findall(r'"(\w+)"', (TWIN / "cli/reports.py").read_text())
+        ),
         "basis": [f"codes_{one.value}" for one in r.CodesAgree],
     }
     made = {f"{family}.{name}" for family, names in families.items() for name in names}
