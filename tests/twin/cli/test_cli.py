@@ -62,22 +62,6 @@ def test_readme_is_read_at_one_sitting() -> None:
     assert [sentence for sentence in sentences if len(sentence.split()) > 30] == []
 
 
-def test_readmes_job_can_be_pasted(
-    twin: Twin, sample: Path, nvdb_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """README's commands from the mirror to the checked change set run as they stand."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("TWIN_API_URL", nvdb_url)
-    (tmp_path / "data").symlink_to(sample)
-    job = re.search(
-        r"^## The job\n.*?```\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
-    )
-    assert job
-    answers = [twin(*line.split()[1:]) for line in job[1].splitlines() if line.startswith("twin ")]
-    assert [answer.code for answer in answers] == [0] * 6
-    assert "1 change set passes our own checks" in answers[-1].err
-
-
 def test_help_imports_nothing_heavy() -> None:
     """`twin --help` loads no geopandas, scipy, cv2, pyproj or sqlalchemy: it answers at once."""
     code = (
