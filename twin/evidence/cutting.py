@@ -26,6 +26,7 @@ _CENTRE_HALF_M = 0.5
 _NEAR_M, _GROUND_MARGIN_M = 6.0, 0.4
 """NVDB's position is shown up to so far from the foot, and both with so much ground about them."""
 _STEPS = 101
+_BOX_AWAY_PX = 5.0
 _WIDE_QUALITY = 85
 _SEEN, _NVDB, _HALO = (230, 159, 0), (86, 180, 233), (0, 0, 0)
 """Orange and sky blue of Okabe and Ito, apart for every kind of colour vision, on a dark edge."""
@@ -239,12 +240,13 @@ def _draw(image: Image, sight: Sight, faces: tuple[FloatArray, ...], origin: Flo
 
     def line(points: FloatArray, colour: tuple[int, int, int], *, closed: bool = True) -> None:
         whole = [np.round((points - origin) * 16).astype(np.int32)]
-        for shade, thickness in ((_HALO, 3), (colour, 1)):
+        for shade, thickness in ((_HALO, 4), (colour, 2)):
             cv2.polylines(image, whole, closed, shade, thickness, cv2.LINE_AA, 4)
 
-    for outline in faces or (sight.window_px,):
-        box = np.array([*outline.min(axis=0) - 4.0, *outline.max(axis=0) + 4.0])
-        line(_corners(box), _SEEN)
+    outline = np.concatenate(faces or (sight.window_px,))
+    line(
+        _corners(np.array([*outline.min(axis=0) - _BOX_AWAY_PX, *outline.max(axis=0) + _BOX_AWAY_PX])), _SEEN
+    )
     if sight.ellipse_px is not None:
         line(sight.ellipse_px, _SEEN)
     if sight.nvdb_px is not None:
