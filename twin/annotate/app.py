@@ -348,8 +348,8 @@ def _task(recording: Recording, camera: str, by: str) -> CvatTask:
 def _camera_item(recording: Recording, camera: str) -> CameraItem:
     model, frames = recording.rig.camera(camera).model, recording.frames[camera]
     stamps = recording.epoch_ns.get(camera, np.full(frames.size, NO_STAMP))
-    known = stamps[stamps != NO_STAMP]
-    start = known.min() if known.size else 0
+    known = [of[of != NO_STAMP] for of in recording.epoch_ns.values()]
+    start = min((int(of.min()) for of in known if of.size), default=0)
     moments = np.where(stamps == NO_STAMP, -1.0, (stamps - start) * 1e-9)
     return CameraItem(
         camera, model.width_px, model.height_px, frames.tolist(), moments.tolist(), file_name(camera)

@@ -73,7 +73,15 @@ class State(msgspec.Struct, frozen=True):
 
 
 class CameraItem(msgspec.Struct, frozen=True):
-    """One camera: the size of its pictures, and the numbers of its frames that have one."""
+    """One camera: the size of its pictures, and the numbers of its frames that have one.
+
+    Attributes
+    ----------
+    moments_s : list of float
+        When each was taken, from the drive's first picture; -1 where nobody knows.
+    file : str
+        In which its marks are kept.
+    """
 
     name: str
     width_px: int
