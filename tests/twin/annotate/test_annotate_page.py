@@ -49,7 +49,7 @@ def context() -> Iterator[BrowserContext]:
 
 
 def test_a_sign_is_clicked_named_proposed_and_confirmed(context: BrowserContext, painted: Path) -> None:
-    """Two clicks and a name make a sign; Enter confirms the third picture; nothing else is asked of anybody."""
+    """Two clicks and a name make a sign; Enter confirms the third picture; no other host is asked."""
     drive = sample()
     hosts: set[str] = set()
     context.on("request", lambda request: hosts.add(request.url.split("/")[2]))
