@@ -41,12 +41,13 @@ from twin.annotate.state import signs_of
 from twin.drawings import svg
 from twin.drives.annotations.write_cvat import CvatTask
 from twin.drives.frames.stamp_files import NO_STAMP
-from twin.errors import ConfigError, TwinError
+from twin.errors import TwinError
 from twin.web.app import web_app
 from twin.web.guard import Address
-from twin.web.messages import PageError, answer_of, body_of
+from twin.web.messages import PageError, answer_of, body_of, refusal
 from twin.web.sessions import Sessions
-from twin.words import Lang, SignNames, language_from, messages
+from twin.words import Lang, SignNames, language_from, messages, say
+from twin.words.table import Fact
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -77,6 +78,16 @@ class AnnotateOptions:
     names: SignNames = field(default_factory=dict)
 
 
+class Refusal(Exception):  # noqa: N818 - it is no error
+    """What the page asked for and does not get: a message of the table, said in the browser's language."""
+
+    def __init__(self, key: str, status: HTTPStatus = HTTPStatus.CONFLICT, **facts: Fact) -> None:
+        super().__init__(key)
+        self.key = key
+        self.status = status
+        self.facts = facts
+
+
 def annotate_app(recording: Recording, options: AnnotateOptions, address: Address) -> tuple[Starlette, str]:
     """Make the page's server for a drive.
 
@@ -93,6 +104,7 @@ def annotate_app(recording: Recording, options: AnnotateOptions, address: Addres
     sessions = Sessions(options.by)
     page = _Page(recording, options)
     app = web_app(page.routes(), STATIC, name="annotate", sessions=sessions, address=address)
+    app.add_exception_handler(Refusal, page.refused)
     return app, sessions.token
 
 
@@ -131,7 +143,7 @@ class _Page:
 
     def session(self, request: Request) -> Response:
         """Tell what the page needs once."""
-        lang = self.options.lang or language_from(request.headers.get("accept-language", ""))
+        lang = self.lang(request)
         with self.lock:
             state = self.state()
         record = SessionRecord(
@@ -190,8 +202,7 @@ class _Page:
             if asked.object:
                 self.known(asked.object)
             if any(one.object == name and one.kind is asked.kind for one in self.foreign(camera, frame)):
-                sentence = f"{name} is marked there in another tool's file: correct it there."
-                raise PageError(HTTPStatus.CONFLICT, sentence)
+                raise Refusal("refused.marked_elsewhere", sign=name)
             codes = _checked_codes(asked.codes) or self.foreign_codes(name)
             self.book.mark({Where(name, camera, frame, asked.kind): mark}, self.by, codes)
             return name
@@ -208,7 +219,7 @@ class _Page:
             proposed = self.proposals.in_picture(self.book.page, camera, frame)
             marks = confirmed([item for item in proposed if item.object == asked.object], camera, frame)
             if not marks:
-                raise PageError(HTTPStatus.CONFLICT, f"Nothing is proposed of {asked.object} there.")
+                raise Refusal("refused.not_proposed", sign=asked.object)
             self.book.mark(marks, self.by)
             return asked.object
 
@@ -226,8 +237,7 @@ class _Page:
                 and (not asked.camera or (where.camera, where.frame) == (asked.camera, asked.frame))
             ]
             if not gone:
-                sentence = f"Nothing of {asked.object} is marked there by this page."
-                raise PageError(HTTPStatus.CONFLICT, sentence)
+                raise Refusal("refused.not_marked", sign=asked.object)
             self.book.remove(gone)
             return asked.object
 
@@ -239,7 +249,7 @@ class _Page:
 
         def change() -> str:
             if asked.object not in self.book.page.signs:
-                raise PageError(HTTPStatus.CONFLICT, f"Mark {asked.object} in a picture first.")
+                raise Refusal("refused.mark_first", sign=asked.object)
             self.book.name(asked.object, _checked_codes(asked.codes))
             return asked.object
 
@@ -251,7 +261,7 @@ class _Page:
 
         def change() -> str:
             if not self.book.can_undo:
-                raise PageError(HTTPStatus.CONFLICT, "There is nothing to undo.")
+                raise Refusal("refused.nothing_to_undo")
             self.book.undo()
             return ""
 
@@ -272,6 +282,15 @@ class _Page:
                 raise
             return answer_of(self.state(name, copies))
 
+    def lang(self, request: Request) -> Lang:
+        """The language of whoever asks."""
+        return self.options.lang or language_from(request.headers.get("accept-language", ""))
+
+    def refused(self, request: Request, error: Exception) -> Response:
+        """Say why not."""
+        assert isinstance(error, Refusal)  # noqa: S101 - registered for nothing else
+        return refusal(error.status, say(self.lang(request), error.key, **error.facts))
+
     def state(self, name: str = "", copies: list[str] | None = None) -> State:
         """All signs as they are now."""
         placed = self.proposals.of(self.book.page)
@@ -281,13 +300,13 @@ class _Page:
     def asked(self, camera: str, frame: int) -> tuple[str, int]:
         """Return a camera and a frame that there are."""
         if camera not in self.recording.pictures or not np.isin(frame, self.recording.frames[camera]):
-            raise PageError(HTTPStatus.NOT_FOUND, f"There is no picture {frame:,} of {camera}.")
+            raise Refusal("refused.no_picture", HTTPStatus.NOT_FOUND, frame=frame, camera=camera)
         return camera, frame
 
     def known(self, name: str) -> None:
         """Refuse a sign that nobody has marked."""
         if name not in self.book.page.signs and name not in self.recording.foreign.object:
-            raise PageError(HTTPStatus.CONFLICT, f"There is no sign {name}: it was taken away meanwhile.")
+            raise Refusal("refused.no_sign", sign=name)
 
     def checked(self, asked: MarkRequest) -> Mark:
         """Return what was clicked or drawn, if it is in the picture."""
@@ -296,9 +315,9 @@ class _Page:
         wanted = 2 if asked.kind is Kind.FOOT else 4
         sizes = np.tile([model.width_px, model.height_px], 2)[:wanted]
         if place.size != wanted or not np.all((place >= -0.5) & (place <= sizes - 0.5)):
-            raise PageError(HTTPStatus.BAD_REQUEST, "That is outside the picture.")
+            raise Refusal("refused.outside", HTTPStatus.BAD_REQUEST)
         if wanted == 4 and np.any(place[2:] - place[:2] < _SMALLEST_BOX_PX):
-            raise PageError(HTTPStatus.BAD_REQUEST, "A box needs two corners that lie apart.")
+            raise Refusal("refused.no_box", HTTPStatus.BAD_REQUEST)
         return Mark(tuple(np.round(place, 2).tolist()))
 
     def foreign(self, camera: str, frame: int) -> list[MarkItem]:
@@ -325,9 +344,7 @@ class _Page:
 def _checked_codes(codes: str) -> str:
     text = ";".join(part.strip() for part in codes.split(";") if part.strip())
     if text and (len(text) > _MAX_CODES or not _CODES.fullmatch(text)):
-        raise ConfigError(
-            f"{text[:_MAX_CODES]} is no sign code: write it as 362.50, several as 362.50;808.1."
-        )
+        raise Refusal("refused.no_code", HTTPStatus.BAD_REQUEST, code=text[:_MAX_CODES])
     return text
 
 

@@ -48,6 +48,7 @@ class OwnFiles:
     root: Path
     tasks: Mapping[str, CvatTask]
     _written: dict[str, bytes] = field(default_factory=dict)
+    _kept: dict[str, Sequence[CvatTrack]] = field(default_factory=dict)
 
     def read(self) -> Page:
         """Read what earlier runs of the page have kept.
@@ -85,12 +86,13 @@ class OwnFiles:
         copies = []
         for camera in self.tasks:
             tracks = _tracks(after, camera)
-            if tracks == _tracks(before, camera):
+            # What was written before another file failed is not what the page holds: it is written again.
+            if tracks == self._kept.get(camera, _tracks(before, camera)):
                 continue
             copies += self._copy(camera, now)
             content = cvat_document(_dated(self.tasks[camera], now), tracks).encode()
             replace_file(self.root / file_name(camera), content)
-            self._written[camera] = content
+            self._written[camera], self._kept[camera] = content, tracks
         return copies
 
     def _copy(self, camera: str, now: dt.datetime) -> list[str]:
