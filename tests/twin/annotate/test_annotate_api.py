@@ -79,7 +79,7 @@ def test_a_box_is_drawn_and_proposed_where_the_sign_is_nearer(browser: Browser) 
     assert browser.post("mark", box)[0] == 200
     nearer = min(frame for frame in signs(browser)[name]["in_view"][WIDE] if frame > 270)
     proposed = {one["kind"]: one for one in browser.get(f"picture/{WIDE}/{nearer}")["proposals"]}
-    left, top, right, bottom = proposed["box"]["place_px"]
+    left, _, right, bottom = proposed["box"]["place_px"]
     assert right - left > 24
     assert bottom < proposed["foot"]["place_px"][1]
 

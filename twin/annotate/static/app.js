@@ -8,6 +8,9 @@ import { Pictures } from "./pictures.js";
 import { Stage } from "./stage.js";
 import { number, say, speak } from "./words.js";
 
+/* A click that misses by more is likely of another pole. */
+const FAR_PX = 40;
+
 const pictures = new Pictures();
 let session = null;
 let signs = [];
@@ -95,7 +98,10 @@ async function mark(kind, place, of) {
   const isNew = !of;
   const done = await change("mark", { object: of, camera: camera.name, frame: frame(), kind, place_px: place });
   setMode("foot");
-  if (done && isNew) code();
+  if (!done) return;
+  const one = chosen();
+  if (one?.worst_px > FAR_PX) tell(say("annotate.far", { sign: one.object, px: number(one.worst_px) }));
+  if (isNew) code();
 }
 
 async function confirm() {
