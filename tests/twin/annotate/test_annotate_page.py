@@ -54,12 +54,14 @@ def test_a_sign_is_clicked_named_proposed_and_confirmed(context: BrowserContext,
     hosts: set[str] = set()
     context.on("request", lambda request: hosts.add(request.url.split("/")[2]))
     with served(painted, by="Kari", names={"142": "Barn", "202": "Vikeplikt"}) as (address, token):
+        expect.set_options(timeout=30_000)
         page = context.new_page()
         page.goto(address.url(token))
         expect(page.locator("body")).to_have_attribute("data-ready", "true")
         with browsing(painted) as other:
             person = Person(other, drive)
         click(page, person, drive, FRAMES[0])
+        expect(page.locator("#code")).to_be_focused()
         page.keyboard.type("vike")
         expect(page.locator("#codes li")).to_have_count(1)
         page.keyboard.press("Enter")
