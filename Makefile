@@ -44,6 +44,7 @@ bench: $(VENV)/.installed         ## errors and ellipses on simulated drives aga
 	$(BIN)/python benchmarks/clocks.py
 	$(BIN)/python benchmarks/unstated_poses.py
 	$(BIN)/python benchmarks/many_drives.py
+	$(BIN)/python benchmarks/annotate.py
 
 bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, on one core
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/locate.py

@@ -69,6 +69,7 @@ class _Commands(_LazyGroup):
         "decide": "findings",
         "evidence": "evidence",
         "review": "review",
+        "annotate": "annotate",
         "export": "export",
         "qgis": "export",
         "submit": "submit",

@@ -28,6 +28,7 @@ from geoloc.trajectory.trajectory import (
 )
 from twin.drives.drive import Drive
 from twin.drives.folder.notes import DriveDoubt
+from twin.drives.track.read import Track
 
 _Track = TypeVar("_Track", GnssFixes, PoseTrack)
 
@@ -110,8 +111,8 @@ def _placed(track: _Track, lat: FloatArray, lon: FloatArray, height: FloatArray)
     return replace(track, latitude_deg=lat, longitude_deg=lon, height_m=height)
 
 
-def trajectory_of(drive: Drive) -> Trajectory:
-    """Build the drive's trajectory from its full poses if it has them, else from its GNSS."""
+def trajectory_of(drive: Drive | Track) -> Trajectory:
+    """Build the trajectory of a drive, or of its track alone: from its poses if it has them, or its GNSS."""
     if drive.poses is not None:
         return trajectory_from_poses(drive.poses)
     lever_arms = {name: antenna.rig_t_antenna_m for name, antenna in drive.rig.antennas.items()}

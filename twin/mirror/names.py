@@ -32,6 +32,11 @@ def sign_names(store: Store) -> SignNames:
     return names
 
 
+def shipped_names() -> SignNames:
+    """Return the names of the datakatalog that ships with twin: of some codes only."""
+    return _named(snapshot())[0]
+
+
 def _named(katalog: Datakatalog) -> tuple[dict[str, str], set[str]]:
     """Names of a datakatalog's codes, and its codes without one."""
     kind = katalog.egenskapstyper.get(SKILTNUMMER)

@@ -23,6 +23,7 @@ from geoloc.simulation.noise import stream
 from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
+from twin.drives.annotations.write_cvat import LABEL
 from twin.errors import TwinError
 from twin.samples.sample_nvdb import (
     MAIN_LINK,
@@ -35,7 +36,6 @@ from twin.samples.sample_nvdb import (
     skiltpunkt_document,
     vegnett_page,
 )
-from twin.samples.write_cvat import LABEL
 from twin.samples.write_drive import write_driveworks_trip
 
 SEED = 20260610

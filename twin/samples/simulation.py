@@ -20,8 +20,8 @@ from geoloc.simulation.car import CAMERAS
 from geoloc.simulation.noise import NoiseSpec
 from geoloc.simulation.simulate import SCENARIOS, Scenario, SimulatedDrive, scenario, simulate_drive
 from twin import __version__
+from twin.drives.annotations.write_cvat import LABEL
 from twin.errors import ConfigError, RefusedError
-from twin.samples.write_cvat import LABEL
 from twin.samples.write_drive import write_driveworks_trip
 from twin.store.folders import make_folder
 

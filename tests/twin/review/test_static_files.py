@@ -8,14 +8,22 @@ from pathlib import Path
 
 import pytest
 
+import twin.annotate
 import twin.review
 import twin.web
 from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARKS, NVDB_COLOUR
 from twin.words.table import table
 
 PAGE = Path(twin.review.__file__).parent / "static"
-VENDOR = Path(twin.web.__file__).parent / "static" / "vendor"
-OWN_FILES = sorted(path for path in PAGE.iterdir() if path.suffix != ".png")
+ANNOTATE = Path(twin.annotate.__file__).parent / "static"
+SHARED = Path(twin.web.__file__).parent / "static"
+VENDOR = SHARED / "vendor"
+OWN_FILES = sorted(
+    path
+    for folder in (PAGE, ANNOTATE, SHARED)
+    for path in folder.iterdir()
+    if path.is_file() and path.suffix != ".png"
+)
 NAMESPACE = "http://www.w3.org/2000/svg"
 
 
@@ -49,13 +57,14 @@ def test_verdicts_look_as_in_every_other_output() -> None:
         assert f'{name}_COLOUR = "{colour}"' in text
 
 
-def test_every_text_that_the_page_asks_for_is_in_the_table() -> None:
+@pytest.mark.parametrize("page", ["page", "annotate"])
+def test_every_text_that_a_page_asks_for_is_in_the_table(page: str) -> None:
     """And the table holds none that it does not; keys that are put together are known by their beginning."""
     source = "\n".join(path.read_text("utf-8") for path in OWN_FILES)
-    asked = set(re.findall(r'"(page\.[a-z.-]+)"', source))
-    families = set(re.findall(r"`(page\.[^`$]+)\$", source))
+    asked = set(re.findall(rf'"({page}\.[a-z.-]+)"', source))
+    families = set(re.findall(rf"`({page}\.[^`$]+)\$", source))
     families |= {f"page.{one}." for one in re.findall(r'sayOf\(["`]([a-z-]+)', source)}
-    known = {key for key in table() if key.startswith("page.")}
+    known = {key for key in table() if key.startswith(f"{page}.")}
     assert asked <= known
     unasked = {key for key in known - asked if not key.startswith(tuple(families))}
     assert not unasked
