@@ -119,9 +119,11 @@ def demo(
         {
             "signs synced": f"{numbers['signs_synced']['skiltpunkt']} Skiltpunkt, "
             f"{numbers['signs_synced']['skiltplate']} Skiltplate",
-            "drives": numbers["drives"],
+            "drives": f"{numbers['drives']}, with {numbers['pictures']} painted pictures",
             "sightings": numbers["sightings"],
             "estimates": numbers["estimates"],
+            "findings with pictures": f"{report.evidence.n_with_crops} of {report.evidence.n_findings}, "
+            f"{report.evidence.n_crops} crops",
         },
     )
     print_table(
@@ -131,5 +133,6 @@ def demo(
     )
     print_errors(report.evaluation.methods)
     print_paths("Open these:", report.files)
+    note(f"Decide: twin review --store {out / 'demo.db'}")
     note(f"In QGIS: twin qgis {out} --open")
     note(f"Why a sign stands where it does: twin show P01 --store {out / 'demo.db'} --out P01.png")

@@ -30,7 +30,7 @@ from twin.samples.sample import SEED, sample_drives
 from twin.samples.street import street
 from twin.store.folders import make_folder
 
-EVERY = 12
+EVERY = 15
 """Every so many frames has a picture: a multiple of what is annotated, so that each is an annotated one."""
 QUALITY = 85
 _BONNET = (34, 36, 40)

@@ -12,6 +12,7 @@ import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,17 +24,25 @@ from geoloc.simulation.road import Road
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
 from twin.errors import TwinError
-from twin.samples.sample_nvdb import NvdbPole, pages, skiltplate_documents, skiltpunkt_document
+from twin.samples.sample_nvdb import (
+    MAIN_LINK,
+    MAIN_ROAD,
+    SIDE_LINK,
+    SIDE_ROAD,
+    NvdbPole,
+    pages,
+    skiltplate_documents,
+    skiltpunkt_document,
+    vegnett_page,
+)
 from twin.samples.write_cvat import LABEL
 from twin.samples.write_drive import write_driveworks_trip
 
 SEED = 20260610
-TRIP = "trip_trondheim"
+TRIP, SECOND_TRIP = "trip_trondheim", "trip_trondheim_2"
 GEOID_M = 39.42
 """HREF2018B at the sample road: ellipsoidal height minus NN2000."""
 FIRST_POINT_ID, FIRST_PLATE_ID = 1042500101, 1042600101
-MAIN_ROAD, MAIN_LINK = "KV2210", 3041771
-SIDE_ROAD, SIDE_LINK = "KV2214", 3041802
 MOVED, NEW, WRONG_TYPE = "P07", "P04", "P12"
 MOVED_BY_M = 3.0
 NVDB_CODE_OF_WRONG_TYPE = "362.60"
@@ -47,6 +56,13 @@ OUT_OF_VIEW = (
     (232.0, -258.0, "302", False),
 )
 """Station, offset, code and own geometry of signs on side roads, more than 200 m from the drive."""
+SECOND_START_NS = int(datetime(2026, 9, 14, 9, 30, tzinfo=UTC).timestamp()) * 1_000_000_000
+SECOND_STATION_M, SECOND_DURATION_S = 270.0, 11.6
+"""The second drive passes the last third of the road only, from P10 to P13: small, and enough to disagree."""
+SECOND_SEED = 3
+"""Added to the sample's: an ordinary drive of the eight tried, neither the best nor the worst."""
+MISREAD, CODES_MISREAD = "P13", "404.2;906V"
+"""What the second drive's annotator set: the arrow the other way."""
 QUALITY = (("sat", 10, 0.1), ("sat", 20, 0.2), ("dig", 30, 0.3), ("ukj", 100, 0.3))
 """Capture method, stated accuracy in cm, and how far the position truly is off in metres."""
 
@@ -72,13 +88,15 @@ def make_sample(folder: Path | str, seed: int = SEED) -> list[Path]:
         If the folder cannot be written.
     """
     folder = Path(folder)
-    drive = sample_drives(seed)[TRIP]
+    drives = sample_drives(seed)
+    drive = drives[TRIP]
     poles = _nvdb_poles(drive, seed)
-    files = write_driveworks_trip(drive, folder / TRIP)
+    files = [file for name, one in drives.items() for file in write_driveworks_trip(one, folder / name)]
     points = pages(SKILTPUNKT, [skiltpunkt_document(pole) for pole in poles.values()])
     plates = pages(SKILTPLATE, [plate for pole in poles.values() for plate in skiltplate_documents(pole)])
     texts = {f"nvdb/skiltpunkt_95_page{i}.json": _json(page) for i, page in enumerate(points, start=1)}
     texts |= {f"nvdb/skiltplate_96_page{i}.json": _json(page) for i, page in enumerate(plates, start=1)}
+    texts["nvdb/vegnett_page1.json"] = _json(vegnett_page(_main_road(drive, seed)))
     texts["truth.csv"] = _csv(("object", "label", "easting", "northing"), _truth(drive))
     texts["expected_changes.csv"] = _csv(
         ("verdict", "nvdb_type", "nvdb_id", "object", "skiltnummer_nvdb", "skiltnummer_seen"),
@@ -88,8 +106,39 @@ def make_sample(folder: Path | str, seed: int = SEED) -> list[Path]:
 
 
 def sample_drives(seed: int = SEED) -> dict[str, SimulatedDrive]:
-    """Simulate the drives of the sample, by the names of their folders."""
-    return {TRIP: simulate_drive(replace(scenario("sample"), name=TRIP), seed)}
+    """Simulate the drives of the sample, by the names of their folders.
+
+    The second passes part of the road three months later, and its annotator misread a sign.
+    """
+    world = scenario("sample")
+    again = replace(
+        world,
+        name=SECOND_TRIP,
+        road=replace(world.road, seed=seed),
+        motion=replace(
+            world.motion,
+            start_station_m=SECOND_STATION_M,
+            duration_s=SECOND_DURATION_S,
+            speed=world.motion.speed[:1],
+        ),
+        start_utc_ns=SECOND_START_NS,
+    )
+    second = simulate_drive(again, seed + SECOND_SEED)
+    codes = np.where(second.objects.object == MISREAD, CODES_MISREAD, second.objects.skiltnummer)
+    return {
+        TRIP: simulate_drive(replace(world, name=TRIP), seed),
+        SECOND_TRIP: replace(second, objects=replace(second.objects, skiltnummer=codes)),
+    }
+
+
+def _main_road(drive: SimulatedDrive, seed: int) -> list[tuple[float, float, float, float]]:
+    """Meter along the main road, east, north and NN2000 height of its centre line, every 5 m."""
+    road = Road(drive.scenario.road, seed)
+    return [
+        (meter, east, north, height - GEOID_M)
+        for meter in np.arange(0.0, road.spec.length_m + 1.0, 5.0).tolist()
+        for east, north, height in [_place(road, meter, 0.0)]
+    ]
 
 
 def _nvdb_poles(drive: SimulatedDrive, seed: int) -> dict[str, NvdbPole]:
@@ -172,6 +221,9 @@ def _expected(drive: SimulatedDrive, poles: Mapping[str, NvdbPole]) -> Iterable[
         known = poles.get(pole.object)
         if known is None:
             yield "new", str(SKILTPUNKT), "", pole.object, "", pole.skiltnummer
+        elif pole.object == MISREAD:
+            seen, ids = CODES_MISREAD.split(";", maxsplit=1)[0], (str(SKILTPLATE), str(known.plate_ids[0]))
+            yield "review", *ids, pole.object, known.codes[0], f"{known.codes[0]} or {seen}"
         elif pole.object == WRONG_TYPE:
             ids = str(SKILTPLATE), str(known.plate_ids[0])
             yield "wrong_type", *ids, pole.object, known.codes[0], pole.skiltnummer

@@ -26,6 +26,8 @@ from nvdb.datakatalog import (
 )
 
 KOMMUNE, FYLKE = 5001, 50
+MAIN_ROAD, MAIN_LINK = "KV2210", 3041771
+SIDE_ROAD, SIDE_LINK = "KV2214", 3041802
 API = "https://nvdbapiles.atlas.vegvesen.no/vegobjekter"
 PAGE_SIZE = 20
 UNKNOWN_HEIGHT = -999999
@@ -153,6 +155,49 @@ def pages(type_id: int, objects: Sequence[dict[str, Any]]) -> list[dict[str, Any
             }
         )
     return found
+
+
+def vegnett_page(centre_line: Sequence[tuple[float, float, float, float]]) -> dict[str, Any]:
+    """Return the one page of the road network: the main road as one segment.
+
+    Parameters
+    ----------
+    centre_line : sequence of (meter, east, north, height)
+        Metering in metres, EPSG:25833, NN2000.
+    """
+    first, last = centre_line[0][0], centre_line[-1][0]
+    wkt = ", ".join(f"{east:.3f} {north:.3f} {height:.3f}" for _, east, north, height in centre_line)
+    segment = {
+        "veglenkesekvensid": MAIN_LINK,
+        "veglenkenummer": 1,
+        "segmentnummer": 1,
+        "referanse": f"{MAIN_LINK}-1-1",
+        "metadata": {"startdato": "2015-03-01"},
+        "startposisjon": first / LINK_LENGTH_M,
+        "sluttposisjon": last / LINK_LENGTH_M,
+        "type": "HOVED",
+        "detaljnivå": "Vegtrase og kjørebane",
+        "topologinivå": "Vegtrase",
+        "typeVeg_sosi": "enkelBilveg",
+        "feltoversikt": ["1", "2"],
+        "geometri": {"wkt": f"LINESTRING Z ({wkt})", "srid": 5973},
+        "kommune": KOMMUNE,
+        "fylke": FYLKE,
+        "vegsystemreferanse": {
+            "vegsystem": {"vegkategori": MAIN_ROAD[0], "fase": MAIN_ROAD[1], "nummer": int(MAIN_ROAD[2:])},
+            "strekning": {
+                "strekning": 1,
+                "delstrekning": 1,
+                "arm": False,
+                "trafikantgruppe": "K",
+                "retning": "MED",
+                "fra_meter": first,
+                "til_meter": last,
+            },
+            "kortform": f"{MAIN_ROAD} S1D1 m{first:.0f}-{last:.0f}",
+        },
+    }
+    return {"objekter": [segment], "metadata": {"returnert": 1, "sidestørrelse": PAGE_SIZE}}
 
 
 def _plate_properties(code: str, place: int) -> list[dict[str, Any]]:

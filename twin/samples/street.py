@@ -124,10 +124,10 @@ def _poles(drive: SimulatedDrive, road: Road) -> Iterator[Thing]:
         here = Spot(foot, _axes(float(road.yaw_rad(np.array([spec.station_m]))[0])))
         codes = spec.skiltnummer.split(";")
         faces = [face(code, TEXTS.get(code, "")) for code in codes]
-        low = LOWEST_MARKER_M if any(code.startswith("9") for code in codes) else LOWEST_M
         patches: list[Patch] = []
-        bottom = low
-        for plate in reversed(faces):
+        bottom = LOWEST_MARKER_M
+        for code, plate in reversed(list(zip(codes, faces, strict=True))):
+            bottom = bottom if code.startswith("9") else max(bottom, LOWEST_M)
             patches += _plane(plate, here, POLE_RADIUS_M + 0.02, bottom, Kind.SIGN)
             bottom += plate.height_m + PLATE_GAP_M
         pole = _upright(here, -POLE_RADIUS_M, (-POLE_RADIUS_M, POLE_RADIUS_M), (0.0, bottom), (126, 130, 132))

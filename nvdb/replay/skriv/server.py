@@ -25,7 +25,7 @@ from typing import Final
 from urllib.parse import parse_qsl, urlsplit
 
 from nvdb.endringssett import Endringssett, ValidationFinding, errors, from_xml, to_xml, validate
-from nvdb.errors import SchemaError
+from nvdb.errors import ReplaySourceError, SchemaError
 from nvdb.replay.loopback import Answer, Loopback, LoopbackHandler, LoopbackServer
 from nvdb.replay.skriv.answers import fault_xml, fremdrift_xml, list_xml, ressurser_xml, status_xml
 from nvdb.replay.skriv.world import NO_RIGHT, SkrivWorld
@@ -76,6 +76,8 @@ class SkrivReplayServer(Loopback):
         Whether the users have the role that the endpoints demand; without it every answer is 403.
     on_the_way : sequence of str
         Codes that are shown between the start and the final one, one a question.
+    port : int
+        0 takes a free one.
 
     Attributes
     ----------
@@ -93,11 +95,13 @@ class SkrivReplayServer(Loopback):
         users: Mapping[str, str],
         roles: bool = True,
         on_the_way: Sequence[str] = ("BEHANDLES",),
+        port: int = 0,
     ) -> None:
         self.world = world
         self.users = dict(users)
         self.roles = roles
         self.on_the_way = tuple(on_the_way)
+        self.port = port
         self.requests: list[tuple[str, str]] = []
         self.lose: list[str] = []
         self._sets: dict[str, _Set] = {}
@@ -106,7 +110,11 @@ class SkrivReplayServer(Loopback):
         self._lock = threading.Lock()
 
     def _make_server(self) -> LoopbackServer:
-        return _Server((self._host, 0), self)
+        try:
+            return _Server((self._host, self.port), self)
+        except (OSError, OverflowError) as error:
+            msg = f"Port {self.port} cannot be used ({error}): take another, or 0 for a free one."
+            raise ReplaySourceError(msg) from error
 
     def end_tokens(self) -> None:
         """Let every id token end now."""

@@ -110,7 +110,12 @@ def test_sync_needs_exactly_one_area(twin: Twin, tmp_path: Path) -> None:
 def test_whole_job_finds_what_the_sample_was_made_to_hold(
     twin: Twin, sample: Path, store: Path, tmp_path: Path
 ) -> None:
-    """Every verdict of the sample is found at the object it was made for, and nothing else."""
+    """Every verdict of the sample is found at the object it was made for, and nothing else.
+
+    The store has the first drive: the second is what disagrees with it.
+    """
+    assert twin("ingest-drive", sample / "trip_trondheim_2", "--store", store).code == 0
+    assert twin("match", "--store", store).code == 0
     answer = twin("export", tmp_path / "out", "--store", store)
     assert answer.code == 0
     changes = pyogrio.read_dataframe(tmp_path / "out" / "twin_utm33.gpkg", layer="changes")

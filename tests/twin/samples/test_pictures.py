@@ -1,4 +1,4 @@
-"""Pictures of the sample: what the cameras truly saw, the same each time, and read back as a drive's frames."""
+"""Pictures of the sample: what the cameras truly saw, the same each time, and read as a drive's frames."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ POLE_RGB = (126, 130, 132)
 
 @pytest.fixture(scope="module")
 def drive() -> Any:
+    """The sample's first drive, simulated."""
     return sample_drives()[TRIP]
 
 
@@ -48,7 +49,7 @@ def test_mask_tells_people_vehicles_and_faces(drive: Any) -> None:
 
 
 def test_pictures_are_the_same_each_time_and_read_as_frames(drive: Any, tmp_path: Path) -> None:
-    """A copy with every 240th frame reads as the drive itself, and its pictures carry their frames' numbers."""
+    """A copy with every 240th frame reads as the drive itself; its pictures have their frames' numbers."""
     made = [with_pictures(DATA / TRIP, tmp_path / name, every=240) for name in ("a", "b")]
     files = [
         {p.name: p.read_bytes() for p in sorted(report.folder.glob("C*_tricam*/*.jpg"))} for report in made

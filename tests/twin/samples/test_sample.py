@@ -7,6 +7,7 @@ import json
 import re
 import tomllib
 from dataclasses import fields
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,15 @@ from checkout import ROOT
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.simulation.simulate import NoiseSpec, scenario, simulate_drive
+from nvdb.area import Area
 from nvdb.client import NvdbClient, iter_pages
 from nvdb.objects import Skiltplate, Skiltpunkt, skilt_from_les_v4
 from nvdb.replay import ReplayServer
+from nvdb.vegnett import BILVEG, Vegnett, hent_vegnett, stedfester
 from twin.drives.read import read_drive
 from twin.errors import TwinError
-from twin.samples.sample import MOVED, NEW, SEED, TRIP, WRONG_TYPE, main, make_sample
+from twin.samples.sample import MISREAD, MOVED, NEW, SECOND_TRIP, SEED, TRIP, WRONG_TYPE, main, make_sample
+from twin.samples.sample_nvdb import MAIN_LINK
 
 DATA = ROOT / "data"
 
@@ -144,7 +148,7 @@ def test_nvdb_differs_as_expected_changes_says() -> None:
     rows = _rows("expected_changes.csv")
     verdicts = [row["verdict"] for row in rows]
     assert {v: verdicts.count(v) for v in verdicts} == {
-        "unchanged": 12, "moved": 1, "new": 1, "wrong_type": 1, "missing": 1
+        "unchanged": 11, "moved": 1, "new": 1, "wrong_type": 1, "missing": 1, "review": 1
     }  # fmt: skip
     for row in rows:
         if row["verdict"] in ("unchanged", "moved"):
@@ -160,6 +164,43 @@ def test_nvdb_differs_as_expected_changes_says() -> None:
     wrong = by_verdict["wrong_type"]
     assert (wrong["object"], wrong["nvdb_type"]) == (WRONG_TYPE, "96")
     assert (plates[int(wrong["nvdb_id"])].skiltnummer, wrong["skiltnummer_seen"]) == ("362.60", "362.50")
+
+
+def test_second_drive_reads_like_the_first_but_for_one_arrow() -> None:
+    """It passes P10 to P13 three months later; only on P13 its annotator set another code."""
+    first, second = (read_drive(DATA / name) for name in (TRIP, SECOND_TRIP))
+    assert (second.skipped, second.warnings) == ((), ())
+    days = [int(drive.gnss[0].epoch_ns[0]) / 86_400e9 for drive in (first, second)]
+    assert 90 < days[1] - days[0] < 100
+    codes = [
+        dict(zip(d.annotations.object.tolist(), d.annotations.skiltnummer, strict=True))
+        for d in (first, second)
+    ]
+    assert set(codes[1]) <= set(codes[0])
+    assert {name for name in codes[1] if codes[1][name] != codes[0][name]} == {MISREAD}
+    row = next(row for row in _rows("expected_changes.csv") if row["verdict"] == "review")
+    assert (row["object"], row["skiltnummer_nvdb"], row["skiltnummer_seen"]) == (
+        MISREAD, "404.1", "404.1 or 404.2"
+    )  # fmt: skip
+
+
+def test_road_network_runs_past_every_sign_of_its_road() -> None:
+    """Each sign's own stedfesting is where our reckoning puts its place on the road, to half a metre."""
+    with ReplayServer(DATA / "nvdb") as server, NvdbClient(server.url) as client:
+        pages = list(hent_vegnett(client, Area(kommuner=(5001,))))
+    nett = Vegnett.from_les_v4(link for page in pages for link in page.objects)
+    assert list(nett.rejected) == []
+    raws = [
+        raw for raw in _objects(95) if raw["lokasjon"]["stedfestinger"][0]["veglenkesekvensid"] == MAIN_LINK
+    ]
+    assert len(raws) == 15
+    stated = np.array([raw["lokasjon"]["stedfestinger"][0]["relativPosisjon"] for raw in raws])
+    sides = [raw["lokasjon"]["stedfestinger"][0]["sideposisjon"] for raw in raws]
+    plan = np.array([_plan(_points()[raw["id"]]) for raw in raws])
+    places = stedfester(nett, on_date=date(2026, 6, 10), type_veg=BILVEG).stedfest(plan[:, 0], plan[:, 1])
+    assert places.found.all()
+    assert np.abs(places.relativ_posisjon - stated).max() * 1000.0 < 0.5
+    assert places.sideposisjon.tolist() == sides
 
 
 def test_new_and_missing_poles_have_nothing_near_them() -> None:
