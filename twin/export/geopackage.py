@@ -104,7 +104,7 @@ def write_geopackage(
     styles = {
         name: style(name, verdicts=set(frame.get("verdict", ())), lang=lang) for name, frame in layers.items()
     }
-    row = project_row(layers, styles, path.name, time) if project else None
+    row = project_row(layers, styles, path.name, time, lang) if project else None
     _finish(draft, path, styles, time, row)
     with closing(sqlite3.connect(path)) as database:
         check_rows(database, path, {name: len(frame) for name, frame in layers.items()})

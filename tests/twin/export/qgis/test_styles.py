@@ -159,17 +159,21 @@ def test_style_draws_the_verdicts_that_occur(layer: str, fallback: list[str]) ->
 
 
 def test_form_of_changes_has_every_field_where_it_comes_from_last() -> None:
-    """A person decides at the top; the provenance stands below everything that a decision rests on."""
+    """A person decides at the top, beside the pictures; where it comes from stands below."""
     fields = [f.get("name") for f in fromstring(style("changes", verdicts=ALL)).iter("attributeEditorField")]
     assert sorted(fields) == sorted(column.name for column in COLUMNS["changes"])
-    assert fields[0] == "decision"
+    assert fields[:5] == ["decision", "comment", "author", "crop_face", "crop_wide"]
     assert fields[-4:] == ["cameras", "synced_at", "software", "config_sha256"]
 
 
-def test_style_of_changes_lets_only_the_decision_be_edited() -> None:
-    """Findings are read-only; the decision is chosen from its four values."""
+def test_style_of_changes_lets_only_the_answer_be_edited() -> None:
+    """Findings are read-only; the decision is chosen from its four values, comment and author are free."""
     root = fromstring(style("changes", verdicts=ALL))
-    assert [f.get("name") for f in root.find("editable") if f.get("editable") == "1"] == ["decision"]
+    assert [f.get("name") for f in root.find("editable") if f.get("editable") == "1"] == [
+        "decision",
+        "comment",
+        "author",
+    ]
     widget = root.find("fieldConfiguration/field[@name='decision']/editWidget")
     assert widget.get("type") == "ValueMap"
     assert [o.get("value") for o in widget.iter("Option") if o.get("value")] == list(Decision)
