@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from twin.errors import ExportRefusedError, RefusedError
 from twin.export.folder import UTM33
-from twin.export.geopackage import contents_of, edited_decisions
+from twin.export.geopackage import contents_of, edited_answers
 from twin.export.layers import DESCRIPTION
 from twin.export.qgis.project import PROJECT
 
@@ -44,7 +44,7 @@ class QgisExport:
     decisions : mapping of decision → number of changes
         As they stand in the file.
     edited : mapping of change_id → decision
-        Those that people made in QGIS since the file was written.
+        Those that people made or commented on in QGIS since the file was written.
     """
 
     file: Path
@@ -84,7 +84,7 @@ def qgis_export(folder: Path) -> QgisExport:
         uri=project_uri(file) if PROJECT in found.projects else None,
         layers=tuple(Layer(name, rows, DESCRIPTION[name]) for name, rows in found.rows.items()),
         decisions=found.decisions,
-        edited=edited_decisions(file),
+        edited={change: answer.decision for change, answer in edited_answers(file).items()},
     )
 
 
