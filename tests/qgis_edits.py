@@ -18,7 +18,8 @@ def opened_as_qgis_does(path: Path) -> Iterator[sqlite3.Connection]:
         database.commit()
 
 
-def decide_in_qgis(path: Path, change_id: str, decision: str | None) -> None:
-    """Decide in a row of the layer of changes."""
+def decide_in_qgis(path: Path, change_id: str, decision: str | None, **texts: str | None) -> None:
+    """Decide in a row of the layer of changes; `texts` are its ``comment`` and ``author``."""
     with opened_as_qgis_does(path) as database:
-        database.execute("UPDATE changes SET decision = ? WHERE change_id = ?", (decision, change_id))
+        for column, value in {"decision": decision, **texts}.items():
+            database.execute(f"UPDATE changes SET {column} = ? WHERE change_id = ?", (value, change_id))

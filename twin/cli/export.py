@@ -187,5 +187,6 @@ def _print(exported: QgisExport, folder: Path) -> None:
     again = f"twin export {folder}" + (" --project" if exported.uri else "")
     note(
         "Decide in the column decision of the layer changes: accept, dismiss or defer; open takes a decision "
-        f"back. Save the edits and close QGIS; then `{again}` keeps what was decided."
+        "back. Comment and author beside it say why and who. Save the edits and close QGIS; then "
+        f"`{again}` keeps all that."
     )

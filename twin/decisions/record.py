@@ -58,11 +58,17 @@ class Edit:
         What the file says of the change: what the person saw.
     log_position : int
         How far the log had come when the file was written.
+    comment : str or None
+        Written beside the decision; None where that was left as it is.
+    author : str
+        Who was named there; "" where nobody was, or somebody of before.
     """
 
     decision: str
     evidence: Evidence
     log_position: int
+    comment: str | None = None
+    author: str = ""
 
 
 def decide(
@@ -225,6 +231,13 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
     A decision rests on what the file said: where the findings are different by now, it is kept in the log and
     the finding is open again at once. What was brought home before is not brought home twice.
 
+    Parameters
+    ----------
+    store : Store
+    edits : mapping of change_id → Edit
+    by, reason : str
+        Of edits that name nobody, or give no comment.
+
     Returns
     -------
     tuple of str
@@ -243,12 +256,14 @@ def keep_edits(store: Store, edits: Mapping[str, Edit], *, by: str, reason: str 
         evidence, standing, now, entries = present_evidence(ask), last_entries(ask), utc_now(), []
         home = _home(ask, edits)
         for key, edit in sorted(edits.items()):
-            if key in home or _stands(standing.get(key), edit.decision, ""):
+            last = standing.get(key)
+            if key in home or _edit_stands(last, edit):
                 continue
             present = evidence.get(key)
             differs = present is None or differences(edit.evidence, present)
             rests_on = edit.evidence if present is None or differs else present
-            entries.append(Entry(key, Decision(edit.decision), reason, by, now, rests_on))
+            why = _comment_of(edit, last) or reason
+            entries.append(Entry(key, Decision(edit.decision), why, edit.author or by, now, rests_on))
         append(connection, entries)
         if entries:
             reopen_changed(connection, now)
@@ -281,16 +296,36 @@ def _stands(last: Entry | None, decision: str, reason: str, temporary: bool = Fa
     return last.decision == decision and reason in ("", last.reason)
 
 
+def _edit_stands(last: Entry | None, edit: Edit) -> bool:
+    """Whether an edit says nothing that does not hold already."""
+    if edit.decision == Decision.OPEN and not edit.comment:
+        # A name alone, of a finding that nobody has decided, says nothing.
+        return last is None or last.decision == Decision.OPEN
+    if last is None:
+        return False
+    same = edit.comment in (None, last.reason) and edit.author in ("", last.by)
+    return same and _stands(last, edit.decision, "")
+
+
+def _comment_of(edit: Edit, last: Entry | None) -> str:
+    """What was written; of an edit that only names somebody else, what was written before."""
+    if edit.comment is not None:
+        return edit.comment
+    return last.reason if last is not None and last.decision == edit.decision else ""
+
+
 def _home(ask: Ask, edits: Mapping[str, Edit]) -> set[str]:
     """Changes whose edit a person's entry, younger than the file, says already."""
     log = schema.decision_log.c
     since = min(edit.log_position for edit in edits.values())
-    younger = ask(sa.select(log.id, log.change_id, log.decision).where(log.id > since, log.kind == DECIDED))
+    asked = sa.select(log.id, log.change_id, log.decision, log.reason, log.by)
+    younger = ask(asked.where(log.id > since, log.kind == DECIDED))
     return {
         row["change_id"]
         for row in younger
         if (edit := edits.get(row["change_id"])) is not None
         and (row["id"] > edit.log_position and row["decision"] == edit.decision)
+        and (edit.comment in (None, "", row["reason"]) and edit.author in ("", row["by"]))
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,8 @@ from twin.decisions.record import Edit, keep_edits
 from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export.folder import GEOPACKAGES, export_all
 from twin.export.from_store import layers_from_store
-from twin.export.geopackage import changes_in, edited_decisions, log_position
+from twin.export.geopackage import Answer, changes_in, edited_answers, log_position
+from twin.export.pictures import drop_pictures, put_pictures
 from twin.store.atomic_files import refuse_if_open
 from twin.store.kinds import Decision
 from twin.store.schema import METHODS
@@ -66,7 +67,7 @@ def export_findings(
         Made if it does not exist. Decisions edited in QGIS in the GeoPackages already there are kept in the
         store by ``change_id``, also those of changes that the last match no longer found.
     by : str, optional
-        Who is to be named for those decisions.
+        Who is to be named for those decisions that name nobody themselves.
     decision : str, optional
         Findings with this decision become change sets; another than ``accept`` gives previews.
     project : bool, optional
@@ -108,10 +109,11 @@ def export_findings(
             progress(f"keeping {len(decided)} decision(s) made in QGIS")
         edits: dict[str, Edit] = {}
         for path in (folder / name for name in GEOPACKAGES if (folder / name).exists()):
-            edits = {**_edits(path), **edits}
+            edits = {**_edits(path, decided), **edits}
         keep_edits(store, edits, by=by)
     noted = position(store.rows)
-    layers = layers_from_store(store, last["method"], lang)
+    pictures = put_pictures(store, folder)
+    layers = layers_from_store(store, last["method"], lang, pictures)
     log = SentLog(store, api_url) if decision == Decision.ACCEPT else None
     change_sets = groups_from_store(store, decision, log=log)
     # The layers are of one moment, but of which? The same match before and after it leaves one answer.
@@ -120,13 +122,14 @@ def export_findings(
     files = export_all(
         layers,
         folder,
-        known_decisions=decided,
+        known_answers=decided,
         log_position=noted,
         change_sets=files_of(change_sets),
         project=project,
         lang=lang,
         progress=progress,
     )
+    drop_pictures(folder, pictures)
     return ExportReport(tuple(files), change_sets)
 
 
@@ -147,6 +150,7 @@ def _export_positions(
     if store.fact("last_match") is not None:
         raise RefusedError(f"The store {store.path} was matched during the export: export again.")
     files = export_all(layers, folder, project=project, lang=lang, progress=progress)
+    drop_pictures(folder, {})
     return ExportReport(tuple(files), ChangeSets(decision), matched=False)
 
 
@@ -158,9 +162,8 @@ def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -
     store : Store
     path : Path
         A ``twin_utm33.gpkg`` or ``twin_wgs84.gpkg``, under any name. It is not changed.
-    by : str
-        Who decided.
-    reason : str, optional
+    by, reason : str
+        Who decided and why, where the file does not say it.
 
     Returns
     -------
@@ -177,21 +180,27 @@ def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -
         raise ExportRefusedError(f"there is no file {path}: name a GeoPackage that `twin export` wrote")
     store.matched()
     refuse_if_open(path)
-    return keep_edits(store, _edits(path), by=by, reason=reason)
+    answers = edited_answers(path)
+    _refuse_unknown(path, answers)
+    return keep_edits(store, _edits(path, answers), by=by, reason=reason)
 
 
-def _edits(path: Path) -> dict[str, Edit]:
-    found = edited_decisions(path)
-    _refuse_unknown(path, found)
+def _edits(path: Path, answers: Mapping[str, Answer]) -> dict[str, Edit]:
+    """Edits of one file; what they say is taken from the answers of all files together."""
+    found = edited_answers(path)
     if not found:
         return {}
     at = log_position(path)
     rows = {row["change_id"]: row for row in changes_in(path) if row["change_id"] in found}
-    return {key: Edit(said, Evidence.from_row(rows[key]), at) for key, said in found.items()}
+    edits = {}
+    for key in found:
+        said = answers[key]
+        edits[key] = Edit(said.decision, Evidence.from_row(rows[key]), at, said.comment, said.author)
+    return edits
 
 
-def decisions_made_in(folder: Path) -> dict[str, str]:
-    """Decisions that people made in the GeoPackages of a folder since they were exported.
+def decisions_made_in(folder: Path) -> dict[str, Answer]:
+    """What people decided and wrote in the GeoPackages of a folder since they were exported.
 
     Parameters
     ----------
@@ -201,7 +210,7 @@ def decisions_made_in(folder: Path) -> dict[str, str]:
     Returns
     -------
     dict
-        change_id → one of :class:`twin.store.kinds.Decision`.
+        change_id → what was said, with one of :class:`twin.store.kinds.Decision`.
 
     Raises
     ------
@@ -209,29 +218,37 @@ def decisions_made_in(folder: Path) -> dict[str, str]:
         A file is open in QGIS or is not an export; a decision is none of those that exist; or the two files
         disagree about a change.
     """
-    decided: dict[str, str] = {}
+    decided: dict[str, Answer] = {}
     for name in GEOPACKAGES:
         path = folder / name
         refuse_if_open(path)
         if not path.exists():
             continue
-        found = edited_decisions(path)
+        found = edited_answers(path)
         _refuse_unknown(path, found)
-        contrary = {change for change, said in found.items() if decided.get(change, said) != said}
+        joined = {change: said.joined(decided.get(change, said)) for change, said in found.items()}
+        contrary = [change for change, both in joined.items() if both is None]
         if contrary:
             change = min(contrary)
             raise ExportRefusedError(
                 f"{' and '.join(GEOPACKAGES)} in {folder} disagree about {len(contrary)} decision(s) made in "
-                f"QGIS (change {change}: {decided[change]} and {found[change]}): "
+                f"QGIS (change {change}: {_told(decided[change])} and {_told(found[change])}): "
                 "decide the same in both, then export again"
             )
-        decided |= found
+        decided |= {change: both for change, both in joined.items() if both is not None}
     return decided
 
 
-def _refuse_unknown(path: Path, found: dict[str, str]) -> None:
+def _told(answer: Answer) -> str:
+    """``accept``; ``accept (no sign there any more, kari)``."""
+    words = ", ".join(filter(None, (answer.comment, answer.author)))
+    return f"{answer.decision} ({words})" if words else answer.decision
+
+
+def _refuse_unknown(path: Path, found: Mapping[str, Answer]) -> None:
     """Raise where a decision was typed that the store must not take: no export could write it again."""
-    for change, said in sorted(found.items()):
+    for change in sorted(found):
+        said = found[change].decision
         if said not in set(Decision):
             raise ExportRefusedError(
                 f'{path} holds the decision "{said}" for change {change}: '

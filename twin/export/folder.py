@@ -13,7 +13,7 @@ from twin.changesets.files import is_change_set_file
 from twin.errors import ExportRefusedError
 from twin.export.derived_layers import file_layers, in_wgs84
 from twin.export.geojson import write_geojson
-from twin.export.geopackage import edited_decisions, write_geopackage
+from twin.export.geopackage import Answer, edited_answers, write_geopackage
 from twin.export.layers import ExportLayers, data_time, normalised
 from twin.store.atomic_files import replacing
 from twin.words import Lang
@@ -35,7 +35,7 @@ def export_all(
     layers: ExportLayers,
     folder: Path | str,
     *,
-    known_decisions: Mapping[str, str] = MappingProxyType({}),
+    known_answers: Mapping[str, Answer] = MappingProxyType({}),
     log_position: int = 0,
     change_sets: Mapping[str, bytes] = MappingProxyType({}),
     project: bool = False,
@@ -57,8 +57,8 @@ def export_all(
     layers : ExportLayers
     folder : Path or str
         Made if it does not exist.
-    known_decisions : mapping, optional
-        change_id → decision in the older files that is kept elsewhere, also of changes that `layers` no
+    known_answers : mapping, optional
+        change_id → what was said in the older files that is kept elsewhere, also of changes that `layers` no
         longer have or that are open again.
     log_position : int, optional
         How far the store's log of decisions has come; the GeoPackages note it.
@@ -81,7 +81,7 @@ def export_all(
     ExportRefusedError
         The layers are not as they must be; the folder cannot be written or the disk is full; a file is open
         in QGIS; or an older file holds decisions that a person has made in QGIS and that neither `layers`
-        nor `known_decisions` have. The older files are then as they were, except where a rename failed and
+        nor `known_answers` have. The older files are then as they were, except where a rename failed and
         an earlier one could not be taken back (no hard links): the message then names the new files.
     """
     folder = Path(folder)
@@ -94,7 +94,7 @@ def export_all(
             _write(checked, staging, tell, log_position, project, lang)
             for name, content in change_sets.items():
                 (staging / name).write_bytes(content)
-            _refuse_to_lose_decisions(folder, checked.changes, known_decisions)
+            _refuse_to_lose_answers(folder, checked.changes, known_answers)
             tell(f"replacing the files in {folder}")
     except (OSError, sqlite3.Error, DataSourceError, DataLayerError) as error:
         raise ExportRefusedError(
@@ -141,16 +141,16 @@ def _write(
     write_geojson(geographic["changes"], "changes", staging / GEOJSON)
 
 
-def _refuse_to_lose_decisions(folder: Path, changes: gpd.GeoDataFrame, known: Mapping[str, str]) -> None:
-    """Raise where a person decided in QGIS and it would be known nowhere after the export."""
+def _refuse_to_lose_answers(folder: Path, changes: gpd.GeoDataFrame, known: Mapping[str, Answer]) -> None:
+    """Raise where a person decided or commented in QGIS and it would be known nowhere after the export."""
     for name in GEOPACKAGES:
-        edited = edited_decisions(folder / name) if (folder / name).exists() else {}
-        concerned = changes[changes["change_id"].isin(list(edited))]
-        new = dict(zip(concerned["change_id"], concerned["decision"], strict=True))
+        edited = edited_answers(folder / name) if (folder / name).exists() else {}
+        rows = changes[changes["change_id"].isin(list(edited))]
+        new = {row.change_id: Answer(row.decision, row.comment, row.author) for row in rows.itertuples()}
         lost = {
-            change: decision
-            for change, decision in edited.items()
-            if decision not in (new.get(change), known.get(change))
+            change: answer.decision
+            for change, answer in edited.items()
+            if not (answer.is_said_by(new.get(change)) or answer.is_said_by(known.get(change)))
         }
         if lost:
             change, decision = min(lost.items())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,11 +15,16 @@ from geoloc.earth.heights import nn2000_from_ellipsoidal
 from geoloc.locate.combine import cep95_m, ellipse
 from nvdb.datakatalog import SKILTPUNKT
 from twin.decisions.findings import findings_statement, latest_findings
+from twin.decisions.log import BY_TWIN
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
+from twin.export.pictures import NO_PICTURES, Pictures
 from twin.mirror.names import sign_names
+from twin.mirror.roads import roads_of
 from twin.store import schema
+from twin.store.kinds import Verdict
+from twin.store.records import Finding
 from twin.store.store import Snapshot, Store
-from twin.words import Lang, SignNames, reason_of
+from twin.words import Lang, SignNames, reason_of, sign_titles
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -30,7 +36,12 @@ _PLACE = ("east_m", "north_m")
 _COVARIANCE = ("cov_ee_m2", "cov_en_m2", "cov_nn_m2")
 
 
-def layers_from_store(store: Store, method: str, lang: Lang = Lang.EN) -> ExportLayers:
+def layers_from_store(
+    store: Store,
+    method: str,
+    lang: Lang = Lang.EN,
+    pictures: Mapping[str, Pictures] = MappingProxyType({}),
+) -> ExportLayers:
     """Read changes with their decisions, the estimates of one method, the mirror and the drives.
 
     All of it is of one moment, whatever other processes write to the store meanwhile.
@@ -42,6 +53,8 @@ def layers_from_store(store: Store, method: str, lang: Lang = Lang.EN) -> Export
         The method whose estimates were matched.
     lang : Lang, optional
         Of the findings' reasons.
+    pictures : mapping of change_id → Pictures, optional
+        That the export's folder has.
 
     Returns
     -------
@@ -51,8 +64,13 @@ def layers_from_store(store: Store, method: str, lang: Lang = Lang.EN) -> Export
     names = sign_names(store)
     with store.snapshot() as view:
         signs = _signs(view)
+        findings = [one.finding for one in latest_findings(view.rows)]
+        words = _words(findings, lang, names)
+        words["road"] = [str(road) for road in roads_of(store, findings).values()]
+        shown = [pictures.get(one.change_id, NO_PICTURES) for one in findings]
+        words |= {"crop_face": [p.face for p in shown], "crop_wide": [p.wide for p in shown]}
         return ExportLayers(
-            changes=_changes(view, signs, lang, names),
+            changes=_changes(view, signs, words),
             estimates=_estimates(view, method),
             nvdb_signs=signs,
             drives=_drives(view, method),
@@ -72,10 +90,32 @@ def _frame(name: str, columns: Columns, geometry: Any = None) -> gpd.GeoDataFram
     return gpd.GeoDataFrame(data, geometry=geometry, crs=EPSG_UTM33)
 
 
-def _changes(view: Snapshot, signs: gpd.GeoDataFrame, lang: Lang, names: SignNames) -> gpd.GeoDataFrame:
+def _words(findings: Sequence[Finding], lang: Lang, names: SignNames) -> dict[str, list[str]]:
+    """What is told of the findings, for people."""
+    return {
+        "reason": [reason_of(one, lang, names) for one in findings],
+        "sign": [_title(one, names) for one in findings],
+    }
+
+
+def _title(finding: Finding, names: SignNames) -> str:
+    """The signs seen, or where none was, those of NVDB; of a wrong type both."""
+    seen, known = (sign_titles(c, names) for c in (finding.skiltnummer_seen, finding.skiltnummer_nvdb))
+    return f"{known} → {seen}" if finding.verdict == Verdict.WRONG_TYPE else seen or known
+
+
+def _comments(view: Snapshot, change_ids: Sequence[str]) -> dict[str, list[str]]:
+    """Comment and author of the decisions that people made; what twin says stands in the reason."""
+    said = schema.decision.c
+    rows = view.rows(sa.select(said.change_id, said.reason, said.by).where(said.kind.not_in(BY_TWIN)))
+    told = {row["change_id"]: (row["reason"], row["by"]) for row in rows}
+    pairs = [told.get(change, ("", "")) for change in change_ids]
+    return {"comment": [comment for comment, _ in pairs], "author": [author for _, author in pairs]}
+
+
+def _changes(view: Snapshot, signs: gpd.GeoDataFrame, words: Columns) -> gpd.GeoDataFrame:
     wanted = [column for column in schema.change.columns if column.name in _names("changes", *_PLACE)]
     found = view.columns(findings_statement(*wanted))
-    found["reason"] = [reason_of(one.finding, lang, names) for one in latest_findings(view.rows)]
     fetched = dict(zip(signs["nvdb_id"].tolist(), signs["synced_at"].tolist(), strict=True))
     newest = max(fetched.values(), default="")
     last = _last_match(view)
@@ -86,7 +126,7 @@ def _changes(view: Snapshot, signs: gpd.GeoDataFrame, lang: Lang, names: SignNam
         "software": [last.get("settings", {}).get("software", "")] * n,
         "config_sha256": [last.get("config_sha256", "")] * n,
     }
-    return _frame("changes", {**found, **provenance})
+    return _frame("changes", {**found, **words, **_comments(view, found["change_id"]), **provenance})
 
 
 def _last_match(view: Snapshot) -> Mapping[str, Any]:

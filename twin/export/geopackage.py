@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 GEOMETRY_COLUMN = "geom"
 _DECISIONS = "twin_decisions"
+_COMMENTS = "twin_comments"
 _LOG = "twin_log"
 _SYNCHRONOUS = "OGR_SQLITE_SYNCHRONOUS"
 # Where GDAL keeps the metadata of a layer.
@@ -103,10 +104,70 @@ def write_geopackage(
     styles = {
         name: style(name, verdicts=set(frame.get("verdict", ())), lang=lang) for name, frame in layers.items()
     }
-    row = project_row(layers, styles, path.name, time) if project else None
+    row = project_row(layers, styles, path.name, time, lang) if project else None
     _finish(draft, path, styles, time, row)
     with closing(sqlite3.connect(path)) as database:
         check_rows(database, path, {name: len(frame) for name, frame in layers.items()})
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a person said of a change in an exported file.
+
+    Attributes
+    ----------
+    decision : str
+    comment : str or None
+        None where that of the export was left as it is.
+    author : str
+        "" where nobody is named, or whoever the export named.
+    """
+
+    decision: str
+    comment: str | None = None
+    author: str = ""
+
+    def is_said_by(self, other: Answer | None) -> bool:
+        """Whether another one holds all that this one says."""
+        return other is not None and (
+            self.decision == other.decision
+            and self.comment in (None, other.comment)
+            and self.author in ("", other.author)
+        )
+
+    def joined(self, other: Answer) -> Answer | None:
+        """Both together; None where they contradict each other."""
+        comment = other.comment if self.comment is None else self.comment
+        both = Answer(self.decision, comment, self.author or other.author)
+        return both if other.is_said_by(both) else None
+
+
+def edited_answers(path: Path) -> dict[str, Answer]:
+    """Decisions, comments and authors in an exported GeoPackage that people changed since it was written.
+
+    A file of an older version has decisions alone. A name alone, without a decision or a comment, is no
+    answer. Errors as of :func:`edited_decisions`.
+    """
+    with _reading(path) as database:
+        noted = _noted(database)
+        written: dict[str, str] = json.loads(noted[_DECISIONS])
+        texts: dict[str, list[str]] = json.loads(noted.get(_COMMENTS, "{}"))
+        has = {name for _, name, *_ in database.execute("PRAGMA table_info(changes)")}
+        told = "coalesce(comment, ''), coalesce(author, '')" if {"comment", "author"} <= has else "'', ''"
+        asked = f"SELECT change_id, coalesce(decision, 'open'), {told} FROM changes"  # noqa: S608 - our own names
+        rows = database.execute(asked).fetchall()
+    found = {}
+    for change, said, comment, author in rows:
+        decided, (old_comment, old_author) = written.get(change, Decision.OPEN), texts.get(change, ("", ""))
+        answer = Answer(
+            said,
+            None if comment.strip() == old_comment.strip() else comment.strip(),
+            "" if author.strip() == old_author.strip() else author.strip(),
+        )
+        is_signed = bool(answer.author) and said != Decision.OPEN
+        if said != decided or answer.comment is not None or is_signed:
+            found[change] = answer
+    return found
 
 
 def edited_decisions(path: Path | str) -> dict[str, str]:
@@ -128,10 +189,11 @@ def edited_decisions(path: Path | str) -> dict[str, str]:
         The file is not an export of twin.
     """
     path = Path(path)
+    answers = edited_answers(path)
     with _reading(path) as database:
         written = json.loads(_noted(database)[_DECISIONS])
-        pairs = database.execute("SELECT change_id, coalesce(decision, 'open') FROM changes").fetchall()
-    return {change: said for change, said in pairs if said != written.get(change, Decision.OPEN)}
+    said = {change: answer.decision for change, answer in answers.items()}
+    return {change: one for change, one in said.items() if one != written.get(change, Decision.OPEN)}
 
 
 def log_position(path: Path) -> int:
@@ -149,7 +211,7 @@ def changes_in(path: Path) -> list[dict[str, Any]]:
 
     from geoloc.earth.geodesy import utm33_from_geographic
 
-    edited_decisions(path)
+    edited_answers(path)
     frame = pyogrio.read_dataframe(path, layer="changes")
     east, north = frame.geometry.x.to_numpy(), frame.geometry.y.to_numpy()
     if frame.crs.to_epsg() == EPSG_WGS84:
@@ -211,10 +273,16 @@ def _with_lasting_fid(changes: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
 
 
 def _decision_metadata(changes: gpd.GeoDataFrame, log_position: int) -> Mapping[str, str]:
-    """Note which decisions the file was written with: what differs later was edited by a person."""
+    """Note which decisions and comments the file was written with: a person edited what differs later."""
     decided = changes[changes["decision"] != Decision.OPEN]
     noted = dict(zip(decided["change_id"], decided["decision"], strict=True))
-    return {_DECISIONS: json.dumps(noted, ensure_ascii=False), _LOG: str(log_position)}
+    told = changes[(changes["comment"] != "") | (changes["author"] != "")]
+    texts = dict(zip(told["change_id"], zip(told["comment"], told["author"], strict=True), strict=True))
+    return {
+        _DECISIONS: json.dumps(noted, ensure_ascii=False),
+        _COMMENTS: json.dumps(texts, ensure_ascii=False),
+        _LOG: str(log_position),
+    }
 
 
 def _finish(

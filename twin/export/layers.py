@@ -72,6 +72,12 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         Column("changes", "synced_at", "str"),
         Column("changes", "software", "str"),
         Column("changes", "config_sha256", "str"),
+        Column("changes", "sign", "str"),
+        Column("changes", "road", "str"),
+        Column("changes", "comment", "str"),
+        Column("changes", "author", "str"),
+        Column("changes", "crop_face", "str"),
+        Column("changes", "crop_wide", "str"),
     ),
     "moves": (
         Column("moves", "change_id", "str"),
@@ -184,7 +190,9 @@ class ExportLayers:
         A finding a row. A ``missing`` change sits at NVDB's position, every other one where the sign was
         seen. ``drive_ids`` and ``cameras`` are joined by ",". ``synced_at`` is when NVDB's word on it was
         fetched: its object, or the newest one where NVDB has none. ``software`` and ``config_sha256`` are
-        those of the match.
+        those of the match. ``sign`` is the sign by code and name, ``road`` where it stands, by road reference
+        and street; ``comment`` and ``author`` are of the decision; ``crop_face`` and ``crop_wide`` name
+        masked pictures by their paths in the export's folder.
     estimates : GeoDataFrame of Point
         An annotated object a row. ``sigma_azimuth_deg`` is the direction of the ellipse's major axis,
         clockwise from true north; ``height_m`` is ellipsoidal, ``height_nn2000_m`` null where no geoid

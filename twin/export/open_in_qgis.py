@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from urllib.parse import quote
 
 from twin.errors import ExportRefusedError, RefusedError
 from twin.export.folder import UTM33
-from twin.export.geopackage import contents_of, edited_decisions
+from twin.export.geopackage import contents_of, edited_answers
 from twin.export.layers import DESCRIPTION
 from twin.export.qgis.project import PROJECT
 
@@ -43,7 +44,7 @@ class QgisExport:
     decisions : mapping of decision → number of changes
         As they stand in the file.
     edited : mapping of change_id → decision
-        Those that people made in QGIS since the file was written.
+        Those that people made or commented on in QGIS since the file was written.
     """
 
     file: Path
@@ -83,7 +84,7 @@ def qgis_export(folder: Path) -> QgisExport:
         uri=project_uri(file) if PROJECT in found.projects else None,
         layers=tuple(Layer(name, rows, DESCRIPTION[name]) for name, rows in found.rows.items()),
         decisions=found.decisions,
-        edited=edited_decisions(file),
+        edited={change: answer.decision for change, answer in edited_answers(file).items()},
     )
 
 
@@ -105,14 +106,33 @@ def qgis_program() -> str:
     return found
 
 
+_PYTHON_VARIABLES = ("PYTHONHOME", "PYTHONPATH", "PYTHONEXECUTABLE", "__PYVENV_LAUNCHER__", "VIRTUAL_ENV")
+
+
+def environment_for_qgis(ours: Mapping[str, str]) -> dict[str, str]:
+    """Return an environment without the Python environment that is activated in it.
+
+    QGIS runs the Python that it was built with, and takes it for that of the first ``python3`` on the search
+    path: of an activated environment it would load libraries that do not fit it, and lose its own.
+    """
+    environment = {name: value for name, value in ours.items() if name not in _PYTHON_VARIABLES}
+    if "PATH" in ours:
+        folders = ours["PATH"].split(os.pathsep)
+        # Programs of an environment stand one folder below the file that makes it one (PEP 405).
+        kept = [folder for folder in folders if not (Path(folder).parent / "pyvenv.cfg").is_file()]
+        environment["PATH"] = os.pathsep.join(kept)
+    return environment
+
+
 def start_qgis(program: str, export: QgisExport) -> None:
-    """Start QGIS with an export, and leave it running on its own."""
+    """Start QGIS with an export, and leave it running on its own, outside any Python environment."""
     process = subprocess.Popen(  # noqa: S603 - the program that the user's own search path names
         [program, *export.arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        env=environment_for_qgis(os.environ),
     )
     # It is to outlive us: else Python warns that nobody waited for it.
     process.returncode = 0

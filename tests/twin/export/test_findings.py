@@ -14,18 +14,20 @@ import pyogrio
 import pytest
 import shapely
 import sqlalchemy as sa
-from qgis_edits import decide_in_qgis
+from qgis_edits import decide_in_qgis, opened_as_qgis_does
 from store_rows import row
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.heights import nn2000_from_ellipsoidal
 from twin.cli import run
+from twin.decisions.log import history
 from twin.decisions.record import decide
 from twin.errors import ExportRefusedError, RefusedError, StoreError
 from twin.export import FILES, edited_decisions, export_findings, from_store
 from twin.export.export import decisions_made_in
 from twin.export.folder import GEOJSON, UTM33, WGS84
 from twin.export.from_store import layers_from_store
+from twin.export.geopackage import Answer
 from twin.export.layers import COLUMNS
 from twin.ingest.ingest import ingest_drive
 from twin.store import schema
@@ -178,6 +180,54 @@ def test_decisions_made_in_qgis_come_home_with_the_next_export(store: Store, out
     assert edited_decisions(out / UTM33) == edited_decisions(out / WGS84) == {}
 
 
+def _said(store: Store) -> list[tuple[str, str, str]]:
+    """Decision, comment and author of every entry about the first change."""
+    return [(entry.decision, entry.reason, entry.by) for entry in history(store.rows, "c-1")]
+
+
+def test_comment_and_author_come_home_and_stand_in_the_next_export(store: Store, out: Path) -> None:
+    """What stands beside a decision is its reason, and who decided; else it is by whom the export names."""
+    export_findings(store, out)
+    decide_in_qgis(out / UTM33, "c-1", "accept", comment=" no pole left ", author="kari")
+    decide_in_qgis(out / UTM33, "c-2", "defer")
+    export_findings(store, out, by="ola")
+    assert _said(store) == [("accept", "no pole left", "kari")]
+    assert [entry.by for entry in history(store.rows, "c-2")] == ["ola"]
+    decide_in_qgis(out / WGS84, "c-1", "dismiss")
+    export_findings(store, out, by="ola")
+    assert _said(store)[1:] == [("dismiss", "", "ola")], "what another person wrote of another decision"
+    decide_in_qgis(out / WGS84, "c-1", "dismiss", comment="road works")
+    export_findings(store, out, by="ola")
+    export_findings(store, out, by="per")
+    assert _said(store)[2:] == [("dismiss", "road works", "ola")], "once"
+    frame = pyogrio.read_dataframe(out / UTM33, layer="changes").set_index("change_id")
+    assert frame.loc["c-1", ["comment", "author"]].tolist() == ["road works", "ola"]
+
+
+def test_comment_without_a_decision_is_kept_and_decides_nothing(store: Store, out: Path) -> None:
+    """A remark on an open finding is in its history; files that contradict each other are refused."""
+    export_findings(store, out)
+    decide_in_qgis(out / UTM33, "c-1", None, comment="ask Per", author="kari")
+    decide_in_qgis(out / WGS84, "c-1", "open", comment="ask Anne")
+    with pytest.raises(ExportRefusedError, match=r"open \(ask Per, kari\) and open \(ask Anne\)"):
+        export_findings(store, out)
+    decide_in_qgis(out / WGS84, "c-1", "open", comment=None)
+    export_findings(store, out)
+    assert (_said(store), _decisions(out)) == ([("open", "ask Per", "kari")], {"c-1": "open", "c-2": "open"})
+
+
+def test_decisions_in_files_without_comments_come_home(store: Store, out: Path) -> None:
+    """A file of before there were comments, authors, signs and pictures in it is read as it was."""
+    export_findings(store, out)
+    with opened_as_qgis_does(out / UTM33) as database:
+        for column in ("sign", "road", "comment", "author", "crop_face", "crop_wide"):
+            database.execute(f"ALTER TABLE changes DROP COLUMN {column}")
+        database.execute("UPDATE gpkg_metadata SET metadata = replace(metadata, 'twin_comments', 'x')")
+    decide_in_qgis(out / UTM33, "c-1", "accept")
+    export_findings(store, out, by="ola")
+    assert _said(store) == [("accept", "", "ola")]
+
+
 def test_decisions_can_be_taken_back_in_qgis(store: Store, out: Path) -> None:
     """A decision set to open again, or cleared, is open in the store and in the files."""
     decide(store, ["c-1"], "accept", by="ola")
@@ -207,7 +257,7 @@ def test_decisions_agree_or_are_refused(store: Store, out: Path) -> None:
     decide_in_qgis(out / UTM33, "c-1", "accept")
     decide_in_qgis(out / WGS84, "c-1", "accept")
     decide_in_qgis(out / WGS84, "c-2", "defer")
-    assert decisions_made_in(out) == {"c-1": "accept", "c-2": "defer"}
+    assert decisions_made_in(out) == {"c-1": Answer("accept"), "c-2": Answer("defer")}
     decide_in_qgis(out / WGS84, "c-1", "dismiss")
     before = {name: (out / name).read_bytes() for name in FILES}
     with pytest.raises(

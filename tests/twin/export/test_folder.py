@@ -19,6 +19,7 @@ from qgis_edits import decide_in_qgis
 from twin.errors import ExportRefusedError
 from twin.export import FILES, ExportLayers, export_all
 from twin.export.folder import GEOJSON, UTM33, WGS84
+from twin.export.geopackage import Answer
 from twin.store.atomic_files import STAGING, replace_file, replacing
 
 # Exports pickled layers and kills itself: at the n-th message of progress, at GDAL's n-th layer, at the n-th
@@ -293,10 +294,10 @@ def test_export_does_not_lose_decisions_made_in_qgis(layers: ExportLayers, folde
 def test_export_lets_go_of_decisions_that_are_kept_elsewhere(newer: ExportLayers, folder: Path) -> None:
     """A decision on a change that the layers no longer have stops the export, unless it is known as kept."""
     decide_in_qgis(folder / UTM33, "c-00", "accept")
-    for known in ({}, {"c-00": "dismiss"}, {"c-01": "accept"}):
+    for known in ({}, {"c-00": Answer("dismiss")}, {"c-01": Answer("accept")}):
         with pytest.raises(ExportRefusedError, match="c-00: accept"):
-            export_all(newer, folder, known_decisions=known)
-    assert export_all(newer, folder, known_decisions={"c-00": "accept"})[0].exists()
+            export_all(newer, folder, known_answers=known)
+    assert export_all(newer, folder, known_answers={"c-00": Answer("accept")})[0].exists()
 
 
 def test_export_lets_the_store_change_its_own_decisions(layers: ExportLayers, folder: Path) -> None:

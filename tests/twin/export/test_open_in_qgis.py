@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import venv
 from pathlib import Path
 
 import pytest
@@ -91,11 +92,35 @@ def test_qgis_open_starts_the_program_with_the_project(
     monkeypatch.setenv("PATH", f"{program.parent}:/usr/bin:/bin")
     found = twin("qgis", exported, "--open", "--json").json
     assert found["command"] == [str(program), "--project", found["project"]]
+    assert _written(told).splitlines() == ["--project", found["project"]]
+
+
+def test_qgis_started_from_an_activated_environment_has_its_own_python(
+    twin: Twin, exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The child sees the search path and Python's variables as if no environment were active."""
+    environment, told = tmp_path / "env", tmp_path / "told"
+    venv.create(environment, with_pip=False)
+    program = tmp_path / "bin" / "qgis"
+    program.parent.mkdir()
+    asked = "import os, sys; print(sys.prefix == sys.base_prefix, sys.path.count(os.environ['ELSEWHERE']))"
+    program.write_text(f'#!/bin/sh\npython3 -c "{asked}" > "{told}.part"\nmv "{told}.part" "{told}"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{environment / 'bin'}:{program.parent}:/usr/bin:/bin")
+    for name in ("PYTHONPATH", "ELSEWHERE"):
+        monkeypatch.setenv(name, str(tmp_path))
+    monkeypatch.setenv("VIRTUAL_ENV", str(environment))
+    assert twin("qgis", exported, "--open").code == 0
+    assert _written(told) == "True 0\n"
+
+
+def _written(path: Path) -> str:
+    """Wait for a file of a program that was left running."""
     for _ in range(500):
-        if told.exists():
+        if path.exists():
             break
         time.sleep(0.02)
-    assert told.read_text().splitlines() == ["--project", found["project"]]
+    return path.read_text()
 
 
 def test_qgis_open_without_qgis_says_how_to_get_it(

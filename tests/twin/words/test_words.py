@@ -11,8 +11,10 @@ from typing import Any, get_args, get_type_hints
 
 import msgspec
 import pytest
+from defusedxml.ElementTree import fromstring
 
 from twin.export.layers import COLUMNS
+from twin.export.qgis.project import GROUPS, THEMES
 from twin.store.kinds import Decision, Verdict
 from twin.words import (
     Lang,
@@ -57,14 +59,7 @@ def named_in_code() -> set[str]:
         # Opinions and their withdrawal come with second opinions.
         "entry": ["decided", "undone", "reopened", "carried", "opinion", "withdrawn", "suppressed", "lifted"],
         "alias": [f"{layer}.{one.name}" for layer, columns in COLUMNS.items() for one in columns],
-        "qgis": [
-            f"{layer}.{value}"
-            for layer in COLUMNS
-            for value in re.findall(
-                r'<category .*?value="(\w+)"',
-                (TWIN / f"export/qgis/saved_styles/{layer}.qml").read_text(),
-            )
-        ],
+        "qgis": list(qgis_names()),
         "match": ["change", "verdict", "decision", "road", "reason"],
         "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/explain.py").read_text()),
@@ -80,6 +75,17 @@ def named_in_code() -> set[str]:
     told |= {f"term.odds_{name.removeprefix('term.')}" for name in told}
     parts = {f"{key}.{part}" for key in terms & told for part in ("label", "explanation")}
     return literal | made | set(KEYS.values()) | parts
+
+
+def qgis_names() -> Iterator[str]:
+    """Names that the QGIS project gives to groups, layers, themes, boxes of the form and legends."""
+    yield from (f"group.{group}" for group in GROUPS)
+    yield from (f"layer.{name}" for names in GROUPS.values() for name in names)
+    yield from (f"theme.{theme}" for theme in THEMES)
+    for file in (TWIN / "export/qgis/saved_styles").glob("*.qml"):
+        root = fromstring(file.read_text("utf-8"))
+        yield from (f"box.{box.get('name').lower()}" for box in root.iter("attributeEditorContainer"))
+        yield from (f"legend.{file.stem}.{one.get('value') or 'other'}" for one in root.iter("category"))
 
 
 @pytest.mark.parametrize("key", sorted(table()))

@@ -13,9 +13,10 @@ from importlib.resources import files
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
 from twin.export.layers import COLUMNS
 from twin.store.kinds import Decision, Verdict
-from twin.words import Lang, say, verdict_title
+from twin.words import Lang, nvdb_type_title, say, verdict_title
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -57,24 +58,28 @@ def _translate(root: Element, layer: str, lang: Lang) -> None:
     labels = {column.name: column.label_in(lang) for column in COLUMNS[layer]}
     for alias in root.iter("alias"):
         alias.set("name", labels.get(alias.get("field", ""), alias.get("name", "")))
-    renderer = root.find("renderer-v2")
-    by_verdict = renderer is not None and renderer.get("attr") == "verdict"
     for category in root.iter("category"):
-        value = category.get("value", "")
-        if by_verdict:
-            label = _begun(verdict_title(value, lang)) if value else say(lang, "qgis.other")
-        else:
-            label = say(lang, f"qgis.{layer}.{value}")
-        category.set("label", label)
+        value = category.get("value")
+        category.set("label", _legend(layer, value or "other", lang))
     choices = {
         "verdict": {verdict.value: _begun(verdict_title(verdict, lang)) for verdict in Verdict},
         "decision": {decision.value: say(lang, f"decide.{decision.value}") for decision in Decision},
     }
+    for box in root.iter("attributeEditorContainer"):
+        box.set("name", say(lang, f"qgis.box.{box.get('name', '').lower()}"))
     for field in root.iter("field"):
         for option in field.iter("Option"):
             shown = choices.get(field.get("name", ""), {}).get(option.get("value", ""))
             if shown is not None:
                 option.set("name", shown)
+
+
+def _legend(layer: str, value: str, lang: Lang) -> str:
+    if value in set(Verdict):
+        return _begun(verdict_title(value, lang))
+    # Skiltpunkt and Skiltplate are the database's own nouns.
+    is_type = value in {str(SKILTPUNKT), str(SKILTPLATE)}
+    return nvdb_type_title(int(value)) if is_type else say(lang, f"qgis.legend.{layer}.{value}")
 
 
 def _begun(text: str) -> str:

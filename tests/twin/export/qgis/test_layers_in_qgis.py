@@ -115,24 +115,23 @@ def test_qgis_categorises_changes_by_verdict(
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_qgis_lets_only_decisions_be_edited(opened: dict[tuple[str, str], dict[str, Any]], file: str) -> None:
+def test_qgis_lets_only_answers_be_edited(opened: dict[tuple[str, str], dict[str, Any]], file: str) -> None:
     """The form offers the decision as a list; everything else, in every layer, is read-only."""
-    assert opened[file, "changes"]["editable"] == ["decision"]
+    assert opened[file, "changes"]["editable"] == ["decision", "comment", "author"]
     assert opened[file, "changes"]["widgets"]["decision"] == "ValueMap"
     assert all(opened[file, layer]["editable"] == [] for layer in COLUMNS if layer != "changes")
 
 
 @pytest.mark.parametrize("file", FILES)
 def test_qgis_map_tips_tell_the_finding(opened: dict[tuple[str, str], dict[str, Any]], file: str) -> None:
-    """Verdict, codes, distance ± sigma and reason, evaluated by QGIS; "<" in a text is no markup."""
+    """Verdict, sign, road, reason and decision, evaluated by QGIS; "<" in a text is no markup."""
     tips = opened[file, "changes"]["map_tips"]
     moved = next(tip for tip in tips if "<b>Moved</b>" in tip)
-    assert "NVDB: 362.50, seen: 362.60" in moved
-    assert "Distance 0.25 m ± 0.4 m" in moved
+    assert "362.60 – Fartsgrense, 60 km/t" in moved
+    assert "EV6 S1D1 m100, Skjærgårdsveien" in moved
+    assert "<img" not in moved
     assert 'Skjærgårdsveien &lt;moved> &amp; "so" on' in moved
-    new = next(tip for tip in tips if "<b>New</b>" in tip)
-    assert "NVDB: –, seen: 362.60" in new
-    assert "Distance – ± –" in new
+    assert any("Defer, kari: Look &lt;again>" in tip for tip in tips)
     sign = opened[file, "nvdb_signs"]["map_tips"][0]
     assert "<b>Skiltpunkt 900000000</b> version 1" in sign
     assert "stated accuracy 10 cm" in sign

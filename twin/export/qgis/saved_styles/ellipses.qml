@@ -1,5 +1,5 @@
 <!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
-<qgis version="3.22.0" styleCategories="Symbology|Labeling|Fields|Forms|MapTips" labelsEnabled="0">
+<qgis version="3.22.0" styleCategories="Symbology|Labeling|Fields|Forms|MapTips|Rendering" hasScaleBasedVisibilityFlag="1" minScale="10000" maxScale="0" labelsEnabled="0">
  <renderer-v2 type="categorizedSymbol" attr="if(&quot;cep95_m&quot; &gt; 1, 'wide', 'within')" symbollevels="0" forceraster="0" enableorderby="0">
   <categories>
    <category symbol="0" value="within" label="CEP95 up to 1 m" render="true" />

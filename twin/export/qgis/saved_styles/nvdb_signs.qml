@@ -1,5 +1,5 @@
 <!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
-<qgis version="3.22.0" styleCategories="Symbology|Labeling|Fields|Forms|MapTips" labelsEnabled="0">
+<qgis version="3.22.0" styleCategories="Symbology|Labeling|Fields|Forms|MapTips|Rendering" hasScaleBasedVisibilityFlag="1" minScale="10000" maxScale="0" labelsEnabled="0">
  <renderer-v2 type="categorizedSymbol" attr="CASE WHEN &quot;own_geometry&quot; THEN to_string(&quot;nvdb_type&quot;) ELSE 'road' END" symbollevels="0" forceraster="0" enableorderby="0">
   <categories>
    <category symbol="0" value="96" label="Skiltplate" render="true" />
@@ -15,7 +15,7 @@
       <Option name="size" type="QString" value="3.4" />
       <Option name="size_unit" type="QString" value="MM" />
       <Option name="outline_color" type="QString" value="94,79,162,255" />
-      <Option name="outline_width" type="QString" value="0.5" />
+      <Option name="outline_width" type="QString" value="0.3" />
       <Option name="outline_width_unit" type="QString" value="MM" />
       <Option name="joinstyle" type="QString" value="miter" />
      </Option>
@@ -24,7 +24,7 @@
      <prop k="size" v="3.4" />
      <prop k="size_unit" v="MM" />
      <prop k="outline_color" v="94,79,162,255" />
-     <prop k="outline_width" v="0.5" />
+     <prop k="outline_width" v="0.3" />
      <prop k="outline_width_unit" v="MM" />
      <prop k="joinstyle" v="miter" />
     </layer>
@@ -37,7 +37,7 @@
       <Option name="size" type="QString" value="2.6" />
       <Option name="size_unit" type="QString" value="MM" />
       <Option name="outline_color" type="QString" value="94,79,162,255" />
-      <Option name="outline_width" type="QString" value="0.5" />
+      <Option name="outline_width" type="QString" value="0.3" />
       <Option name="outline_width_unit" type="QString" value="MM" />
       <Option name="joinstyle" type="QString" value="miter" />
      </Option>
@@ -46,7 +46,7 @@
      <prop k="size" v="2.6" />
      <prop k="size_unit" v="MM" />
      <prop k="outline_color" v="94,79,162,255" />
-     <prop k="outline_width" v="0.5" />
+     <prop k="outline_width" v="0.3" />
      <prop k="outline_width_unit" v="MM" />
      <prop k="joinstyle" v="miter" />
     </layer>
