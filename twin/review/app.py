@@ -45,6 +45,7 @@ from twin.review.records import (
 )
 from twin.store import schema
 from twin.store.store import Snapshot, Store
+from twin.web import base_map
 from twin.web.app import web_app
 from twin.web.guard import Address, Outside
 from twin.web.messages import PageError, answer_of, body_of
@@ -56,10 +57,7 @@ if TYPE_CHECKING:
     from starlette.requests import Request
 
 STATIC = Path(__file__).parent / "static"
-KARTVERKET = "https://cache.kartverket.no"
-BASE_MAP = BaseMap(
-    f"{KARTVERKET}/v1/wmts/1.0.0/topograatone/default/webmercator/{{z}}/{{y}}/{{x}}.png", "© Kartverket"
-)
+BASE_MAP = BaseMap(base_map.TILES, base_map.CREDIT)
 MAX_LIST = 500
 MAX_COMMENT = 2000
 MAX_NAME = 80
@@ -118,7 +116,7 @@ def review_app(store: Store, options: ReviewOptions, address: Address) -> tuple[
         store.matched()
     sessions = Sessions(options.person)
     page = _Page(store, options)
-    outside = Outside((KARTVERKET,) if options.base_map else ())
+    outside = Outside((base_map.HOST,) if options.base_map else ())
     app = web_app(page.routes(), STATIC, name="review", sessions=sessions, address=address, outside=outside)
     return app, sessions.token
 

@@ -15,11 +15,13 @@ import json
 import zipfile
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
 from twin.export.layers import DESCRIPTION, EPSG_UTM33, EPSG_WGS84, GEOMETRY
 from twin.export.qgis.qml import DOCTYPE, style
 from twin.store.kinds import QUIET, Decision
+from twin.web.base_map import CREDIT, TILES
 from twin.words import Lang, say
 
 if TYPE_CHECKING:
@@ -55,12 +57,8 @@ THEMES: dict[str, frozenset[str]] = {
 }
 """Map theme → the layers that it shows. The project opens with the first, or if nobody waits, the second."""
 
-BASE_MAP = (
-    "type=xyz&url=https://cache.kartverket.no/v1/wmts/1.0.0/topograatone/default/webmercator/"
-    "%7Bz%7D/%7By%7D/%7Bx%7D.png&zmax=18&zmin=0"
-)
+BASE_MAP = f"type=xyz&url={quote(TILES, safe=':/')}&zmax=18&zmin=0"
 """Kartverket's topographic map in grey, as QGIS writes the address of tiles."""
-CREDIT = "© Kartverket"
 
 # As QGIS 3.22 itself makes it.
 PROJECTS_TABLE = "CREATE TABLE qgis_projects(name TEXT PRIMARY KEY, metadata BLOB, content BLOB)"
