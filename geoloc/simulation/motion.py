@@ -8,13 +8,23 @@ import numpy as np
 
 from geoloc.arrays import FloatArray
 from geoloc.errors import GeolocError
-from geoloc.simulation.noise import NoiseSpec, damped_oscillation, drawn_slip_deg_per_mps2, stream
+from geoloc.simulation.noise import (
+    NoiseSpec,
+    damped_oscillation,
+    drawn_slip_deg_per_mps2,
+    gauss_markov,
+    stream,
+)
 from geoloc.simulation.road import MARGIN_M, Road
 
 WHEELBASE_M = 2.85
 REFERENCE_SPEED_MPS = 50.0 / 3.6
 JITTER_STEP_S = 0.005
 RUN_IN_S = 2.0
+SIDEWAYS_EVERY_S = 0.2
+UNREST_LASTS_S = {"pitch": 1.0, "roll": 6.0}
+FULL_UNREST_MPS, IDLE_SHARE = 3.0, 0.1
+STANDING_RATE, CRAWLING_MPS = 0.001, 0.5
 PATH_STEP_M = 0.05
 
 
@@ -34,6 +44,7 @@ class MotionSpec:
     """Amplitude of the driver's wander in the lane; lane-keeping studies give 0.1 to 0.3 m."""
     wander_length_m: float = 90.0
     """One period of the wander along the road."""
+    wheelbase_m: float = WHEELBASE_M
     gnss_rate_hz: float = 5.0
     """Rate of the paper's receivers."""
     frame_rate_hz: float = 30.0
@@ -64,6 +75,12 @@ class TrueMotion:
         self._jitter_s = np.arange(-RUN_IN_S, spec.duration_s + RUN_IN_S, JITTER_STEP_S)
         self._jitter = np.stack([self._body_noise(seed, name) for name in ("pitch", "roll", "heave")])
 
+        sizes_deg = zip(UNREST_LASTS_S.items(), (noise.pitch_unrest_deg, noise.roll_unrest_deg), strict=True)
+        self._unrest_deg = {
+            name: self._unrest_of(seed, name, sigma, lasts_s) for (name, lasts_s), sigma in sizes_deg
+        }
+        self._sideways_m = self._sideways(seed)
+
     def speed_mps(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Speed, acceleration and distance since time 0."""
         knots = np.array(self.spec.speed, dtype=float)
@@ -78,8 +95,10 @@ class TrueMotion:
         """Where along the road the rig's origin is at times ``(n,)``."""
         return np.asarray(np.interp(self._ahead * self.speed_mps(time_s)[2], self._travelled, self._station))
 
-    def at(self, time_s: FloatArray) -> BodyState:
+    def at(self, time_s: FloatArray, *, bounces: bool = True) -> BodyState:
         """State of the body at times ``(n,)`` in seconds since the first frame.
+
+        Without its bounce it stands as the road below it, and what lies below its wheels, have it.
 
         Raises
         ------
@@ -102,38 +121,77 @@ class TrueMotion:
         yaw = yaw + np.pi * self.spec.against
         # The path's tangent is the course; the body points further into the bend by the rear tyres' slip.
         yaw = yaw + np.radians(self._slip_deg_per_mps2 * sideways)
-        pitch, roll, heave = self._attitude(time_s, station, offset, acceleration, sideways, speed)
+        bounce = self._bounce_deg(time_s, speed) * float(bounces)
+        unrest = np.stack(
+            [np.interp(time_s, self._jitter_s, self._unrest_deg[name]) for name in UNREST_LASTS_S]
+        )
+        in_road_axes = 0.0 if self.noise.bounce_lasts_s else 1.0
+        pitch, roll = self._attitude(station, offset, acceleration, sideways, in_road_axes * bounce)
+        liveliness = np.sqrt(speed / REFERENCE_SPEED_MPS)
+        heave = np.interp(time_s, self._jitter_s, self._jitter[2]) * self.noise.heave_m * liveliness
+        offset = offset + np.interp(time_s, self._jitter_s, self._sideways_m)
         plan = self.road.plan_m(station, offset)
         up = self.road.surface_m(station, offset) + heave
         axes = _rotation(yaw, pitch, roll)
+        if self.noise.bounce_lasts_s:
+            axes = axes @ self._in_car_axes(np.radians(bounce + unrest))
         return BodyState(np.concatenate([plan, up[:, None]], axis=-1), axes, speed)
 
     def _attitude(
         self,
-        time_s: FloatArray,
         station: FloatArray,
         offset: FloatArray,
         acceleration: FloatArray,
         sideways: FloatArray,
-        speed: FloatArray,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Pitch (nose down), roll (right side down) in radians and heave in metres: road plus body."""
-        noise = self.noise
-        jitter = [np.interp(time_s, self._jitter_s, row) for row in self._jitter]
-        liveliness = np.sqrt(speed / REFERENCE_SPEED_MPS)
+        bounce_deg: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Pitch (nose down) and roll (right side down) in radians: road plus body."""
+        noise, wheelbase_m = self.noise, self.spec.wheelbase_m
         rear, front = (
-            self.road.surface_m(at, offset) for at in (station, station + self._ahead * WHEELBASE_M)
+            self.road.surface_m(at, offset) for at in (station, station + self._ahead * wheelbase_m)
         )
-        pitch = -np.arctan2(front - rear, WHEELBASE_M)
-        pitch = pitch + np.radians(
-            jitter[0] * (noise.idle_jitter_deg + noise.pitch_jitter_deg * liveliness)
-            - acceleration * noise.dive_deg_per_mps2
-        )
+        pitch = -np.arctan2(front - rear, wheelbase_m)
+        pitch = pitch + np.radians(bounce_deg[0] - acceleration * noise.dive_deg_per_mps2)
         roll = np.arctan(self._ahead * self.road.across_slope(station, offset)) + np.radians(
-            jitter[1] * (noise.idle_jitter_deg + noise.roll_jitter_deg * liveliness)
-            + sideways * noise.roll_deg_per_mps2
+            bounce_deg[1] + sideways * noise.roll_deg_per_mps2
         )
-        return pitch, roll, np.asarray(jitter[2] * noise.heave_m * liveliness)
+        return pitch, roll
+
+    def _in_car_axes(self, turned_rad: FloatArray) -> FloatArray:
+        """Rotations ``(n, 3, 3)`` of a body that pitches and rolls ``(2, n)`` about its own axes."""
+        from scipy.spatial.transform import Rotation
+
+        pitch, roll = turned_rad
+        vectors = np.stack([roll, pitch, self.noise.pitching_axis * pitch], axis=-1)
+        return np.asarray(Rotation.from_rotvec(vectors).as_matrix())
+
+    def _bounce_deg(self, time_s: FloatArray, speed: FloatArray) -> FloatArray:
+        """What springs add to pitch and roll ``(2, n)``."""
+        noise = self.noise
+        full = np.array([[noise.pitch_jitter_deg], [noise.roll_jitter_deg]])
+        if noise.bounce_lasts_s:
+            size = full * np.clip(speed / FULL_UNREST_MPS, IDLE_SHARE, 1.0)
+        else:
+            size = noise.idle_jitter_deg + full * np.sqrt(speed / REFERENCE_SPEED_MPS)
+        unit = [np.interp(time_s, self._jitter_s, row) for row in self._jitter[:2]]
+        return np.asarray(np.stack(unit) * size)
+
+    def _unrest_of(self, seed: int, name: str, sigma_deg: float, lasts_s: float) -> FloatArray:
+        """What lies below the wheels, on a clock that all but stops with the car."""
+        if sigma_deg == 0.0:
+            return np.zeros(self._jitter_s.size)
+        rate = np.clip(self.speed_mps(self._jitter_s)[0] / FULL_UNREST_MPS, STANDING_RATE, 1.0)
+        age_s = np.cumsum(rate) * JITTER_STEP_S
+        return gauss_markov(stream(seed, f"unrest {name}"), age_s, sigma_deg, lasts_s)
+
+    def _sideways(self, seed: int) -> FloatArray:
+        """How far the axle has rolled to the left."""
+        speed = self.speed_mps(self._jitter_s)[0]
+        steps = np.arange(self._jitter_s[0], self._jitter_s[-1] + SIDEWAYS_EVERY_S, SIDEWAYS_EVERY_S)
+        each = stream(seed, "sideways").normal(size=steps.size)
+        each = each[np.searchsorted(steps, self._jitter_s, side="right") - 1]
+        loose_mps = np.hypot(self.noise.sideways_mps, np.radians(self.noise.sideways_deg) * speed)
+        return np.asarray(np.cumsum(each * loose_mps * (speed > CRAWLING_MPS)) * JITTER_STEP_S)
 
     def _offset(self, station: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Offset from the centre line and its slope along the road."""
@@ -149,6 +207,8 @@ class TrueMotion:
         return np.asarray(curvature / (1.0 - curvature * offset) + wander)
 
     def _body_noise(self, seed: int, name: str) -> FloatArray:
+        if self.noise.bounce_lasts_s:
+            return gauss_markov(stream(seed, f"body {name}"), self._jitter_s, 1.0, self.noise.bounce_lasts_s)
         return damped_oscillation(
             stream(seed, f"body {name}"),
             self._jitter_s.size,

@@ -32,6 +32,8 @@ class NoiseSpec:
     """† Correlation time of the slow part: minutes, as atmosphere and satellite geometry change."""
     gnss_multipath_m: float = 0.004
     """† Gauss–Markov, each axis, each antenna: reflections differ between two antennas on one roof."""
+    gnss_multipath_up: float = 1.0
+    """Not a sigma: that of the height over that of a horizontal axis."""
     gnss_multipath_tau_s: float = 8.0
     """† Correlation time of multipath for a car that moves past the reflecting surroundings."""
     link_delay_ms: float = 78.0
@@ -69,6 +71,19 @@ class NoiseSpec:
     """Not a sigma: natural frequency of a passenger car's sprung mass, 1.2 to 1.5 Hz."""
     body_damping: float = 0.3
     """Not a sigma: damping ratio of a passenger car's sprung mass, 0.2 to 0.4."""
+    bounce_lasts_s: float = 0.0
+    """Not a sigma: 0 for that oscillation; else the body's angles fade within so long (Gauss-Markov), and are
+    as large at any speed above 3 m/s."""
+    pitch_unrest_deg: float = 0.0
+    """Between body and road, for a second of driving: what lies below one axle."""
+    roll_unrest_deg: float = 0.0
+    """The same, for six seconds: what lies below one wheel, a load that shifts."""
+    pitching_axis: float = 0.0
+    """Not a sigma: how much the body turns to the left as it pitches on its springs, radians a radian."""
+    sideways_mps: float = 0.0
+    """Every 0.2 s, at any speed: the rear axle rolls sideways besides its slip."""
+    sideways_deg: float = 0.0
+    """The same, as an angle of the way it takes."""
     dive_deg_per_mps2: float = 0.25
     """† Not a sigma: nose down when braking, 2.5 degrees per g for a family car."""
     roll_deg_per_mps2: float = 0.35

@@ -9,7 +9,7 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from geoloc.errors import GeolocError
 from geoloc.simulation.flat_frame import LocalFrame
-from geoloc.simulation.noise import stream
+from geoloc.simulation.noise import gauss_markov, stream
 
 STEP_M = 0.05
 """Grid of the integrated centre line: at a radius of 50 m the chord lies 6 µm inside the arc."""
@@ -55,6 +55,16 @@ class RoadSpec:
     has settled and rutted since, has 1 to 5 %."""
     crossfall_wander_percent: float = 0.0
     """One sigma of what each 200 m of road, as they were laid or have settled, depart from that."""
+    crossfall_lasts_m: float = 0.0
+    """Not 0: that departure is no matter of sections but fades over so much road (Gauss-Markov)."""
+    is_crowned: bool = True
+    """False: it falls to the right all over, by `crossfall_percent`, and inwards in bends besides."""
+    turns_about_m: float = 0.0
+    """Where it keeps its height as its fall changes, if it has no crown."""
+    climb_deg: float = 0.0
+    """One sigma of a climb that fades over `climb_lasts_m`, along crests and dips of `crest_lasts_m`."""
+    climb_lasts_m: float = 250.0
+    crest_lasts_m: float = 2.5
     superelevation_percent: float = 0.0
     """In its sharpest bend the whole road falls this much to the inside; in proportion where it bends less.
     N100 asks for up to 8 % on open roads."""
@@ -85,6 +95,7 @@ class Road:
         self._crossfall = spec.crossfall_percent * (1.0 + spread) / 100.0
         self._crossfall_wander = _crossfall_wander(spec, self._seed)
         self._sharpest_per_m = float(np.abs(knots[:, 1]).max())
+        self._climb_m = _climbs(spec, self._station, self._seed)
         self._wave_per_m, self._wave_m, self._wave_phase = _roughness(spec.roughness_m3, self._seed)
 
     def yaw_rad(self, station_m: FloatArray) -> FloatArray:
@@ -122,24 +133,29 @@ class Road:
         height = station_m * spec.grade_percent / 100.0
         for wavelength, amplitude in spec.hills:
             height = height + amplitude * np.sin(2.0 * np.pi * station_m / wavelength)
+        if spec.climb_deg:
+            height = height + np.interp(station_m, self._station, self._climb_m)
         phase = 2.0 * np.pi * np.multiply.outer(station_m, self._wave_per_m) + self._wave_phase
         height = height + np.sin(phase) @ self._wave_m
         return np.asarray(height + self.fall_m(station_m, offset_m))
 
     def fall_m(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
         """Height of the surface over the centre line beside it."""
+        if not self.spec.is_crowned:
+            return np.asarray((offset_m - self.spec.turns_about_m) * self.across_slope(station_m, offset_m))
         on_road = np.clip(offset_m, -self.spec.lane_width_m, self.spec.lane_width_m)
         return np.asarray(on_road * self.across_slope(station_m, offset_m))
 
     def across_slope(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
         """Rise to the left, metres per metre: away from the crown, or to the inside of a bend."""
         fall = self._crossfall + np.interp(station_m, *self._crossfall_wander)
-        crown = -np.sign(offset_m) * fall
+        crown = -np.sign(offset_m) * fall if self.spec.is_crowned else fall
         if self.spec.superelevation_percent == 0.0 or self._sharpest_per_m == 0.0:
             return np.asarray(crown)
         bend = self.curvature_per_m(station_m) / self._sharpest_per_m
         inwards = -bend * self.spec.superelevation_percent / 100.0
-        return np.asarray(crown * (1.0 - np.abs(bend)) + inwards)
+        left_of_crown = 1.0 - np.abs(bend) if self.spec.is_crowned else 1.0
+        return np.asarray(crown * left_of_crown + inwards)
 
     def pole_feet_m(self, station_m: FloatArray, offset_m: FloatArray) -> FloatArray:
         """Feet of poles ``(n, 3)``: on the verge or behind the kerb."""
@@ -152,9 +168,29 @@ class Road:
 
 def _crossfall_wander(spec: RoadSpec, seed: int) -> tuple[FloatArray, FloatArray]:
     """Stations and what the crossfall there departs from the road's own, metres per metre."""
+    if spec.crossfall_lasts_m:
+        station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + 1.0)
+        depart = gauss_markov(stream(seed, "crossfall sections"), station, 1.0, spec.crossfall_lasts_m)
+        return station, depart * spec.crossfall_wander_percent / 100.0
     station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + CROSSFALL_SECTION_M, CROSSFALL_SECTION_M)
     depart = stream(seed, "crossfall sections").normal(size=station.size)
     return station, depart * spec.crossfall_wander_percent / 100.0
+
+
+def _climbs(spec: RoadSpec, station_m: FloatArray, seed: int) -> FloatArray:
+    """Height of a road whose climb is noise that was filtered twice: by its crests, and by its hills."""
+    climb, fades = np.tan(np.radians(spec.climb_deg)), np.exp(-STEP_M / spec.climb_lasts_m)
+    if climb == 0.0:
+        return np.zeros(station_m.size)
+    both_m = spec.climb_lasts_m + spec.crest_lasts_m
+    growth_per_m = climb * np.sqrt(both_m / spec.crest_lasts_m) / spec.climb_lasts_m
+    rng = stream(seed, "climbs")
+    growth = gauss_markov(rng, station_m, growth_per_m, spec.crest_lasts_m)
+    slope, now = np.empty(station_m.size), float(rng.normal()) * climb
+    for i, more in enumerate(growth):
+        slope[i] = now
+        now = now * fades + more * STEP_M
+    return _cumulative(slope, STEP_M)
 
 
 def _cumulative(values: FloatArray, step: float) -> FloatArray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 
 from geoloc.errors import GeolocError
+from geoloc.simulation.beside import GroundBeside
 from geoloc.simulation.long_roads import LONG_ROADS, RoadCharacter, long_road
 from geoloc.simulation.motion import MotionSpec
 from geoloc.simulation.noise import NoiseSpec, stream
@@ -50,6 +51,8 @@ class Scenario:
         Horizontal distance from the camera within which a foot is annotated: nearer it is below the image,
         farther an annotator no longer sees where the pole meets the ground.
     start_utc_ns : int
+    beside : GroundBeside or None
+        Ground below the feet that departs from the car's plane; None: the road's surface, verges and kerbs.
     """
 
     name: str
@@ -62,6 +65,7 @@ class Scenario:
     annotate_from_s: float = 0.0
     range_m: tuple[float, float] = (5.0, 40.0)
     start_utc_ns: int = START_UTC_NS
+    beside: GroundBeside | None = None
 
 
 def scenario(

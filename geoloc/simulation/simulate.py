@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.rig.rig import Rig, RigCamera
+from geoloc.simulation.beside import feet_beside_m
 from geoloc.simulation.car import simulated_rig, true_camera
 from geoloc.simulation.motion import MotionSpec, TrueMotion
 from geoloc.simulation.noise import DrawnErrors, NoiseSpec, draw_errors, gauss_markov, stream
@@ -166,7 +167,7 @@ def simulate_drive(world: Scenario, seed: int) -> SimulatedDrive:
     drawn = draw_errors(world.noise, seed, tuple(rig.cameras), tuple(rig.antennas))
     road = Road(world.road, seed)
     motion = TrueMotion(road, world.motion, world.noise, seed)
-    objects = _objects(world, road)
+    objects = _objects(world, road, motion, seed)
     frame_s = (
         np.arange(int(world.motion.duration_s * world.motion.frame_rate_hz + 0.5))
         / world.motion.frame_rate_hz
@@ -186,10 +187,14 @@ def simulate_drive(world: Scenario, seed: int) -> SimulatedDrive:
     )
 
 
-def _objects(world: Scenario, road: Road) -> SimulatedObjects:
+def _objects(world: Scenario, road: Road, motion: TrueMotion, seed: int) -> SimulatedObjects:
     station = np.array([pole.station_m for pole in world.poles])
     offset = np.array([pole.offset_m for pole in world.poles])
-    feet = road.pole_feet_m(station, offset)
+    beside = world.beside
+    if beside is None:
+        feet = road.pole_feet_m(station, offset)
+    else:
+        feet = feet_beside_m(beside, motion, road.plan_m(station, offset), seed)
     latitude, longitude, height = road.frame.geographic_from_enu(feet)
     east, north = utm33_from_geographic(latitude, longitude)
     return SimulatedObjects(
@@ -237,7 +242,7 @@ def _receiver_noise(noise: NoiseSpec, antenna: str, time_s: FloatArray, seed: in
     )
     white = stream(seed, f"gnss white {antenna}").normal(size=(time_s.size, 3)) * sigma
     reflected = _processes(seed, f"multipath {antenna}", time_s, noise.gnss_multipath_tau_s)
-    return np.asarray(white + reflected * noise.gnss_multipath_m)
+    return np.asarray(white + reflected * noise.gnss_multipath_m * [1.0, 1.0, noise.gnss_multipath_up])
 
 
 def _fixes(

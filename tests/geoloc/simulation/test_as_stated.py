@@ -1,0 +1,62 @@
+"""Worlds that draw what the error budget states: the sigmas of the adjustment hold there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geoloc.adjustment.adjust import adjust
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import enu_offset
+from geoloc.locate.accuracy import nees
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.locate.observations import Observations
+from geoloc.locate.records import Kind, Sightings
+from geoloc.simulation.as_stated import as_stated
+from geoloc.simulation.simulate import scenario, simulate_drive
+from geoloc.trajectory.trajectory import trajectory_from_gnss
+
+
+def _squares(seed: int, believed: ErrorBudget) -> tuple[FloatArray, FloatArray]:
+    """NEES in the plane, over 2, and of heights, of the three poles of a yard; errors as usually stated."""
+    drive = simulate_drive(as_stated(scenario("still", None, seed), 2, seed, ErrorBudget()), seed)
+    arms = {one.antenna: drive.rig.antennas[one.antenna].rig_t_antenna_m for one in drive.gnss}
+    seen, true = drive.sightings, drive.objects
+    stamps = np.empty(seen.frame.size, dtype=np.int64)
+    for camera in np.unique(seen.camera):
+        rows = seen.camera == camera
+        stamps[rows] = drive.frame_host_ns[str(camera)][seen.frame[rows]]
+    observations = Observations(
+        drive.rig,
+        Sightings(seen.camera, seen.pixel_px),
+        np.full(seen.camera.size, Kind.FOOT),
+        seen.object_index,
+        stamps,
+        trajectory_from_gnss(drive.gnss, arms),
+    )
+    found = adjust(observations, budget=believed)
+    at = found.object
+    east, north = enu_offset(
+        true.latitude_deg[at], true.longitude_deg[at], found.latitude_deg, found.longitude_deg
+    )
+    up = (found.height_m - true.height_m[at]) / found.sigma_height_m
+    return nees(np.stack([east, north], axis=1), found.covariance_m2) / 2.0, up**2
+
+
+@pytest.mark.parametrize(
+    ("believed", "holds"), [(1.0, True), (0.5, False)], ids=["as drawn", "half as large"]
+)
+def test_sigmas_hold_where_errors_are_those_stated(believed: float, holds: bool) -> None:
+    """NEES of a standing car is between 0.75 and 1.3, and above it where ground and mounting are believed."""
+    usual = ErrorBudget()
+    budget = replace(
+        usual,
+        boresight_deg=believed * usual.boresight_deg,
+        ground_height_m=believed * usual.ground_height_m,
+        ground_slope_deg=believed * usual.ground_slope_deg,
+    )
+    plane, _ = zip(*(_squares(seed, budget) for seed in range(12)), strict=True)
+    assert (0.75 <= float(np.mean(plane)) <= 1.3) == holds
+    assert holds or float(np.mean(plane)) > 1.3
