@@ -90,8 +90,10 @@ def test_body_oscillates_at_its_natural_frequency() -> None:
 
 
 def test_no_noise_means_no_noise() -> None:
-    """Every amplitude of `NoiseSpec.none` is zero, and every value of the default is not."""
+    """Every amplitude of `NoiseSpec.none` is zero, and of the default those alone that `as_stated` draws."""
     times = {"gnss_slow_tau_s", "gnss_multipath_tau_s", "body_frequency_hz", "body_damping"}
+    stated = {"bounce_lasts_s", "pitch_unrest_deg", "roll_unrest_deg", "pitching_axis"}
+    stated |= {"sideways_mps", "sideways_deg"}
     for field in fields(NoiseSpec):
-        assert getattr(NoiseSpec(), field.name) > 0.0
+        assert (getattr(NoiseSpec(), field.name) > 0.0) == (field.name not in stated)
         assert (getattr(NoiseSpec.none(), field.name) > 0.0) == (field.name in times)
