@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 
 from geoloc.earth.geodesy import utm33_from_geographic
-from twin.evidence import make_evidence
+from twin.evidence import EvidenceReport, make_evidence
 from twin.samples.pictures import Studio
 from twin.samples.sample import TRIP, sample_drives
 from twin.store import schema
@@ -22,7 +22,8 @@ from twin.store.kinds import QUIET
 from twin.store.poses import poses_from_blob
 from twin.store.store import Store
 
-NEAR_M, STEP = 22.0, 12
+PAST_M, NEAR_M, STEP = 4.0, 22.0, 12
+"""Pictures are painted from so near to so far before a finding, every so many frames."""
 Image = NDArray[np.uint8]
 
 
@@ -30,12 +31,14 @@ Image = NDArray[np.uint8]
 class Filmed:
     """A matched store, and the folder of its drive, which has pictures near the findings.
 
-    ``masks`` says of each pixel: 0 other, 1 person, 2 vehicle, 3 sign face.
+    ``masks`` says of each pixel: 0 other, 1 person, 2 vehicle, 3 sign face; ``report`` is of the run that
+    made the crops, where there are any.
     """
 
     store: Path
     folder: Path
     masks: dict[tuple[str, int], Image]
+    report: EvidenceReport | None = None
 
     def frame(self, camera: str, number: int) -> Image:
         """One picture as it lies in the folder."""
@@ -47,12 +50,17 @@ class Filmed:
         with Store.open(self.store) as store, store.transaction() as connection:
             connection.execute(sa.update(schema.annotation_set).values(folder=str(folder)))
 
+    def only(self, *change_ids: str) -> None:
+        """Leave no other findings in the store, for tests that are not about their number."""
+        with Store.open(self.store) as store, store.transaction() as connection:
+            connection.execute(sa.delete(schema.change).where(~schema.change.c.change_id.in_(change_ids)))
+
     def copied(self, folder: Path) -> Filmed:
         """A store of its own, with its crops; the pictures are shared."""
         crops = self.store.with_name("twin.db.evidence")
         if crops.exists():
             shutil.copytree(crops, folder / crops.name)
-        return Filmed(Path(shutil.copy(self.store, folder / "twin.db")), self.folder, self.masks)
+        return replace(self, store=Path(shutil.copy(self.store, folder / "twin.db")))
 
 
 @pytest.fixture(scope="session")
@@ -82,8 +90,7 @@ def with_crops(rendered: Filmed, tmp_path_factory: pytest.TempPathFactory) -> Fi
     """The same with crops, made without a network; copy before writing."""
     made = rendered.copied(tmp_path_factory.mktemp("crops"))
     with Store.open(made.store) as store:
-        make_evidence(store)
-    return made
+        return replace(made, report=make_evidence(store))
 
 
 @pytest.fixture
@@ -103,7 +110,7 @@ def own(filmed: Filmed, tmp_path: Path) -> Filmed:
     """A store and pictures of their own, to damage."""
     folder = Path(shutil.copytree(filmed.folder, tmp_path / TRIP))
     filmed.point_to(folder)
-    return Filmed(filmed.store, folder, filmed.masks)
+    return replace(filmed, folder=folder)
 
 
 def _frames_near_findings(path: Path, epoch_ns: NDArray[np.int64]) -> Iterator[int]:
@@ -115,6 +122,9 @@ def _frames_near_findings(path: Path, epoch_ns: NDArray[np.int64]) -> Iterator[i
     way = np.stack(utm33_from_geographic(poses.latitude_deg, poses.longitude_deg), axis=1)
     places = np.array([(row["east_m"], row["north_m"]) for row in found])
     for number in range(0, epoch_ns.size, STEP):
-        here = way[np.argmin(np.abs(poses.epoch_ns - epoch_ns[number]))]
-        if np.hypot(*(places - here).T).min() < NEAR_M:
+        k = int(np.argmin(np.abs(poses.epoch_ns - epoch_ns[number])))
+        direction = way[min(k + 1, len(way) - 1)] - way[max(k - 1, 0)]
+        away = places - way[k]
+        ahead_m = away @ direction / np.hypot(*direction)
+        if ((ahead_m > PAST_M) & (np.hypot(*away.T) < NEAR_M)).any():
             yield number

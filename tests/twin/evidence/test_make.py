@@ -38,11 +38,11 @@ def check_whole(store: Store) -> None:
         assert hashlib.sha256(content).hexdigest() == row["sha256"]
 
 
-def test_three_views_of_each_finding_in_two_roles(filmed: Any) -> None:
+def test_three_views_of_each_finding_in_two_roles(made: Any) -> None:
     """From different distances or cameras, the face and its surroundings, each a small part of a frame."""
-    with Store.open(filmed.store) as store:
-        report = make_evidence(store)
-        assert (report.n_findings, report.n_with_crops, report.n_crops, report.gaps) == (4, 4, 24, ())
+    report = made.report
+    assert (report.n_findings, report.n_with_crops, report.n_crops, report.gaps) == (4, 4, 24, ())
+    with Store.open(made.store) as store:
         check_whole(store)
         for change_id in (MOVED, MISSING):
             found = crops_of(store.rows, change_id)
@@ -54,9 +54,11 @@ def test_three_views_of_each_finding_in_two_roles(filmed: Any) -> None:
             assert all(c.range_m < 20.0 and c.frame % 12 == 0 for c in found)
 
 
-def test_second_run_makes_the_same_files_and_nothing_new(made: Any) -> None:
+def test_second_run_makes_the_same_files_and_nothing_new(filmed: Any) -> None:
     """Byte for byte; and --missing has nothing to do."""
-    with Store.open(made.store) as store:
+    filmed.only(MOVED)
+    with Store.open(filmed.store) as store:
+        assert make_evidence(store).n_new_files == 6
         before = files(store)
         again = make_evidence(store)
         assert (again.n_new_files, again.n_deleted_files, files(store)) == (0, 0, before)
@@ -65,6 +67,7 @@ def test_second_run_makes_the_same_files_and_nothing_new(made: Any) -> None:
 
 def test_drive_whose_pictures_come_later_is_filled_in(filmed: Any, sample: Path) -> None:
     """A drive without pictures says so, as does one whose folder is gone; then --missing fills in."""
+    filmed.only(MOVED)
     for folder, kind, said in (
         (sample / "trip_trondheim", GapKind.NO_PICTURES, "has no pictures"),
         (filmed.folder.parent / "gone", GapKind.FOLDER_GONE, "is not there"),
@@ -77,17 +80,18 @@ def test_drive_whose_pictures_come_later_is_filled_in(filmed: Any, sample: Path)
             assert said in gap.sentence
     filmed.point_to(filmed.folder)
     with Store.open(filmed.store) as store:
-        assert make_evidence(store, missing_only=True).n_with_crops == 4
+        assert make_evidence(store, missing_only=True).n_with_crops == 1
         assert gaps_of(store.rows, MOVED) == ()
     filmed.point_to(filmed.folder.parent / "gone")
     with Store.open(filmed.store) as store:
         # What was made is kept while the disk with the pictures is away.
-        assert make_evidence(store).n_with_crops == 4
+        assert make_evidence(store).n_with_crops == 1
         assert len(crops_of(store.rows, MOVED)) == 6
 
 
 def test_damaged_pictures_and_such_of_another_size_are_told_and_the_rest_goes_on(own: Any) -> None:
     """One camera's pictures are cut short, the other's are of another size near one finding alone."""
+    own.only(MOVED, MISSING)
     for path in (own.folder / "C3_tricam120").iterdir():
         path.write_bytes(path.read_bytes()[:1000])
     for number in (504, 516, 528, 540):
@@ -95,7 +99,7 @@ def test_damaged_pictures_and_such_of_another_size_are_told_and_the_rest_goes_on
         cv2.imwrite(str(path), cv2.imread(str(path))[::2, ::2])
     with Store.open(own.store) as store:
         report = make_evidence(store)
-        assert report.n_with_crops == 3
+        assert report.n_with_crops == 1
         assert {gap.kind for gap in gaps_of(store.rows, MOVED)} == {GapKind.FRAME_LOST, GapKind.OTHER_SIZE}
         found = crops_of(store.rows, MISSING)
         assert {c.camera for c in found} == {"C2_tricam60"}
@@ -105,6 +109,7 @@ def test_damaged_pictures_and_such_of_another_size_are_told_and_the_rest_goes_on
 
 def test_pictures_that_cannot_be_opened_are_a_gap(own: Any) -> None:
     """drive.toml names a video that is none: a sentence, no crop, no error."""
+    own.only(MOVED)
     text = (own.folder / "drive.toml").read_text()
     (own.folder / "broken.mp4").write_bytes(b"<html>")
     (own.folder / "drive.toml").write_text(
@@ -124,7 +129,7 @@ def test_file_without_a_row_is_deleted_and_so_are_crops_of_findings_that_are_gon
         with store.transaction() as connection:
             connection.execute(sa.delete(schema.change).where(schema.change.c.change_id == MOVED))
         n_before = len(files(store))
-        make_evidence(store)
+        make_evidence(store, missing_only=True)
         assert (crops_of(store.rows, MOVED), stray.exists()) == ((), False)
         assert len(files(store)) == n_before - 7
         check_whole(store)
@@ -133,21 +138,23 @@ def test_file_without_a_row_is_deleted_and_so_are_crops_of_findings_that_are_gon
 def test_killed_run_leaves_no_row_without_its_file(filmed: Any) -> None:
     """Killed while files are written: the rows of before hold, and the next run clears up and completes."""
     command = [sys.executable, "-m", "twin", "evidence", "--store", str(filmed.store)]
+    filmed.only(MOVED, MISSING)
     with Store.open(filmed.store) as store:
-        for n_files in (1, 9):
+        for n_files in (1, 5):
             process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
             while process.poll() is None and len(files(store)) < n_files:
                 time.sleep(0.005)
             process.send_signal(signal.SIGKILL)
             process.wait()
             check_whole(store)
-        assert make_evidence(store).n_with_crops == 4
+        assert make_evidence(store).n_with_crops == 2
         check_whole(store)
-        assert len(files(store)) == 24
+        assert len(files(store)) == 12
 
 
 def test_unmasked_crops_need_a_reason_are_logged_and_never_leave(filmed: Any) -> None:
     """They are the frame's own pixels, said to be so, and no export gets them; the log cannot be changed."""
+    filmed.only(MOVED)
     with Store.open(filmed.store) as store:
         for reason, by in (("", "kari"), ("court case", ""), ("court case", None)):
             with pytest.raises(ConfigError, match="reason and a name"):
@@ -162,13 +169,13 @@ def test_unmasked_crops_need_a_reason_are_logged_and_never_leave(filmed: Any) ->
         (entry,) = store.rows(sa.select(schema.crop_log))
         assert (entry["kind"], entry["by"], entry["reason"], entry["n_crops"]) == (
             *("unmasked", "kari", "court case"),
-            24,
+            6,
         )
         for change in (sa.delete(schema.crop_log), sa.update(schema.crop_log).values(by="x")):
             with pytest.raises(Exception, match="never changed"), store.transaction() as connection:
                 connection.execute(change)
         make_evidence(store)
-        assert len(exportable_crops(store.rows)) == 24
+        assert len(exportable_crops(store.rows)) == 6
 
 
 def test_forgetting_deletes_rows_and_files_and_says_what(made: Any) -> None:
@@ -196,13 +203,14 @@ def test_file_of_what_is_no_crop_is_refused(filmed: Any, sha256: str) -> None:
 
 def test_command_says_what_it_made_and_deleted(twin: Twin, filmed: Any) -> None:
     """In a sentence, and as JSON."""
+    filmed.only(MOVED)
     store = ["--store", str(filmed.store)]
     made = twin("evidence", *store, "--json")
-    assert json.loads(made.out)["n_with_crops"] == 4
+    assert json.loads(made.out)["n_with_crops"] == 1
     told = twin("evidence", "--missing", *store)
     assert (told.code, "0 of 0 findings" in told.err) == (0, True)
     gone = twin("evidence", "--forget", "--older-than", "2026-06-11", *store)
-    assert "Deleted 24 pictures of trip_trondheim that were taken before 2026-06-11" in gone.err
+    assert "Deleted 6 pictures of trip_trondheim that were taken before 2026-06-11" in gone.err
 
 
 @pytest.mark.parametrize(

@@ -104,39 +104,48 @@ def test_place_where_nobody_saw_a_sign_is_shown_coarsely(made: Any) -> None:
             assert np.median(np.abs(again - grey)) < 2.0
 
 
-@pytest.fixture
-def network(tmp_path: Path) -> NetworkMasker:
+@pytest.fixture(scope="module")
+def network(tmp_path_factory: pytest.TempPathFactory) -> NetworkMasker:
     """A network that calls the same part of every picture a person and another one a kite."""
     boxes = [[[20, 5, 40, 60, 0.3, 0], [60, 5, 90, 60, 0.9, 1]]]
-    path = Networks().constant(tmp_path / "people.onnx", np.array(boxes), "{0: 'person', 1: 'kite'}")
+    folder = tmp_path_factory.mktemp("network")
+    path = Networks().constant(folder / "people.onnx", np.array(boxes), "{0: 'person', 1: 'kite'}")
     return NetworkMasker(path)
 
 
-def test_boxes_of_a_network_are_hidden_but_for_the_faces(filmed: Any, network: NetworkMasker) -> None:
-    """People are hidden, kites are not; and inside a face nothing changes, whatever box covers it."""
-    with Store.open(filmed.store) as store:
+@pytest.fixture(scope="module")
+def by_network(rendered: Any, network: NetworkMasker, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Crops that were made with it; only read."""
+    copy = rendered.copied(tmp_path_factory.mktemp("by_network"))
+    with Store.open(copy.store) as store:
         make_evidence(store, masker=network)
+    return copy
+
+
+def test_boxes_of_a_network_are_hidden_but_for_the_faces(by_network: Any, network: NetworkMasker) -> None:
+    """People are hidden, kites are not; and inside a face nothing changes, whatever box covers it."""
+    with Store.open(by_network.store) as store:
         found = crops(store)
+        assert len(found) == 24
         for crop in found:
             assert (crop.proof.masker, crop.proof.version) == ("people.onnx", network.version)
             assert set(crop.proof.labels) <= {"person"}
             if crop.role is Role.FACE:
-                before, _, faces = beneath(filmed, crop)
+                before, _, faces = beneath(by_network, crop)
                 inside = cv2.erode(faces, np.ones((3, 3), np.uint8)) > 0
                 assert (read(store, crop) == before).all(axis=2)[inside].all()
         assert any(crop.proof.share_hidden > 0.05 for crop in found)
 
 
-def test_what_a_network_misses_is_not_shown_as_it_was(filmed: Any, network: NetworkMasker) -> None:
+def test_what_a_network_misses_is_not_shown_as_it_was(by_network: Any) -> None:
     """A network misses people: what shows them differs from the frame also where no box is.
 
     Wide crops are compressed with loss, which by chance gives a pixel in a hundred thousand its value back.
     """
     people = same = 0
-    with Store.open(filmed.store) as store:
-        make_evidence(store, masker=network)
+    with Store.open(by_network.store) as store:
         for crop in crops(store):
-            n_people, n_same = unmasked_people(filmed, crop, read(store, crop))
+            n_people, n_same = unmasked_people(by_network, crop, read(store, crop))
             assert n_same == 0 or crop.role is Role.WIDE
             people, same = people + n_people, same + n_same
             assert crop.proof.softened_px >= 2.0
