@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, StoreOption, person
+from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, LangOption, StoreOption, person
 from twin.cli.output import note, print_json, steps, warn
 from twin.errors import ConfigError
+from twin.words import Lang, gap_sentence, say
 
 if TYPE_CHECKING:
     from twin.evidence import EvidenceReport, Forgotten
@@ -56,6 +57,7 @@ def evidence(
         str | None, typer.Option(help="Days, or the first day that stays.", metavar="DAYS|YYYY-MM-DD")
     ] = None,
     store: StoreOption = DEFAULT_STORE,
+    lang: LangOption = Lang.EN,
     json_output: JsonOption = False,
 ) -> None:
     """Cut pictures of each finding's sign from the drives' recordings, masked before anything is written."""
@@ -72,13 +74,13 @@ def evidence(
         )
     with Store.open(store, create=False) as opened:
         if before is not None:
-            _forget(opened, before, person(by), reason or "", json_output=json_output)
+            _forget(opened, before, person(by), reason or "", lang, json_output=json_output)
             return
         report = _make(opened, masker, missing, reason if unmasked else None, by, quiet=json_output)
     if json_output:
-        print_json(report)
+        print_json(report.as_json())
     else:
-        _print(report)
+        _print(report, lang)
 
 
 def _make(
@@ -94,17 +96,24 @@ def _make(
         )
 
 
-def _print(report: EvidenceReport) -> None:
-    told = Counter(gap.sentence for gap in report.gaps)
+def _print(report: EvidenceReport, lang: Lang) -> None:
+    told = Counter(gap_sentence(gap.why, lang) for gap in report.gaps)
     for sentence, count in told.most_common(_MOST_GAPS):
-        warn(sentence if count == 1 else f"{sentence} ({count:,} findings)")
+        warn(sentence if count == 1 else say(lang, "evidence.of_several", sentence=sentence, count=count))
     if len(told) > _MOST_GAPS:
-        warn(f"{len(told) - _MOST_GAPS} more such sentences: --json has them all.")
-    how = {"geometry": "masked by geometry alone", "none": "NOT masked, as asked for"}
+        warn(say(lang, "evidence.more", n=len(told) - _MOST_GAPS))
+    how = {"geometry": "evidence.by_geometry", "none": "evidence.not_masked"}
     note(
-        f"{report.n_with_crops:,} of {report.n_findings:,} findings have pictures: {report.n_crops:,} made, "
-        f"{how.get(report.masker, f'masked by {report.masker}')}; {report.n_new_files:,} files are new, "
-        f"{report.n_deleted_files:,} were deleted."
+        say(
+            lang,
+            "evidence.made",
+            pictures=report.n_with_crops,
+            findings=report.n_findings,
+            crops=report.n_crops,
+            how=say(lang, how.get(report.masker, "evidence.by_network"), masker=report.masker),
+            new=report.n_new_files,
+            deleted=report.n_deleted_files,
+        )
     )
 
 
@@ -127,15 +136,21 @@ def _before(*, forget: bool, older_than: str | None, others: bool) -> dt.date | 
         ) from error
 
 
-def _forget(store: Store, before: dt.date, by: str, reason: str, *, json_output: bool) -> None:
+def _forget(store: Store, before: dt.date, by: str, reason: str, lang: Lang, *, json_output: bool) -> None:
     from twin.evidence import forget
 
     done: Forgotten = forget(store, before, by=by, reason=reason)
     if json_output:
         print_json(done)
         return
-    of = f" of {', '.join(done.drives)}" if done.drives else ""
     note(
-        f"Deleted {done.n_crops:,} pictures{of} that were taken before {done.before}, of "
-        f"{len(done.change_ids):,} findings; {done.n_files:,} files are gone."
+        say(
+            lang,
+            "evidence.forgot_of" if done.drives else "evidence.forgot",
+            crops=done.n_crops,
+            drives=", ".join(done.drives),
+            before=done.before,
+            findings=len(done.change_ids),
+            files=done.n_files,
+        )
     )

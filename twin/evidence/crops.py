@@ -11,6 +11,7 @@ import sqlalchemy as sa
 
 from twin.decisions.evidence import Ask
 from twin.store import schema
+from twin.words import Told, WhyNoPicture, gap_from_json, gap_sentence, gap_to_json
 
 Pixel = tuple[float, float]
 Box = tuple[float, float, float, float]
@@ -164,19 +165,38 @@ class Gap:
     ----------
     drive_id : str
         "" where it is about none.
-    sentence : str
-        For people.
+    why : WhyNoPicture
+        What its sentence is made of, in any language (:func:`twin.words.gap_sentence`).
     """
 
     change_id: str
     drive_id: str
     kind: GapKind
-    sentence: str
+    why: WhyNoPicture
+
+    @property
+    def sentence(self) -> str:
+        """For people, in English."""
+        return gap_sentence(self.why)
 
     @classmethod
     def from_row(cls, row: Mapping[str, Any]) -> Gap:
-        """Take it from a row of the table ``crop_gap``."""
-        return cls(row["change_id"], row["drive_id"], GapKind(row["kind"]), row["sentence"])
+        """Take it from a row of the table ``crop_gap``; one from before schema 14 has its text alone."""
+        why = Told(row["sentence"]) if row["why"] is None else gap_from_json(row["why"])
+        return cls(row["change_id"], row["drive_id"], GapKind(row["kind"]), why)
+
+    def as_json(self) -> dict[str, str]:
+        """Return what ``--json`` prints."""
+        return {
+            "change_id": self.change_id,
+            "drive_id": self.drive_id,
+            "kind": self.kind.value,
+            "sentence": self.sentence,
+        }
+
+    def to_row(self) -> dict[str, Any]:
+        """Return its row of the table ``crop_gap``."""
+        return {**self.as_json(), "why": gap_to_json(self.why)}
 
 
 def crops_of(ask: Ask, change_id: str) -> tuple[Crop, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import sqlalchemy as sa
 
@@ -20,12 +21,9 @@ from twin.evidence.shots import Look, Shot, shots_of
 from twin.evidence.subjects import DriveOf, Subject, drives_of, subjects_of
 from twin.store import schema
 from twin.store.store import Store
+from twin.words.gaps import CameraLost, NotShown, OtherSize
 
 Progress = Callable[[str], None]
-_NOT_SHOWN = (
-    "No picture that is there shows the place of its face: it lies outside the pictures, behind the camera or"
-    " on the car itself."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +52,11 @@ class EvidenceReport:
     n_deleted_files: int
     masker: str
     gaps: tuple[Gap, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        plain = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {**plain, "gaps": [gap.as_json() for gap in self.gaps]}
 
 
 def make_evidence(
@@ -157,7 +160,7 @@ class _Run:
             shots = shots_of(subject, drives, recordings, lacks)
             if not shots and not lacks:
                 kind = GapKind.OUT_OF_VIEW if subject.seen else GapKind.NEVER_IN_VIEW
-                lacks.append(("", Lack(kind, _NOT_SHOWN)))
+                lacks.append(("", Lack(kind, NotShown())))
             for shot in shots:
                 last = max(look.frame for look in shot.looks)
                 self.views.append(_View(shot, last_frame=last))
@@ -188,14 +191,11 @@ class _Run:
                 self.say(f"{drive.name}, {camera}: {n_done:,} of {len(wanted):,} pictures")
         self._close(views, None)
         if n_other:
-            told = (
-                f"{n_other} pictures of {camera} in the drive {drive.name} have not the {model.width_px} x"
-                f" {model.height_px} pixels of its calibration: give the recording in its own size."
-            )
-            lacks.append(Lack(GapKind.OTHER_SIZE, told))
+            other = OtherSize(n_other, camera, drive.name, model.width_px, model.height_px)
+            lacks.append(Lack(GapKind.OTHER_SIZE, other))
         for view in views:
             if not view.crops:
-                lost = lacks or [Lack(GapKind.FRAME_LOST, f"Its pictures did not come out of {camera}.")]
+                lost = lacks or [Lack(GapKind.FRAME_LOST, CameraLost(camera))]
                 self.lacks[view.shot.change_id] += [(drive.drive_id, lack) for lack in lost]
 
     def _take(self, frame: Frame, asked: Sequence[tuple[_View, Look]]) -> None:
@@ -240,7 +240,7 @@ class _Run:
             if rows:
                 connection.execute(sa.insert(crop), rows)
             if gaps:
-                connection.execute(sa.insert(gap), [_gap_row(one) for one in gaps])
+                connection.execute(sa.insert(gap), [one.to_row() for one in gaps])
             if rows and self.unmasked_reason is not None:
                 log(connection, UNMASKED, self.by, self.unmasked_reason, len(rows), sorted(made))
         return gaps
@@ -296,13 +296,4 @@ def _numbered(views: Sequence[tuple[Crop, ...]]) -> Iterator[Crop]:
 def _gaps(lacks: Mapping[str, Sequence[tuple[str, Lack]]]) -> Iterator[Gap]:
     for change_id, told in lacks.items():
         for drive_id, lack in dict.fromkeys(told):
-            yield Gap(change_id, drive_id, lack.kind, lack.sentence)
-
-
-def _gap_row(gap: Gap) -> dict[str, str]:
-    return {
-        "change_id": gap.change_id,
-        "drive_id": gap.drive_id,
-        "kind": gap.kind.value,
-        "sentence": gap.sentence,
-    }
+            yield Gap(change_id, drive_id, lack.kind, lack.why)

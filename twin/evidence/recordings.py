@@ -21,6 +21,7 @@ from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.frames.stamps import read_stamps
 from twin.errors import DriveError
 from twin.evidence.crops import GapKind
+from twin.words import WhyNoPicture, gaps
 
 _NEAR_NS = 20_000_000
 """A frame whose stamp is further than this from a pose's epoch is not the one that the pose is of."""
@@ -28,10 +29,10 @@ _NEAR_NS = 20_000_000
 
 @dataclass(frozen=True, slots=True)
 class Lack:
-    """Why there are no pictures, or no such picture: a sentence for people."""
+    """Why there are no pictures, or no such picture."""
 
     kind: GapKind
-    sentence: str
+    why: WhyNoPicture
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,7 @@ class Recordings:
     def stamps(self, camera: str) -> IntArray | Lack:
         """Epochs of a camera's frames by frame number, as the sightings of the store have them."""
         if self.folder is None:
-            return self.lack or Lack(GapKind.NO_PICTURES, f"The drive {self.name} has no pictures.")
+            return self.lack or Lack(GapKind.FOLDER_GONE, gaps.FolderUnknown(self.name))
         told = ""
         # Without the pictures: where these are fewer than the stamps, the first ones still have their times.
         for pictures in (self.pictures, {}):
@@ -72,7 +73,7 @@ class Recordings:
                 continue
             stamps = read.epoch_ns[camera]
             return np.where(stamps == NO_STAMP, NO_STAMP, stamps + self.settings.camera_offset_ns)
-        return Lack(GapKind.UNREADABLE, told)
+        return Lack(GapKind.UNREADABLE, gaps.CannotBeRead(told))
 
     def frame_at(self, stamps: IntArray, epoch_ns: int) -> int | None:
         """Return the number of the frame that was taken at an epoch; None where there is none."""
@@ -91,13 +92,12 @@ class Recordings:
         try:
             yield from frames(self.pictures[camera], stamps, wanted, faults)
         except DriveError as error:
-            lacks.append(Lack(GapKind.UNREADABLE, str(error)))
+            lacks.append(Lack(GapKind.UNREADABLE, gaps.CannotBeRead(str(error))))
             return
         for reason, count in sorted(faults.items()):
             if count:
-                where, n = self.pictures[camera].where, f"{count} picture{'s' if count > 1 else ''}"
-                told = f"{n} of {camera} did not come out of {where} ({reason}): copy the recording again."
-                lacks.append(Lack(GapKind.FRAME_LOST, told))
+                lost = gaps.FramesLost(count, camera, self.pictures[camera].where, reason)
+                lacks.append(Lack(GapKind.FRAME_LOST, lost))
 
 
 def recordings_of(name: str, folder: str, rig: Rig) -> Recordings:
@@ -114,28 +114,21 @@ def recordings_of(name: str, folder: str, rig: Rig) -> Recordings:
     """
     settings = DriveSettings()
 
-    def without(kind: GapKind, sentence: str) -> Recordings:
-        return Recordings(name, settings, None, rig, {}, Lack(kind, sentence))
+    def without(kind: GapKind, why: WhyNoPicture) -> Recordings:
+        return Recordings(name, settings, None, rig, {}, Lack(kind, why))
 
-    if not folder or not Path(folder).is_dir():
-        where = f"its folder {folder} is not there" if folder else "the store does not know its folder"
-        return without(
-            GapKind.FOLDER_GONE,
-            f"The pictures of the drive {name} cannot be read, as {where}: put it there, or ingest the drive"
-            " again from where it is, then run twin evidence --missing.",
-        )
+    if not folder:
+        return without(GapKind.FOLDER_GONE, gaps.FolderUnknown(name))
+    if not Path(folder).is_dir():
+        return without(GapKind.FOLDER_GONE, gaps.FolderGone(name, folder))
     try:
         opened = DriveFolder(Path(folder))
         if opened.has(SETTINGS_FILE):
             settings = read_settings(opened.content(SETTINGS_FILE))
         found = find_pictures(opened, settings, rig)
     except (DriveError, GeolocError) as error:
-        return without(GapKind.UNREADABLE, str(error))
+        return without(GapKind.UNREADABLE, gaps.CannotBeRead(str(error)))
     there = {camera: one for camera, one in found.items() if one.where}
     if not there:
-        return without(
-            GapKind.NO_PICTURES,
-            f"The drive {name} has no pictures in {folder}: add a video named after its camera, or name"
-            f" pictures under [frames] in {SETTINGS_FILE}, then run twin evidence --missing.",
-        )
+        return without(GapKind.NO_PICTURES, gaps.NoRecording(name, folder))
     return Recordings(name, settings, opened, rig, there)

@@ -15,6 +15,7 @@ from twin.evidence.crops import GapKind
 from twin.evidence.recordings import Lack, Recordings
 from twin.evidence.sights import Marked, Sight, poses_at, sight_of
 from twin.evidence.subjects import DriveOf, Seen, Subject
+from twin.words.gaps import OtherCameras
 
 MOST_VIEWS = 3
 _MOST_FRAMES = 3
@@ -141,11 +142,8 @@ def _unseen_looks(
 
 
 def _other_cameras(seen: Seen, drive: DriveOf) -> Lack:
-    names = ", ".join(sorted({picture.camera for picture in seen.pictures}))
-    told = (
-        f"The drive {drive.name} has pictures, but none in which {names} saw the sign: add their recording."
-    )
-    return Lack(GapKind.NO_PICTURES, told)
+    cameras = tuple(sorted({picture.camera for picture in seen.pictures}))
+    return Lack(GapKind.NO_PICTURES, OtherCameras(drive.name, cameras))
 
 
 def _different(looks: Sequence[Look]) -> list[Look]:

@@ -24,7 +24,15 @@ from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.records import Estimate, Finding
 from twin.store.store import Row, Snapshot
-from twin.words import Lang, position_sentence, reason_of, seen_sentence, terms_in_words, verdict_title
+from twin.words import (
+    Lang,
+    gap_sentence,
+    position_sentence,
+    reason_of,
+    seen_sentence,
+    terms_in_words,
+    verdict_title,
+)
 
 _VEGKART = "https://vegkart.atlas.vegvesen.no/#valgt:{id}:{type}"
 
@@ -78,7 +86,7 @@ def finding_record(
         seen=_seen(finding, estimates, index, eyes.lang),
         distance_m=finding.distance_m,
         crops=_crops(view, change_id, {one.drive_id: one.name for one in shown}, eyes.lang),
-        gaps=[gap.sentence for gap in gaps_of(view.rows, change_id)],
+        gaps=[gap_sentence(gap.why, eyes.lang) for gap in gaps_of(view.rows, change_id)],
         terms=[Term(one.label, one.value, one.explanation) for one in terms_in_words(finding, eyes.lang)],
         history=_history(view, told, state, eyes, index),
         map=map_of(view, finding, place, [Seeing(one, by_drive.get(one.drive_id)) for one in shown], index),

@@ -10,7 +10,7 @@ import sqlalchemy as sa
 
 from twin.store.kinds import Method
 
-VERSION = 13
+VERSION = 14
 """Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
 metadata = sa.MetaData()
@@ -392,7 +392,8 @@ crop_gap = sa.Table(
     sa.Column("change_id", sa.String, nullable=False, index=True),
     sa.Column("drive_id", sa.String, nullable=False),
     sa.Column("kind", sa.String, nullable=False),  # twin.evidence.GapKind
-    sa.Column("sentence", sa.String, nullable=False),
+    sa.Column("sentence", sa.String, nullable=False),  # in English
+    sa.Column("why", sa.JSON(none_as_null=True)),  # twin.words.WhyNoPicture; none in rows from before 14
 )
 """Why a finding has no crops, or fewer than it could have."""
 

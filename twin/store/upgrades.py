@@ -171,5 +171,6 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
         ),
     ),
     12: ("ALTER TABLE decision_log ADD COLUMN cause JSON",),
+    13: ("ALTER TABLE crop_gap ADD COLUMN why JSON",),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

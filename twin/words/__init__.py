@@ -6,7 +6,8 @@
 The texts stand in ``messages/*.toml``, for a translator to edit; ``docs/words.md`` says how.
 """
 
-from twin.words.reasons import Why, why_from_json, why_to_json
+from twin.words.gaps import WhyNoPicture, gap_from_json, gap_sentence, gap_to_json
+from twin.words.reasons import Told, Why, why_from_json, why_to_json
 from twin.words.seen import position_sentence, seen_sentence
 from twin.words.sentences import reason_of, sentence
 from twin.words.signs import NO_NAMES, SignNames, name_in, sign_title, sign_titles
@@ -19,9 +20,14 @@ __all__ = [
     "Lang",
     "SignNames",
     "Term",
+    "Told",
     "Why",
+    "WhyNoPicture",
     "chance_text",
     "decision_title",
+    "gap_from_json",
+    "gap_sentence",
+    "gap_to_json",
     "language_from",
     "messages",
     "name_in",

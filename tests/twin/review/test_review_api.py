@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 from review_browser import Browser, Open
 
 from twin.cli import run
 from twin.decisions.explain import explain_change
 from twin.decisions.record import decide
+from twin.evidence import gaps_of
 from twin.evidence.crops import Crop, FaceFrom, MaskProof, Role
 from twin.evidence.files import evidence_folder, write_crop
 from twin.store import schema
@@ -371,3 +374,25 @@ def test_dismissed_as_temporary_speaks_for_its_kind(page: Browser, store: Path) 
     with Store.open(store) as opened:
         (entry,) = opened.rows(sa.select(schema.decision_log.c.cause))
     assert entry["cause"]["kind"] == "temporary"
+
+
+def test_why_there_are_no_pictures_is_told_in_the_language_asked_for(
+    page: Browser, store: Path, twin: Twin
+) -> None:
+    """Made of kind and facts when shown; what an older twin kept is a text alone, and stays as it was."""
+    with Store.open(store) as opened, opened.transaction() as connection:
+        connection.execute(sa.update(schema.annotation_set).values(folder="/gone"))
+    on_terminal = twin("evidence", "--store", store, "--lang", "nb").err
+    assert re.search("kan ikke leses, for mappen /gone er borte: .* [(]4 funn[)]\n0 av 4 funn", on_terminal)
+
+    def told(accepted: str) -> str:
+        page.http.headers["Accept-Language"] = accepted
+        (gap,) = page.get(f"finding/{MOVED}")["gaps"]
+        return str(gap)
+
+    assert "for mappen /gone er borte: legg den tilbake" in told("nb")
+    with Store.open(store) as opened:
+        assert told("en") == gaps_of(opened.rows, MOVED)[0].sentence
+        with opened.transaction() as connection:
+            connection.execute(sa.update(schema.crop_gap).values(why=None, sentence="As it was told."))
+    assert told("nb") == "As it was told."

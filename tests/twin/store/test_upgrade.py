@@ -28,10 +28,11 @@ SINCE_11 = ("crop", "crop_gap", "crop_log")
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 to 12 wrote it, with one decision."""
+    """Make a store as version 4 to 13 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
         _older_log(raw, version)
+        raw.execute("ALTER TABLE crop_gap DROP COLUMN why")
         for table in ("sighting", "sighting_kept") if version < 11 else ():
             for column in ("width_px", "height_px", *(["is_measured"] if version < 10 else [])):
                 raw.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
@@ -59,7 +60,8 @@ def older(path: Path, version: int = 4) -> Path:
 
 
 def _older_log(raw: sqlite3.Connection, version: int) -> None:
-    raw.execute("ALTER TABLE decision_log DROP COLUMN cause")
+    if version < 13:
+        raw.execute("ALTER TABLE decision_log DROP COLUMN cause")
     if version < 12:
         raw.execute("DROP VIEW decision")
         for column in SINCE_12:
@@ -68,7 +70,7 @@ def _older_log(raw: sqlite3.Connection, version: int) -> None:
         raw.execute(_VIEW_BEFORE_12)
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10, 11, 12])
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10, 11, 12, 13])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
