@@ -74,7 +74,7 @@ class _Commands(_LazyGroup):
         "qgis": "export",
         "submit": "submit",
         "evaluate": "reports",
-        "show": "reports",
+        "show": "show",
         "status": "reports",
         "confidence": "reports",
         "simulate": "samples",

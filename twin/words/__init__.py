@@ -11,7 +11,7 @@ from twin.words.reasons import Told, Why, why_from_json, why_to_json
 from twin.words.seen import position_sentence, seen_sentence
 from twin.words.sentences import reason_of, sentence
 from twin.words.signs import NO_NAMES, SignNames, name_in, sign_title, sign_titles
-from twin.words.table import Lang, language_from, messages, say
+from twin.words.table import Lang, language_from, messages, number_text, say
 from twin.words.terms import Term, chance_text, terms_in_words
 from twin.words.titles import decision_title, nvdb_type_title, verdict_title
 
@@ -31,6 +31,7 @@ __all__ = [
     "language_from",
     "messages",
     "name_in",
+    "number_text",
     "nvdb_type_title",
     "position_sentence",
     "reason_of",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -156,6 +157,14 @@ def test_evaluate_says_how_it_paired(twin: Twin, store: Path, sample: Path, tmp_
     assert "by position, within 3 m" in answer.err
     assert "surveyed objects without an estimate: 1 (elsewhere)" in answer.err
     assert "adjusted: estimates of no surveyed object: 1" in answer.err
+    norwegian = twin("evaluate", path, "--store", store, "--within", "3", "--lang", "nb")
+    assert "etter posisjon, innen 3 m" in norwegian.err
+    assert "innmålte objekter uten måling: 1 (elsewhere)" in norwegian.err
+    for title in ("Målingenes avvik i grunnriss", "Enkeltobservasjoners avvik", "i 95 %-ellipsen"):
+        assert title in norwegian.out
+    numbers = re.findall(r"\d+\.\d+", answer.out)
+    assert numbers == re.findall(r"\d+\.\d+", norwegian.out.replace(",", "."))
+    assert len(numbers) > 20
 
 
 def test_evaluate_tells_the_error_of_each_object(twin: Twin, tmp_path: Path) -> None:

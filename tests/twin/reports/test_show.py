@@ -168,6 +168,26 @@ def test_show_prints_every_part(twin: Twin, store: Path) -> None:
         assert words in answer.out, words
 
 
+def test_show_speaks_norwegian_with_the_same_numbers(twin: Twin, store: Path) -> None:
+    """Titles and columns of every table are Norwegian, the figures those of the English one, with a comma."""
+    english, norwegian = (twin("show", "P01", "--store", store, "--lang", lang).out for lang in ("en", "nb"))
+    numbers = re.findall(r"\d+\.\d+", english)
+    assert numbers == re.findall(r"\d+\.\d+", norwegian.replace(",", "."))
+    assert len(numbers) > 50
+    for words in (
+        *("Objekt P01", "Feilbudsjett", "Sett av", "Forkastede observasjoner", "Det utjevningen fant"),
+        *(
+            "Korreksjoner av kameraenes retning",
+            "Skilt i NVDB innen 15 m",
+            "andel av variansen",
+            "95 %-ellipse",
+        ),
+    ):
+        assert words in norwegian, words
+    paper = f"{twin('show', 'P01', '--store', store, '--json').json['drive_id']}:P01:paper"
+    assert "Ikke noe feilbudsjett etter kilde" in twin("show", paper, "--store", store, "--lang", "nb").err
+
+
 def test_show_says_that_the_paper_keeps_no_budget(twin: Twin, store: Path) -> None:
     """Where a method does not tell, the command says so instead of printing an empty table."""
     with Store.open(store) as one:

@@ -65,18 +65,22 @@ def named_in_code() -> set[str]:
         "match": ["change", "verdict", "decision", "road", "reason"],
         "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/explain.py").read_text()),
-        **dict.fromkeys(
-            ("confidence", "status"), re.findall(r'"(\w+)"', (TWIN / "cli/reports.py").read_text())
-        ),
+        **dict.fromkeys(("confidence", "status", "evaluate"), in_quotes("cli/reports.py")),
+        "show": in_quotes("cli/show.py"),
         "basis": [f"codes_{one.value}" for one in r.CodesAgree],
     }
     made = {f"{family}.{name}" for family, names in families.items() for name in names}
     shown = {key.removesuffix(".label").removesuffix(".explanation") for key in table()}
     terms = {key for key in shown if key.startswith("term.")}
-    told = {f"term.{name}" for name in re.findall(r'"(\w+)"', (TWIN / "words/terms.py").read_text())}
+    told = {f"term.{name}" for name in in_quotes("words/terms.py")}
     told |= {f"term.odds_{name.removeprefix('term.')}" for name in told}
     parts = {f"{key}.{part}" for key in terms & told for part in ("label", "explanation")}
     return literal | made | {*KEYS.values(), *GAP_KEYS.values()} | parts
+
+
+def in_quotes(module: str) -> list[str]:
+    """Words that stand alone in quotes in a module of twin."""
+    return re.findall(r'"(\w+)"', (TWIN / module).read_text())
 
 
 def qgis_names() -> Iterator[str]:
