@@ -238,7 +238,7 @@ def test_who_may_only_look_cannot_answer(
 
 
 @contextmanager
-def running(store: Path, port: int) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def running(store: Path, port: int, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """``twin review`` as a process of its own, and the address that it prints."""
     command = [
         sys.executable,
@@ -250,6 +250,7 @@ def running(store: Path, port: int) -> Iterator[tuple[subprocess.Popen[str], str
         "--no-open",
         "--port",
         str(port),
+        *options,
     ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
@@ -300,6 +301,47 @@ def test_answers_outlive_the_server(plain: BrowserContext, store: Path) -> None:
     ]
     assert len(set(given)) == 4
     assert set(given) <= set(findings)
+
+
+def test_kept_answers_stay_their_givers(context: BrowserContext, store: Path) -> None:
+    """What one left at a stopped server is sent by that one's name; who comes next answers by their own."""
+    put_findings(store, 4)
+    port = free_port()
+    with running(store, port) as (process, url):
+        page = open_page(context, url, "Kari")
+        process.kill()
+        process.wait()
+        press(page, "a")
+        expect(page.locator(".notice.lost")).to_have_attribute("data-pending", "1")
+        page.close()
+    with running(store, port, "--by", "Ola") as (_, url):
+        again = open_page(context, url)
+        wait_until_sent(again)
+        expect(again.locator("#progress .numbers")).to_contain_text("1 of ")
+        press(again, "d")
+        wait_until_sent(again)
+        expect(again.locator("#progress .numbers")).to_contain_text("2 of ")
+        press(again, "u")
+        expect(again.locator("#progress .numbers")).to_contain_text("1 of ")
+    assert [entry[1:3] for entry in log_of(store)] == [
+        ("accept", "Kari"),
+        ("dismiss", "Ola"),
+        ("open", "Ola"),
+    ]
+
+
+def test_the_list_counts_what_was_answered(
+    address: Callable[..., str], context: BrowserContext, store: Path
+) -> None:
+    """After all are answered the list says how many there were."""
+    put_findings(store, 3)
+    page = open_page(context, address(), "Kari")
+    total = page.evaluate("window.twinReview.queue.total")
+    for _ in range(total):
+        press(page, "a")
+    wait_until_sent(page)
+    press(page, "l")
+    expect(page.locator("#list")).to_contain_text(f"{total} of {total}")
 
 
 def test_pictures_map_and_views_by_keyboard(address: Callable[..., str], context: BrowserContext) -> None:

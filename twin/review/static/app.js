@@ -21,12 +21,13 @@ class Page {
     this.notices = new Notices(byId("notices"));
     this.outbox = new Outbox(`twin-review-answers:${session.store}`, {
       reviewer: () => this.session.reviewer,
-      reachable: () => this.notices.reachable(),
+      reachable: () => this.onReachable(),
       lost: (pending, error) => this.notices.lost(pending, error),
       refused: (entry, error) => this.onRefused(entry, error),
     });
     // What an earlier page could not send counts as answered.
     for (const { body } of this.outbox.pending) if (body.change_id) queue.states.set(body.change_id, body.answer);
+    this.hasOld = this.outbox.pending.length > 0;
     this.panels = new Panels({ history: () => showHistory(byId("history"), this), help: () => undefined, filter: () => undefined });
     this.answers = new Answers(byId("answers"), this);
   }
@@ -243,6 +244,14 @@ class Page {
   }
 
   // What goes wrong is said, and nothing is lost.
+
+  onReachable() {
+    this.notices.reachable();
+    if (!this.hasOld) return;
+    // This page did not count what an earlier one left.
+    this.hasOld = false;
+    this.refresh().catch((error) => this.onFailure(error));
+  }
 
   onRefused(entry, error) {
     const id = entry.body.change_id;

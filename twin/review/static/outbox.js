@@ -16,7 +16,7 @@ export class Outbox {
     this.tell = tell;
     this.waiting = new Map();
     this.failures = 0;
-    this.isUnsure = true;
+    this.sittingHere = null;
     window.addEventListener("online", () => this.send());
   }
 
@@ -53,8 +53,7 @@ export class Outbox {
       for (let entry = this.entries[0]; entry; entry = this.entries[0]) {
         let answer = null;
         try {
-          if (this.isUnsure) await identify(entry.by);
-          this.isUnsure = false;
+          await this.sit(entry.by);
           answer = await post(entry.path, entry.body, entry.key);
         } catch (error) {
           if (error instanceof Unreachable || isShut(error)) {
@@ -67,6 +66,15 @@ export class Outbox {
           continue;
         }
         this.strike(entry, answer);
+      }
+      // What was kept may be somebody else's: the server goes on with who sits here now.
+      const name = this.tell.reviewer();
+      if (this.sittingHere !== null && name) {
+        try {
+          await this.sit(name);
+        } catch (error) {
+          if (!(error instanceof Refused)) this.sittingHere = null;
+        }
       }
       // Empty, whoever sent it: the server is there.
       this.failures = 0;
@@ -82,6 +90,14 @@ export class Outbox {
     }
   }
 
+  /** Let the server know by whom the next answer is; one that was started anew knows nobody. */
+  async sit(name) {
+    if (this.sittingHere === name) return;
+    const { reviewer } = await get("api/session");
+    if (reviewer !== name) await post("api/reviewer", { name });
+    this.sittingHere = name;
+  }
+
   strike(entry, answer) {
     this.entries = this.entries.filter((one) => one.key !== entry.key);
     this.waiting.get(entry.key)?.(answer);
@@ -91,16 +107,10 @@ export class Outbox {
   retry(error) {
     const pause = PAUSES_MS[Math.min(this.failures, PAUSES_MS.length - 1)];
     this.failures += 1;
-    this.isUnsure = true;
+    this.sittingHere = null;
     this.tell.lost(this.entries.length, error);
     this.timer = setTimeout(() => this.send(), pause);
   }
-}
-
-/** A server that was started anew does not know who sits here. */
-async function identify(name) {
-  const { reviewer } = await get("api/session");
-  if (reviewer !== name) await post("api/reviewer", { name });
 }
 
 /** The server runs, but under another token than this page's: what is in the box waits for the new address. */

@@ -46,7 +46,10 @@ export class Queue {
     // Answered findings have left the server's list of open ones.
     const offset = isOpenOnly ? this.items.filter((item) => !this.isSettled(item.change_id)).length : this.items.length;
     const before = this.items.length;
+    const total = this.total;
     this.take(await get("api/findings", { ...this.filter, offset, limit: PAGE }));
+    // The server no longer counts what was answered here; answers on their way it still does.
+    this.total = Math.max(this.items.length, Math.min(total, this.total + before - offset));
     return this.items.length > before;
   }
 
