@@ -90,6 +90,10 @@ def qgis_names() -> Iterator[str]:
     yield from (f"theme.{theme}" for theme in THEMES)
     for file in (TWIN / "export/qgis/saved_styles").glob("*.qml"):
         root = fromstring(file.read_text("utf-8"))
+        phrases = messages(Lang.EN, f"qgis.tip.{file.stem}.")
+        yield from (
+            key.removeprefix("qgis.") for key, one in phrases.items() if one in root.findtext("mapTip")
+        )
         yield from (f"box.{box.get('name').lower()}" for box in root.iter("attributeEditorContainer"))
         yield from (f"legend.{file.stem}.{one.get('value') or 'other'}" for one in root.iter("category"))
 

@@ -16,7 +16,7 @@ from xml.etree import ElementTree as ET
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
 from twin.export.layers import COLUMNS
 from twin.store.kinds import Decision, Verdict
-from twin.words import Lang, nvdb_type_title, say, verdict_title
+from twin.words import Lang, messages, nvdb_type_title, say, verdict_title
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -67,11 +67,20 @@ def _translate(root: Element, layer: str, lang: Lang) -> None:
     }
     for box in root.iter("attributeEditorContainer"):
         box.set("name", say(lang, f"qgis.box.{box.get('name', '').lower()}"))
+    _translate_map_tip(root, f"qgis.tip.{layer}.", lang)
     for field in root.iter("field"):
         for option in field.iter("Option"):
             shown = choices.get(field.get("name", ""), {}).get(option.get("value", ""))
             if shown is not None:
                 option.set("name", shown)
+
+
+def _translate_map_tip(root: Element, phrases: str, lang: Lang) -> None:
+    """Put phrases in the place of those of the file, which stand once each between names of columns."""
+    tip, texts = root.find("mapTip"), messages(lang, phrases)
+    if tip is not None and tip.text:
+        for key, english in messages(Lang.EN, phrases).items():
+            tip.text = tip.text.replace(english, texts[key])
 
 
 def _legend(layer: str, value: str, lang: Lang) -> str:

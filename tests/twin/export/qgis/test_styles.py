@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARKS, NVDB_CO
 from twin.export.layers import COLUMNS
 from twin.export.qgis.qml import style
 from twin.store.kinds import Decision, Verdict
-from twin.words import Lang
+from twin.words import Lang, messages
 
 ALL = list(Verdict)
 
@@ -189,6 +190,25 @@ def test_map_tip_uses_fields_of_its_layer(layer: str) -> None:
     }
     assert quoted <= {column.name for column in COLUMNS[layer]}
     assert "{" not in tip
+
+
+@pytest.mark.parametrize("layer", sorted(COLUMNS))
+def test_map_tip_has_no_english_left_in_norwegian(layer: str) -> None:
+    """Each word outside the names of columns is said in Norwegian; columns and functions are the same."""
+    english, norsk = (fromstring(style(layer, verdicts=ALL, lang=lang)).findtext("mapTip") for lang in Lang)
+    phrases = messages(Lang.EN, f"qgis.tip.{layer}.").values()
+    assert [english.count(phrase) for phrase in phrases] == [1] * len(phrases)
+    assert re.findall(r'"\w+"|\w+[(]', norsk) == re.findall(r'"\w+"|\w+[(]', english)
+    shown = (re.sub(r"\[%.*?%\]|<.*?>", "", tip) for tip in (english, norsk))
+    told = (set(re.findall("[A-Za-zæøå]{3,}", text)) for text in shown)
+    in_both = set.intersection(*told) - {
+        "NVDB",
+        "UTC",
+        "CEP",
+        "nbsp",
+        "ellipse",
+    }
+    assert in_both == set()
 
 
 def test_sigmas_95_is_the_root_of_chi_square() -> None:
