@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import os
 import socket
@@ -57,6 +58,8 @@ def listening(host: str = LOOPBACK, port: int = 0) -> tuple[socket.socket, Addre
         taken.listen(128)
     except OSError as error:
         taken.close()
+        if error.errno == errno.EADDRNOTAVAIL:
+            raise ConfigError(f"--host {host} is no address of this machine ({error.strerror}).") from error
         raise RefusedError(
             f"The port {port} of {host} cannot be used ({error.strerror}): name another --port, "
             "or none for one that is free."

@@ -171,7 +171,7 @@ def test_session_of_the_log_does_not_open_the_door(page: Browser, opened: Store)
     assert raw(page, "GET", "/api/session", {"Cookie": f"{cookie.name}={kept['session']}"})[0] == 403
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "no.such.host.invalid"])
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "no.such.host.invalid", "192.0.2.7"])
 def test_no_network_is_listened_to_by_accident(host: str) -> None:
     """Every address at once is refused, and so is a name that is none."""
     with pytest.raises(ConfigError, match="--host"):
