@@ -262,6 +262,7 @@ async function open() {
   setMode("foot");
   camera = session.cameras[0];
   lay();
+  tell(say("annotate.begin"));
   await show();
   document.body.dataset.ready = "true";
 }

@@ -32,6 +32,8 @@ export class Stage {
     this.record = record;
     this.drag = null;
     this.draw();
+    // Else it goes on showing the picture of before.
+    if (!this.loupe.hidden && this.last) this.look(this.last, this.inPicture(this.last));
   }
 
   /** How the picture lies in the canvas: the centre of its first pixel is (0, 0). */
@@ -154,6 +156,7 @@ export class Stage {
 
   /** The pixels under the pointer, enlarged. */
   look(event, [x, y]) {
+    this.last = event;
     this.loupe.hidden = !this.isInside([x, y]);
     const box = this.canvas.getBoundingClientRect();
     const isLeft = event.clientX - box.left < 280;
