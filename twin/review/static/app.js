@@ -151,14 +151,15 @@ class Page {
     this.current = this.finding = null;
     byId("answers").hidden = true;
     const isFiltered = FILTERS.some((name) => name !== "order" && this.filter[name]);
+    const { blind } = this.session;
     const put = Object.values(this.session.counts).reduce((sum, states) => sum + (states.defer ?? 0), 0);
     fill(
       byId("finding"),
       h(
         "div",
         { class: "end" },
-        h("h1", { tabindex: "-1" }, say(isFiltered ? "page.end.filtered" : "page.end.all")),
-        h("p", {}, say("page.end.next")),
+        h("h1", { tabindex: "-1" }, say(isFiltered ? "page.end.filtered" : blind ? "page.end.blind" : "page.end.all")),
+        h("p", {}, say(blind ? "page.end.blind-next" : "page.end.next")),
         h(
           "p",
           { class: "row" },
