@@ -29,6 +29,7 @@ from twin.decisions.log import (
     last_entries,
     last_entries_by_people,
 )
+from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.kinds import Decision, Verdict
 from twin.store.records import split_codes
@@ -58,8 +59,20 @@ class _Sign:
 
 
 def temporary_cause(ask: Ask, change_id: str) -> Temporary:
-    """Return the cause for dismissing a present finding as temporary, with the day it was last seen."""
-    rows = ask(sa.select(schema.change.c.terms).where(schema.change.c.change_id == change_id))
+    """Return the cause for dismissing a present finding as temporary, with the day it was last seen.
+
+    Raises
+    ------
+    ConfigError
+        NVDB has the sign: then it stands for good, and the finding says something else of it.
+    """
+    change = schema.change.c
+    rows = ask(sa.select(change.nvdb_id, change.terms).where(change.change_id == change_id))
+    if rows and rows[0]["nvdb_id"] is not None:
+        raise ConfigError(
+            f"The finding {change_id} is about a sign that NVDB has, so it is not there for road works only:"
+            " dismiss it without --temporary."
+        )
     seen = _seen(rows[0]["terms"]) if rows else None
     return Temporary("" if seen is None else seen[1].isoformat())
 

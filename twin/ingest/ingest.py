@@ -194,7 +194,7 @@ def ingest_drive(
         misfits=[misfit.kind for misfit in misfits],
         absence_gap=gap,
         annotations_sha256=drive.annotations_sha256,
-        folder=str(path),
+        folder=str(Path(path).absolute()),  # evidence looks there later, from wherever it is asked
         replace=replace,
     )
     return _report(drive, trajectory, sighted, positions, row, method, saved)

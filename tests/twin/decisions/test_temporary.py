@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -146,3 +147,12 @@ def test_dismissal_without_the_cause_speaks_for_itself_alone(tmp_path: Path) -> 
             decide(plain, ["near"], "accept", by="kari", temporary=True)
         decide(plain, ["works"], "dismiss", by="kari", temporary=True)
         assert open_ones(plain) == []
+
+
+def test_only_a_sign_that_nvdb_lacks_is_temporary(matched_store: Path, tmp_path: Path) -> None:
+    """A sign that NVDB has stands for good: dismissing its finding so would hide a wrong verdict."""
+    with Store.open(shutil.copy(matched_store, tmp_path / "twin.db")) as sample:
+        (moved,) = (one for one in latest_findings(sample.rows) if one.finding.verdict == Verdict.MOVED)
+        with pytest.raises(ConfigError, match="a sign that NVDB has"):
+            decide(sample, [moved.change_id], "dismiss", by="kari", temporary=True)
+        assert history(sample.rows, moved.change_id) == []
