@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +9,8 @@ import typer
 
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, warn
-from twin.words import Lang, SignNames
+from twin.cli.pages import OpenOption, PageLangOption, PortOption, serve_page
+from twin.words import SignNames
 
 app = typer.Typer()
 
@@ -28,40 +27,22 @@ def annotate(
         list[str] | None,
         typer.Option(help="Only this camera; may be repeated.  [default: all]", show_default=False),
     ] = None,
-    lang: Annotated[
-        Lang | None, typer.Option(help="Language of the page.  [default: the browser's]", show_default=False)
-    ] = None,
-    open_browser: Annotated[
-        bool | None,
-        typer.Option(
-            "--open/--no-open",
-            help="Open the browser.  [default: where there is a screen]",
-            show_default=False,
-        ),
-    ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 for any that is free.")] = 0,
+    lang: PageLangOption = None,
+    open_browser: OpenOption = None,
+    port: PortOption = 0,
     store: StoreOption = DEFAULT_STORE,
 ) -> None:
     """Mark signs in a drive's pictures in the browser: click a foot, confirm the rest. Ctrl-C ends it."""
     from twin.annotate.app import AnnotateOptions, annotate_app
     from twin.annotate.recording import open_recording
-    from twin.web.serve import listening, may_open_browser, serve
 
     recording = open_recording(drive, cameras=camera, progress=note)
     for notice in recording.notices:
         warn(notice)
-    listener, address = listening(port=port)
-    with listener:
-        page, token = annotate_app(recording, AnnotateOptions(by, lang, _names(store)), address)
-        url = address.url(token)
-
-        def ready() -> None:
-            sys.stdout.write(f"{url}\n")
-            sys.stdout.flush()
-            if may_open_browser() if open_browser is None else open_browser:
-                webbrowser.open(url)
-
-        serve(page, listener, ready=ready)
+    options = AnnotateOptions(by, lang, _names(store))
+    serve_page(
+        lambda address: annotate_app(recording, options, address), port=port, open_browser=open_browser
+    )
     note(f"The annotation page is closed; every mark is in {drive}. Next: twin ingest-drive {drive}")
 
 

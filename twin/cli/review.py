@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-import webbrowser
 from typing import Annotated
 
 import typer
 
 from twin.cli.options import DEFAULT_STORE, StoreOption
-from twin.cli.output import note, warn
-from twin.words import Lang
+from twin.cli.output import note
+from twin.cli.pages import LOOPBACK, OpenOption, PageLangOption, PortOption, serve_page
 
 app = typer.Typer()
 
@@ -32,42 +30,24 @@ def review(
         bool,
         typer.Option("--base-map", help="Show Kartverket's map, which the browser asks the internet for."),
     ] = False,
-    lang: Annotated[
-        Lang | None, typer.Option(help="Language of the page.  [default: the browser's]", show_default=False)
-    ] = None,
-    open_browser: Annotated[
-        bool | None,
-        typer.Option(
-            "--open/--no-open",
-            help="Open the browser.  [default: where there is a screen]",
-            show_default=False,
-        ),
-    ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 for any that is free.")] = 0,
+    lang: PageLangOption = None,
+    open_browser: OpenOption = None,
+    port: PortOption = 0,
     host: Annotated[
         str, typer.Option(help="An address of this machine. Any but 127.0.0.1 lets other machines in.")
-    ] = "127.0.0.1",
+    ] = LOOPBACK,
     store: StoreOption = DEFAULT_STORE,
 ) -> None:
     """Look at findings one by one in the browser, and settle each by a key. Ctrl-C ends it."""
     from twin.review.app import ReviewOptions, review_app
     from twin.store.store import Store
-    from twin.web.serve import listening, may_open_browser, serve
 
     options = ReviewOptions(by or "", blind, read_only, base_map, lang)
     with Store.open(store, create=False) as opened:
-        listener, address = listening(host, port)
-        with listener:
-            page, token = review_app(opened, options, address)
-            url = address.url(token)
-            if not address.is_loopback:
-                warn(f"Other machines can reach this page at {host}; whoever has its address may decide.")
-
-            def ready() -> None:
-                sys.stdout.write(f"{url}\n")
-                sys.stdout.flush()
-                if may_open_browser() if open_browser is None else open_browser:
-                    webbrowser.open(url)
-
-            serve(page, listener, ready=ready)
+        serve_page(
+            lambda address: review_app(opened, options, address),
+            host=host,
+            port=port,
+            open_browser=open_browser,
+        )
     note("The review page is closed; every answer is in the store.")
