@@ -38,7 +38,6 @@ from twin.annotate.records import (
     UndoRequest,
 )
 from twin.annotate.state import signs_of
-from twin.drawings import svg
 from twin.drives.annotations.write_cvat import CvatTask
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.errors import TwinError
@@ -131,7 +130,6 @@ class _Page:
             Route("/api/picture/{camera}/{frame:int}", self.picture),
             Route("/frame/{camera}/{frame:int}.jpg", self.frame),
             Route("/api/codes", self.codes),
-            Route("/sign/{code}.svg", self.sign),
             Route("/api/mark", self.mark, methods=["POST"]),
             Route("/api/confirm", self.confirm, methods=["POST"]),
             Route("/api/remove", self.remove, methods=["POST"]),
@@ -182,12 +180,6 @@ class _Page:
     def codes(self, request: Request) -> Response:
         """Search sign codes by code or name."""
         return answer_of(CodeList(search(self.options.names, request.query_params.get("q", "")[:_MAX_NAME])))
-
-    def sign(self, request: Request) -> Response:
-        """Draw a sign."""
-        kept = {"Cache-Control": "private, max-age=3600"}
-        drawn = svg(request.path_params["code"][:_MAX_NAME])
-        return Response(drawn, media_type="image/svg+xml", headers=kept)
 
     # -- marking -------------------------------------------------------------------------------------------
 

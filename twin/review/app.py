@@ -19,7 +19,6 @@ from twin.decisions.answers import Author, SeenOtherwiseError, answer, answers_o
 from twin.decisions.evidence import Ask
 from twin.decisions.log import TWIN
 from twin.decisions.opinions import agreement, opinions_of
-from twin.drawings import svg
 from twin.errors import ConfigError, RefusedError
 from twin.evidence import crop_file
 from twin.review.drives import Drives
@@ -147,7 +146,6 @@ class _Page:
             Route("/api/answer", self.answer, methods=["POST"]),
             Route("/api/undo", self.undo, methods=["POST"]),
             Route("/crop/{sha256}.webp", self.crop),
-            Route("/sign/{code}.svg", self.sign),
         ]
 
     # -- looking -------------------------------------------------------------------------------------------
@@ -239,15 +237,6 @@ class _Page:
             title = "" if row is None else index.title[row]
             items.append(AnswerItem(entry.change_id, entry.decision, entry.reason, entry.at, title))
         return answer_of(AnswerList(items))
-
-    def sign(self, request: Request) -> Response:
-        """Draw a sign."""
-        code, text = request.path_params["code"], request.query_params.get("text", "")
-        return Response(
-            svg(code[:MAX_NAME], text[:MAX_NAME]),
-            media_type="image/svg+xml",
-            headers={"Cache-Control": "private, max-age=3600"},
-        )
 
     def crop(self, request: Request) -> Response:
         """Send a picture that the store has by this hash; its bytes never change."""

@@ -18,6 +18,7 @@ from twin.errors import TwinError
 from twin.web.guard import Address, Guard, Outside
 from twin.web.messages import PageError, on_fault, on_http_exception, on_page_error, on_twin_error
 from twin.web.sessions import Sessions
+from twin.web.signs import SIGN
 
 if TYPE_CHECKING:
     import os
@@ -85,7 +86,8 @@ def web_app(
     routes : sequence of BaseRoute
         The page's own.
     folder : Path
-        Its files, served under ``/static/``; ``index.html`` is the page itself.
+        Its files, served under ``/static/``; ``index.html`` is the page itself. Signs are drawn under
+        ``/sign/``.
     name : str
         Of the page, for its cookie.
     sessions : Sessions
@@ -110,5 +112,5 @@ def web_app(
     }
     guard = Middleware(Guard, sessions=sessions, address=address, outside=outside or Outside(), name=name)
     return Starlette(
-        routes=[Route("/", index), files, *routes], middleware=[guard], exception_handlers=handlers
+        routes=[Route("/", index), files, SIGN, *routes], middleware=[guard], exception_handlers=handlers
     )
