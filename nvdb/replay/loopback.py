@@ -5,15 +5,17 @@ from __future__ import annotations
 import logging
 import os
 import socketserver
+import sys
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
-from nvdb.errors import ReplaySourceError
+from nvdb.errors import NvdbError, ReplaySourceError
 
 log = logging.getLogger(__name__)
 
@@ -91,3 +93,28 @@ class Loopback(ABC):
             self._server.stop()
             self._thread.join()
         self._server = self._thread = None
+
+
+LoopbackT = TypeVar("LoopbackT", bound=Loopback)
+
+
+def serve_until_interrupted(make: Callable[[], LoopbackT], greeting: Callable[[LoopbackT], str]) -> int:
+    """Serve until Ctrl-C, and return the exit code: 4 where there is nothing to serve or no port.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the server.
+    greeting : callable
+        What stands on stdout when requests wait to be answered.
+    """
+    try:
+        # Ctrl-C may come at any moment once the address is out, so it is not the wait alone that expects it.
+        with suppress(KeyboardInterrupt), make() as server:
+            sys.stdout.write(f"{greeting(server)}; Ctrl-C ends it.\n")
+            sys.stdout.flush()
+            threading.Event().wait()
+    except NvdbError as error:
+        sys.stderr.write(f"{error}\n")
+        return 4
+    return 0

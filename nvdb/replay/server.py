@@ -23,9 +23,15 @@ from typing import Any, Final
 from urllib.parse import parse_qsl, urlsplit
 
 from nvdb.datakatalog.katalog import Datakatalog
-from nvdb.errors import NvdbError, ReplaySourceError
+from nvdb.errors import ReplaySourceError
 from nvdb.replay.faults import LOOP_PATH, OF_CONTENT, FaultPlan, Faults, RequestInfo, send_fault
-from nvdb.replay.loopback import Answer, Loopback, LoopbackHandler, LoopbackServer
+from nvdb.replay.loopback import (
+    Answer,
+    Loopback,
+    LoopbackHandler,
+    LoopbackServer,
+    serve_until_interrupted,
+)
 from nvdb.replay.pages import Generated, ReplaySource
 from nvdb.replay.routes import Routes, json_answer
 from nvdb.replay.world import ReplayWorld
@@ -183,20 +189,14 @@ class _Handler(LoopbackHandler):
 def main(arguments: list[str] | None = None) -> int:
     """Serve until Ctrl-C: ``python -m nvdb.replay FOLDER``."""
     options = _parser().parse_args(arguments)
-    try:
-        # Ctrl-C may come at any moment once the address is out, so it is not the wait alone that expects it.
-        with (
-            suppress(KeyboardInterrupt),
-            ReplayServer(options.folder, host=options.host, port=options.port) as server,
-        ):
-            counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
-            sys.stdout.write(f"{server.url} serves {counts}; Ctrl-C ends it.\n")
-            sys.stdout.flush()
-            threading.Event().wait()
-    except NvdbError as error:
-        sys.stderr.write(f"{error}\n")
-        return 4
-    return 0
+
+    def greeting(server: ReplayServer) -> str:
+        counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
+        return f"{server.url} serves {counts}"
+
+    return serve_until_interrupted(
+        lambda: ReplayServer(options.folder, host=options.host, port=options.port), greeting
+    )
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-import threading
 from collections.abc import Sequence
-from contextlib import suppress
 from datetime import UTC, date, datetime
 from pathlib import Path
 
 from nvdb.datakatalog import SKILTPLATE, SKILTPUNKT
-from nvdb.errors import NvdbError
 from nvdb.objects import Skiltpunkt, skilt_from_les_v4
+from nvdb.replay.loopback import serve_until_interrupted
 from nvdb.replay.pages import ReplaySource
 from nvdb.replay.skriv.server import SkrivReplayServer
 from nvdb.replay.skriv.world import ReplayObject, SkrivWorld
@@ -52,20 +50,12 @@ def world_from_pages(folder: Path | str) -> SkrivWorld:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Serve until Ctrl-C."""
     options = _parser().parse_args(arguments)
-    try:
-        world = world_from_pages(options.folder)
-        users = {options.user: options.password}
-        with (
-            suppress(KeyboardInterrupt),
-            SkrivReplayServer(world, users=users, port=options.port) as server,
-        ):
-            sys.stdout.write(f"{server.url} takes change sets of {options.user}; Ctrl-C ends it.\n")
-            sys.stdout.flush()
-            threading.Event().wait()
-    except NvdbError as error:
-        sys.stderr.write(f"{error}\n")
-        return 4
-    return 0
+    return serve_until_interrupted(
+        lambda: SkrivReplayServer(
+            world_from_pages(options.folder), users={options.user: options.password}, port=options.port
+        ),
+        lambda server: f"{server.url} takes change sets of {options.user}",
+    )
 
 
 def _parser() -> argparse.ArgumentParser:
