@@ -155,7 +155,7 @@ def euref89_from_itrf(
         why = "the NKG2020 grids are not installed" if moved is None else "outside the NKG2020 grids"
         moved = _transformed(_gridless(datum), columns, known)
         sigma, sigma_up = _GRIDLESS_SIGMA_M, _GRIDLESS_SIGMA_UP_M
-        how = f"without grids, which adds 4.5 cm ({why}: docs/datum-and-heights.md)"
+        how = f"without grids, which adds 4.5 cm ({why}: `twin help datum-and-heights`)"
     _check_shift(datum, inverse(lat, lon, moved[0], moved[1])[1][known], epoch[known])
     return Euref89(*moved, sigma, sigma_up, f"Positions brought from {datum} to EUREF89 {how}.")
 

@@ -82,7 +82,7 @@ def _shifted(
         transformer = Transformer.from_pipeline(_NN2000_FROM_ELLIPSOIDAL)
     except ProjError:
         how = "NN2000 heights are unknown: the geoid model HREF2018B is not installed"
-        return Heights(unknown, float("nan"), f"{how} (docs/datum-and-heights.md).")
+        return Heights(unknown, float("nan"), f"{how} (`twin help datum-and-heights`).")
     x, y, z = (np.array(column, dtype=np.float64).ravel() for column in (lon, lat, height))
     shifted = np.asarray(transformer.transform(x, y, z, direction=direction)[2]).reshape(lat.shape)
     with np.errstate(invalid="ignore"):

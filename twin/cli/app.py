@@ -79,6 +79,7 @@ class _Commands(_LazyGroup):
         "confidence": "reports",
         "simulate": "samples",
         "demo": "samples",
+        "help": "help",
     }
 
 

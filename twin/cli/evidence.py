@@ -35,7 +35,7 @@ def evidence(
     masker: Annotated[
         Path | None,
         typer.Option(
-            help="A network that finds people and vehicles (docs/detector.md). Without one, all but "
+            help="A network that finds people and vehicles (`twin help detector`). Without one, all but "
             "the signs is made unrecognisable.",
             metavar="FILE.onnx",
         ),

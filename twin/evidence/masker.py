@@ -71,7 +71,7 @@ class NetworkMasker:
             raise ConfigError(
                 f"No class of {path.name} is a person or a vehicle (its classes:"
                 f" {', '.join(sorted(named)[:8]) or 'none are named'}): give a network with the classes of"
-                " COCO, or put their names beside it as docs/detector.md says."
+                " COCO, or put their names beside it as `twin help detector` says."
             )
         # What does not fit is found before hours of video are decoded.
         self._detector.find_all(np.zeros((64, 96, 3), dtype=np.uint8), THRESHOLD)

@@ -29,7 +29,7 @@ def test_nn2000_without_the_model_is_unknown_and_says_so() -> None:
         assert np.isnan(heights.height_m).all()
         assert np.isnan(heights.sigma_m)
         assert "HREF2018B is not installed" in heights.how
-        assert "docs/datum-and-heights.md" in heights.how
+        assert "`twin help datum-and-heights`" in heights.how
 
 
 def test_proj_itself_would_pass_the_height_through() -> None:

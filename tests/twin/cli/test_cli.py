@@ -45,12 +45,13 @@ def test_help_of_every_command_has_an_example(twin: Twin, command: str) -> None:
     assert f"Example: twin {command}" in " ".join(answer.out.split())
 
 
-def test_readme_mentions_every_command() -> None:
-    """A command that README does not show is not finished, and README shows none that is not there."""
+def test_readme_shows_no_command_that_is_not_there() -> None:
+    """README's commands exist; docs/reference/commands.md has every one (test_reference looks)."""
     shown = set(
         re.findall(r"^twin ((?:calibrate )?[\w-]+)", README.read_text(encoding="utf-8"), flags=re.MULTILINE)
     )
-    assert shown == set(commands())
+    assert shown <= set(commands())
+    assert len(shown) > 5
 
 
 def test_readme_is_read_at_one_sitting() -> None:

@@ -115,6 +115,6 @@ def unmapped_warning(read: AnnotationsRead) -> list[str]:
     more = f" and {len(listed) - _MOST_LABELS} more" if len(listed) > _MOST_LABELS else ""
     unmapped = (
         f"No sign code for the labels {', '.join(listed[:_MOST_LABELS])}{more}: map them in {LABELS_FILE}"
-        " (docs/labels.md), or give the attribute skiltnummer."
+        " (`twin help labels`), or give the attribute skiltnummer."
     )
     return [unmapped]

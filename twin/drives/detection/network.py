@@ -169,7 +169,7 @@ def _input_size(network_input: Any, said: Mapping[str, str], where: str) -> tupl
     if not fits or max(width, height) > LARGEST_SIDE_PX:
         raise DriveError(
             f"The input of {where} has the shape {shape}: it must be (1, 3, rows, columns) of 32-bit"
-            " floats with rows and columns up to 4096, as docs/detector.md says. Export it again for one"
+            " floats with rows and columns up to 4096, as `twin help detector` says. Export it again for one"
             " picture at a time."
         )
     return width or DEFAULT_SIZE_PX, height or DEFAULT_SIZE_PX

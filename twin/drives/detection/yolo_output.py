@@ -113,8 +113,8 @@ def candidates(output: NDArray[np.float32], n_classes: int | None, where: str) -
         classes = f", for {n_classes} classes" if n_classes is not None else ""
         raise DriveError(
             f"{where} gives an output of shape {tuple(output.shape)}{classes}: it must be (1, 4 + classes,"
-            " n), (1, n, 5 + classes) or (1, n, 6), as docs/detector.md says. Export it as detector, with the"
-            " names of its own classes."
+            " n), (1, n, 5 + classes) or (1, n, 6), as `twin help detector` says. Export it as detector, with"
+            " the names of its own classes."
         )
     # Infinities become NaN, whose sums and products are NaN again and no warning: no score, so no box.
     rows = np.where(np.isfinite(output[0]), output[0], np.nan).astype(np.float64)

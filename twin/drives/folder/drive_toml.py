@@ -278,7 +278,7 @@ def _datum(document: Mapping[str, Any]) -> str:
     if value not in DATUMS:
         wanted = (
             '"EUREF89" (with Norwegian corrections, such as CPOS), "ITRF2014" or "ITRF2020" (without, such as'
-            " PPP); WGS84 alone does not say which of them (docs/datum-and-heights.md)"
+            " PPP); WGS84 alone does not say which of them (`twin help datum-and-heights`)"
         )
         raise wrong_value("datum", value, wanted)
     return str(value)

@@ -27,4 +27,4 @@ def can_be(term: str, value: float) -> bool:
 
 def wanted(term: str) -> str:
     """Say what values a term can have."""
-    return f"one sigma, a number from {_LEAST:g} to {most_of(term):g} (docs/error-budget.md)"
+    return f"one sigma, a number from {_LEAST:g} to {most_of(term):g} (`twin help error-budget`)"

@@ -59,7 +59,7 @@ def _no_drive(folder: DriveFolder, broken: list[str]) -> str:
         f"{folder.root} holds no drive: looked for {SETTINGS_FILE} that names a rig, and for a DriveWorks rig"
         f" file (*.json with rig.sensors){reason}; found {shown or 'no files'}. Add the rig file of the car,"
         f" or give every camera intrinsics, position and roll_pitch_yaw under [cameras] in {SETTINGS_FILE}"
-        " (docs/drive-folder.md)."
+        " (`twin help drive-folder`)."
     )
 
 

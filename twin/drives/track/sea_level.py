@@ -31,7 +31,7 @@ def above_ellipsoid(rows: Sequence[Fix], where: str) -> tuple[list[Fix], list[st
         warning = (
             f"The heights of {where} are above sea level, and there is no geoid model here to bring them to"
             " the ellipsoid: heights of signs, and nothing else, are off by the geoid, 15 to 50 m in Norway"
-            " (docs/datum-and-heights.md)."
+            " (`twin help datum-and-heights`)."
         )
         return list(rows), [warning]
     moved = [

@@ -1,0 +1,112 @@
+"""``twin help``: the pages of the documentation, from a wheel as well as from a checkout."""
+
+from __future__ import annotations
+
+import re
+import sys
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from twin.cli.output import console, note, print_table
+
+app = typer.Typer()
+_PACKAGE = Path(__file__).parents[1]
+_ROOTS = (_PACKAGE / "pages", _PACKAGE.parent / "docs")
+"""Package data of a wheel, or the folder of a source tree."""
+_FOLDERS = {"tutorials": "Start here", "": "Pages", "reference": "Reference"}
+"""Folder of pages → how the list calls it."""
+_LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?:[\w.-]+/)*([\w-]+)\.md(?:#[^)\s]*)?\)")
+
+
+@app.command("help", epilog="Example: twin help drive-folder")
+def help_(
+    context: typer.Context,
+    topic: Annotated[
+        list[str] | None,
+        typer.Argument(help="A page or a command.  [default: list the pages]", show_default=False),
+    ] = None,
+) -> None:
+    """Read the documentation: a page, a command's options, or the list of pages."""
+    from twin.cli import run
+
+    words, pages, group = topic or [], help_pages(), context.find_root().command
+    name, is_command = " ".join(words), " ".join(words) in command_names(group)
+    if not name:
+        _list(pages)
+    elif name in pages:
+        _show(pages[name], pages)
+        if is_command:
+            note(f"The options of the command: twin {name} --help")
+    elif is_command:
+        run([*words, "--help"])
+    else:
+        _refuse(name, [*pages, *command_names(group)])
+
+
+def help_pages() -> dict[str, Path]:
+    """Return topic → page, in the order of the list.
+
+    Raises
+    ------
+    TwinError
+        The installation lacks the pages.
+    """
+    from twin.errors import TwinError
+
+    for root in _ROOTS:
+        if (root / "drive-folder.md").is_file():
+            return {page.stem: page for folder in _FOLDERS for page in sorted((root / folder).glob("*.md"))}
+    raise TwinError("This installation lacks its pages: install the wheel, or work in the source tree.")
+
+
+def command_names(group: Any) -> list[str]:
+    """Return the names of all commands; those of a group follow its own: calibrate, calibrate verify."""
+    names = []
+    for name in group.list_commands(None):
+        command = group.get_command(None, name)
+        subs = command_names(command) if hasattr(command, "list_commands") else []
+        names += [name, *(f"{name} {sub}" for sub in subs)]
+    return names
+
+
+def _list(pages: dict[str, Path]) -> None:
+    for folder, title in _FOLDERS.items():
+        # What lies in neither folder lies in the root, whatever that is called.
+        rows = [
+            (topic, _title(page))
+            for topic, page in pages.items()
+            if (page.parent.name if page.parent.name in _FOLDERS else "") == folder
+        ]
+        if rows:
+            print_table(title, ["", ""], rows, header=False, right_from=2)
+    note("A page: twin help TOPIC. Plain Markdown on a pipe: twin help TOPIC | less")
+
+
+def _title(page: Path) -> str:
+    return page.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")
+
+
+def _show(page: Path, pages: dict[str, Path]) -> None:
+    """Print a page: laid out on a terminal, as it is on a pipe."""
+    text, terminal = page.read_text(encoding="utf-8"), console()
+    if not terminal.is_terminal:
+        sys.stdout.write(text)
+        return
+    from rich.markdown import Markdown
+
+    def told(link: re.Match[str]) -> str:
+        # A terminal cannot follow a link to a file: the command that shows it can be typed.
+        return f"{link[1]} (`twin help {link[2]}`)" if link[2] in pages else link[1]
+
+    terminal.print(Markdown(_LINK.sub(told, text)))
+
+
+def _refuse(name: str, names: list[str]) -> None:
+    from twin.errors import ConfigError
+
+    near = dict.fromkeys([*(one for one in names if name in one), *get_close_matches(name, names)])
+    perhaps = f" (perhaps {', '.join(list(near)[:4])})" if near else ""
+    raise ConfigError(f"There is no topic {name!r}{perhaps}: `twin help` lists them.")
