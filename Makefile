@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review pictures soak fuzz clean
+.PHONY: demo docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review pictures soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -63,6 +63,10 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 
 bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium
 	$(BIN)/python benchmarks/review.py
+
+docs: $(VENV)/.installed          ## the documentation as a site, by both builders, into site/
+	$(BIN)/python -m pip install --quiet --editable ".[docs]"
+	$(BIN)/python tools/site.py
 
 pictures: $(VENV)/.installed      ## the pictures of docs/review.md, taken in Chromium
 	TWIN_PICTURES=1 $(BIN)/python -m pytest tests/twin/review/test_page_pictures.py

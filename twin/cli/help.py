@@ -58,7 +58,8 @@ def help_pages() -> dict[str, Path]:
 
     for root in _ROOTS:
         if (root / "drive-folder.md").is_file():
-            return {page.stem: page for folder in _FOLDERS for page in sorted((root / folder).glob("*.md"))}
+            found = (page for folder in _FOLDERS for page in sorted((root / folder).glob("*.md")))
+            return {page.stem: page for page in found if page.stem != "index"}
     raise TwinError("This installation lacks its pages: install the wheel, or work in the source tree.")
 
 
