@@ -2,261 +2,240 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
 import sqlalchemy as sa
 
+from twin.store.crop_tables import CROP_LOG_RULES, crop, crop_gap, crop_log
 from twin.store.kinds import Method
+from twin.store.mirror_tables import (
+    MIRROR,
+    ROWID,
+    MirrorTables,
+    metadata,
+    skiltplate,
+    skiltpunkt,
+    veglenke,
+    veglenke_aside,
+)
+
+__all__ = [
+    "CROP_LOG_RULES",
+    "KEPT",
+    "METHODS",
+    "MIRROR",
+    "ROWID",
+    "VERSION",
+    "MirrorTables",
+    "annotation_set",
+    "change",
+    "crop",
+    "crop_gap",
+    "crop_log",
+    "decision",
+    "decision_log",
+    "drive",
+    "drive_method",
+    "estimate",
+    "known_mark",
+    "meta",
+    "metadata",
+    "pole_key",
+    "sent",
+    "sighting",
+    "skiltplate",
+    "skiltpunkt",
+    "veglenke",
+    "veglenke_aside",
+]
 
 VERSION = 14
 """Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
-metadata = sa.MetaData()
-
 meta = sa.Table(
     "meta",
     metadata,
-    sa.Column("key", sa.String, primary_key=True),
-    sa.Column("value", sa.String, nullable=False),
+    sa.Column(
+        "key",
+        sa.String,
+        primary_key=True,
+        comment="what is kept: area, schema version, time of the last match, state of the change feed, …",
+    ),
+    sa.Column("value", sa.String, nullable=False, comment="its value, as text or JSON"),
+    comment="What the store says of itself.",
 )
 
-
-ROWID = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
-"""An id that SQLite keeps rows by: INTEGER PRIMARY KEY needs no index of its own, BIGINT would."""
-
-
-def _nvdb_columns() -> list[sa.Column[Any]]:
-    """Make the columns that both object types carry."""
-    return [
-        sa.Column("nvdb_id", ROWID, primary_key=True, autoincrement=False),
-        sa.Column("version", sa.Integer),
-        sa.Column("start_date", sa.String),
-        sa.Column("end_date", sa.String),
-        sa.Column("last_modified", sa.String),
-        sa.Column("east_m", sa.Float),
-        sa.Column("north_m", sa.Float),
-        sa.Column("height_m", sa.Float),
-        sa.Column("own_geometry", sa.Boolean, nullable=False),
-        sa.Column("accuracy_cm", sa.Float),
-        sa.Column("capture_method", sa.String),
-        sa.Column("road_reference", sa.String),
-        sa.Column("kommuner", sa.JSON, nullable=False),
-        sa.Column("stedfesting", sa.JSON, nullable=False),
-        sa.Column("problems", sa.JSON, nullable=False),
-        sa.Column("raw", sa.LargeBinary, nullable=False),
-        sa.Column("synced_at", sa.String, nullable=False),
-    ]
-
-
-def _skiltpunkt_columns() -> list[sa.Column[Any]]:
-    return [*_nvdb_columns(), sa.Column("plate_ids", sa.JSON, nullable=False)]
-
-
-def _skiltplate_columns() -> list[sa.Column[Any]]:
-    return [
-        *_nvdb_columns(),
-        sa.Column("point_id", sa.BigInteger),
-        sa.Column("skiltnummer", sa.String),
-        sa.Column("skiltnummer_text", sa.String),
-        sa.Column("skiltnummer_enum_id", sa.Integer),
-        sa.Column("ansiktsside", sa.String),
-        sa.Column("text", sa.String),
-        sa.Column("plasseringskode", sa.Integer),
-    ]
-
-
-@dataclass(frozen=True, slots=True)
-class MirrorTables:
-    """The tables of one object type.
-
-    Attributes
-    ----------
-    visible : Table
-        The mirror that everybody reads: always whole.
-    aside : Table
-        A backfill, or a round of changes, that is not whole yet. Same columns.
-    history : Table
-        States that were replaced or deleted, with ``seen_until``: when we learnt of it.
-    """
-
-    visible: sa.Table
-    aside: sa.Table
-    history: sa.Table
-
-
-def _mirror_tables(name: str, columns: Callable[[], list[sa.Column[Any]]]) -> MirrorTables:
-    visible = sa.Table(name, metadata, *columns())
-    aside = sa.Table(f"{name}_aside", metadata, *columns())
-    history = sa.Table(
-        f"{name}_history", metadata, *columns(), sa.Column("seen_until", sa.String, primary_key=True)
-    )
-    return MirrorTables(visible, aside, history)
-
-
-MIRROR = {
-    95: _mirror_tables("skiltpunkt", _skiltpunkt_columns),
-    96: _mirror_tables("skiltplate", _skiltplate_columns),
-}
-"""Vegobjekttype → its tables."""
-
-skiltpunkt = MIRROR[95].visible
-skiltplate = MIRROR[96].visible
-
-
-def _veglenke_columns() -> list[sa.Column[Any]]:
-    # NVDB says that sekvens, number and segment are unique; the rest of the key costs nothing and makes sure
-    # that a link without a segment number never takes the place of another.
-    return [
-        sa.Column("veglenkesekvensid", sa.BigInteger, primary_key=True, autoincrement=False),
-        sa.Column("veglenkenummer", sa.Integer, primary_key=True, autoincrement=False),
-        sa.Column("segmentnummer", sa.Integer, primary_key=True, autoincrement=False),
-        sa.Column("startposisjon", sa.Float, primary_key=True),
-        sa.Column("startdato", sa.String, primary_key=True),
-        sa.Column("sluttposisjon", sa.Float, nullable=False),
-        sa.Column("sluttdato", sa.String),
-        sa.Column("konnektering", sa.Boolean, nullable=False),
-        sa.Column("detaljert", sa.Boolean, nullable=False),
-        sa.Column("type_veg", sa.String, nullable=False),
-        sa.Column("detaljniva", sa.String, nullable=False),
-        sa.Column("vegkategori", sa.String, nullable=False),
-        sa.Column("trafikantgruppe", sa.String, nullable=False),
-        sa.Column("kortform", sa.String, nullable=False),
-        sa.Column("retning", sa.Integer, nullable=False),  # 1 with the metering, -1 against it, 0 unknown
-        sa.Column("fra_meter", sa.Float),
-        sa.Column("til_meter", sa.Float),
-        sa.Column("geometri", sa.LargeBinary, nullable=False),  # WKB LineString Z, EPSG:25833 and NN2000
-    ]
-
-
-veglenke = sa.Table("veglenke", metadata, *_veglenke_columns())
-"""The road network of an area, segmented: the columns of :class:`nvdb.vegnett.Vegnett`."""
-veglenke_aside = sa.Table("veglenke_aside", metadata, *_veglenke_columns())
-"""A road network whose last page has not come yet."""
 
 drive = sa.Table(
     "drive",
     metadata,
-    sa.Column("drive_id", sa.String, primary_key=True),
-    sa.Column("name", sa.String, nullable=False),
-    sa.Column("started_ns", sa.BigInteger, nullable=False),
-    sa.Column("ended_ns", sa.BigInteger, nullable=False),
-    sa.Column("datum", sa.String, nullable=False),
-    sa.Column("annotations_complete", sa.Boolean, nullable=False),
-    sa.Column("n_frames", sa.Integer, nullable=False),
-    sa.Column("n_annotations", sa.Integer, nullable=False),
-    sa.Column("length_m", sa.Float, nullable=False),
-    sa.Column("delay_ms", sa.Float),
-    sa.Column("line", sa.LargeBinary, nullable=False),  # WKB LineString, EPSG:25833
-    sa.Column("rig", sa.LargeBinary, nullable=False),  # zlib of the rig document
-    sa.Column("poses", sa.LargeBinary, nullable=False),  # npz: where the car was, for "was it in view?"
-    sa.Column("content_sha256", sa.String, nullable=False),  # of every file that was read
-    sa.Column("fix_quality", sa.JSON, nullable=False),  # GGA quality → fixes
-    sa.Column("cameras", sa.JSON, nullable=False),  # annotated cameras
-    sa.Column("warnings", sa.JSON, nullable=False),
-    sa.Column("skipped", sa.JSON, nullable=False),
-    sa.Column("software", sa.String, nullable=False),
+    sa.Column(
+        "drive_id", sa.String, primary_key=True, comment="first 12 digits of what identifies the recording"
+    ),
+    sa.Column("name", sa.String, nullable=False, comment="as in drive.toml, else the folder's"),
+    sa.Column("started_ns", sa.BigInteger, nullable=False, comment="first epoch, nanoseconds UTC"),
+    sa.Column("ended_ns", sa.BigInteger, nullable=False, comment="last epoch, nanoseconds UTC"),
+    sa.Column(
+        "datum", sa.String, nullable=False, comment="of its positions before they were brought to EUREF89"
+    ),
+    sa.Column(
+        "annotations_complete",
+        sa.Boolean,
+        nullable=False,
+        comment="declared: every sign in view was annotated",
+    ),
+    sa.Column("n_frames", sa.Integer, nullable=False, comment="frames of all cameras"),
+    sa.Column("n_annotations", sa.Integer, nullable=False, comment="annotated points and boxes"),
+    sa.Column("length_m", sa.Float, nullable=False, comment="driven, metres"),
+    sa.Column("delay_ms", sa.Float, comment="how late host stamps are after GNSS; null where there are none"),
+    sa.Column("line", sa.LargeBinary, nullable=False, comment="WKB LineString of the path, EPSG:25833"),
+    sa.Column("rig", sa.LargeBinary, nullable=False, comment="the rig document it was located with, zlib"),
+    sa.Column(
+        "poses",
+        sa.LargeBinary,
+        nullable=False,
+        comment="where the car was, for whether a sign was in view: npz",
+    ),
+    sa.Column("content_sha256", sa.String, nullable=False, comment="of every file that was read"),
+    sa.Column("fix_quality", sa.JSON, nullable=False, comment="GGA quality → number of fixes"),
+    sa.Column("cameras", sa.JSON, nullable=False, comment="annotated cameras"),
+    sa.Column("warnings", sa.JSON, nullable=False, comment="sentences for a person"),
+    sa.Column("skipped", sa.JSON, nullable=False, comment="what was left out → how many"),
+    sa.Column("software", sa.String, nullable=False, comment="version of twin that read it"),
+    comment="Recorded drives, with their current annotations.",
 )
 
 drive_method = sa.Table(
     "drive_method",
     metadata,
-    sa.Column("drive_id", sa.String, primary_key=True),
-    sa.Column("method", sa.String, primary_key=True),
-    # Annotated objects without a position that may stand near: no sign can be called missing beside them.
-    sa.Column("n_unplaced", sa.Integer, nullable=False),
-    sa.Column("corrections", sa.JSON, nullable=False),  # what the adjustment found out about the car
-    # In which ways the drive does not fit itself, a clause each: its claims are for review.
-    sa.Column("misfits", sa.JSON, nullable=False, default=list),
-    # Why a sign that it passed and did not see may stand all the same; "" if nothing speaks for that.
-    sa.Column("absence_gap", sa.String, nullable=False, default=""),
+    sa.Column("drive_id", sa.String, primary_key=True, comment="the drive"),
+    sa.Column("method", sa.String, primary_key=True, comment="adjusted, single-frame or paper"),
+    sa.Column(
+        "n_unplaced",
+        sa.Integer,
+        nullable=False,
+        comment="annotated objects without a position that may stand near: no sign is missing beside them",
+    ),
+    sa.Column("corrections", sa.JSON, nullable=False, comment="what the adjustment found out about the car"),
+    sa.Column(
+        "misfits",
+        sa.JSON,
+        nullable=False,
+        default=list,
+        comment="in which ways the drive does not fit itself: its claims are for review",
+    ),
+    sa.Column(
+        "absence_gap",
+        sa.String,
+        nullable=False,
+        default="",
+        comment="why a sign that was not seen may stand all the same; empty where nothing speaks for that",
+    ),
+    comment="What one method found out about a drive.",
 )
 
 sighting = sa.Table(
     "sighting",
     metadata,
-    sa.Column("drive_id", sa.String, primary_key=True),
-    sa.Column("method", sa.String, primary_key=True),
-    sa.Column("number", sa.Integer, primary_key=True),
-    sa.Column("object", sa.String, nullable=False),
-    sa.Column("camera", sa.String, nullable=False),
-    sa.Column("frame", sa.Integer, nullable=False),
-    sa.Column("epoch_ns", sa.BigInteger, nullable=False),
-    sa.Column("kind", sa.String, nullable=False),  # foot or box
-    sa.Column("u_px", sa.Float, nullable=False),
-    sa.Column("v_px", sa.Float, nullable=False),
-    sa.Column("east_m", sa.Float),
-    sa.Column("north_m", sa.Float),
-    sa.Column("cov_ee_m2", sa.Float),  # grid east and grid north
-    sa.Column("cov_en_m2", sa.Float),
-    sa.Column("cov_nn_m2", sa.Float),
-    sa.Column("range_m", sa.Float),
-    sa.Column("speed_mps", sa.Float),
-    sa.Column("residual_u_px", sa.Float),  # seen minus expected; the adjustment's alone
-    sa.Column("residual_v_px", sa.Float),
-    sa.Column("eye_east_m", sa.Float),  # the camera's place, EPSG:25833
-    sa.Column("eye_north_m", sa.Float),
-    sa.Column("rejected", sa.String, nullable=False),
-    # False: the annotation tool interpolated it; the object was in view, and the reason stands in `rejected`.
-    sa.Column("is_measured", sa.Boolean, nullable=False),
-    sa.Column("width_px", sa.Float),  # of a box; null for a foot, and of drives read before schema 11
-    sa.Column("height_px", sa.Float),
+    sa.Column("drive_id", sa.String, primary_key=True, comment="the drive"),
+    sa.Column("method", sa.String, primary_key=True, comment="the method that located it"),
+    sa.Column("number", sa.Integer, primary_key=True, comment="counts the sightings of a drive"),
+    sa.Column("object", sa.String, nullable=False, comment="the annotator's or tracker's id"),
+    sa.Column("camera", sa.String, nullable=False, comment="the camera"),
+    sa.Column("frame", sa.Integer, nullable=False, comment="number of the frame, from 0"),
+    sa.Column("epoch_ns", sa.BigInteger, nullable=False, comment="when it was seen, nanoseconds UTC"),
+    sa.Column("kind", sa.String, nullable=False, comment="foot or box"),
+    sa.Column("u_px", sa.Float, nullable=False, comment="column, pixels from the centre of the first"),
+    sa.Column("v_px", sa.Float, nullable=False, comment="row, likewise"),
+    sa.Column(
+        "east_m", sa.Float, comment="where it puts the object, EPSG:25833, metres; null where it does not"
+    ),
+    sa.Column("north_m", sa.Float, comment="likewise"),
+    sa.Column("cov_ee_m2", sa.Float, comment="covariance, grid east and east, m²"),
+    sa.Column("cov_en_m2", sa.Float, comment="grid east and north, m²"),
+    sa.Column("cov_nn_m2", sa.Float, comment="grid north and north, m²"),
+    sa.Column("range_m", sa.Float, comment="from camera to object, metres"),
+    sa.Column("speed_mps", sa.Float, comment="of the car, metres a second"),
+    sa.Column("residual_u_px", sa.Float, comment="seen minus expected, columns; of the adjustment alone"),
+    sa.Column("residual_v_px", sa.Float, comment="likewise, rows"),
+    sa.Column("eye_east_m", sa.Float, comment="where the camera was, EPSG:25833, metres"),
+    sa.Column("eye_north_m", sa.Float, comment="likewise"),
+    sa.Column("rejected", sa.String, nullable=False, comment="why it does not count; empty if it does"),
+    sa.Column(
+        "is_measured",
+        sa.Boolean,
+        nullable=False,
+        comment="false: the annotation tool interpolated it; it counts as seen, not as measured",
+    ),
+    sa.Column("width_px", sa.Float, comment="of a box; null for a foot, and of drives read before schema 11"),
+    sa.Column("height_px", sa.Float, comment="likewise"),
+    comment="One annotated pixel of one object in one frame.",
 )
 
 estimate = sa.Table(
     "estimate",
     metadata,
-    sa.Column("estimate_id", sa.String, primary_key=True),
-    sa.Column("drive_id", sa.String, nullable=False, index=True),
-    sa.Column("object", sa.String, nullable=False),
-    sa.Column("label", sa.String, nullable=False),
-    sa.Column("skiltnummer", sa.String, nullable=False),
-    sa.Column("method", sa.String, nullable=False, index=True),
-    sa.Column("east_m", sa.Float, nullable=False),
-    sa.Column("north_m", sa.Float, nullable=False),
-    sa.Column("height_m", sa.Float, nullable=False),
-    sa.Column("sigma_height_m", sa.Float),
-    sa.Column("cov_ee_m2", sa.Float, nullable=False),  # grid east and grid north
-    sa.Column("cov_en_m2", sa.Float, nullable=False),
-    sa.Column("cov_nn_m2", sa.Float, nullable=False),
-    sa.Column("n_sightings", sa.Integer, nullable=False),
-    sa.Column("n_frames", sa.Integer, nullable=False),
-    sa.Column("n_cameras", sa.Integer, nullable=False),
-    sa.Column("cameras", sa.JSON, nullable=False),
-    sa.Column("first_ns", sa.BigInteger, nullable=False),
-    sa.Column("last_ns", sa.BigInteger, nullable=False),
-    sa.Column("range_min_m", sa.Float, nullable=False),
-    sa.Column("n_rejected", sa.Integer, nullable=False),
-    sa.Column("flags", sa.String, nullable=False),
-    sa.Column("budget", sa.JSON, nullable=False),  # source → covariance, true east and north
-    sa.Column("nvdb_type", sa.Integer),  # of an object that is no sign; null for signs
-    sa.Column("text", sa.String),  # on its plates, joined as their codes are; null where none was annotated
+    sa.Column("estimate_id", sa.String, primary_key=True, comment="drive:object:method"),
+    sa.Column("drive_id", sa.String, nullable=False, index=True, comment="the drive"),
+    sa.Column("object", sa.String, nullable=False, comment="the annotator's or tracker's id"),
+    sa.Column("label", sa.String, nullable=False, comment="as annotated"),
+    sa.Column("skiltnummer", sa.String, nullable=False, comment="codes of its plates, top down, joined by ;"),
+    sa.Column("method", sa.String, nullable=False, index=True, comment="adjusted, single-frame or paper"),
+    sa.Column("east_m", sa.Float, nullable=False, comment="easting, EPSG:25833, metres"),
+    sa.Column("north_m", sa.Float, nullable=False, comment="northing, likewise"),
+    sa.Column("height_m", sa.Float, nullable=False, comment="ellipsoidal, metres"),
+    sa.Column("sigma_height_m", sa.Float, comment="one sigma, metres; null where the method does not tell"),
+    sa.Column("cov_ee_m2", sa.Float, nullable=False, comment="covariance, grid east and east, m²"),
+    sa.Column("cov_en_m2", sa.Float, nullable=False, comment="grid east and north, m²"),
+    sa.Column("cov_nn_m2", sa.Float, nullable=False, comment="grid north and north, m²"),
+    sa.Column("n_sightings", sa.Integer, nullable=False, comment="that it rests on"),
+    sa.Column("n_frames", sa.Integer, nullable=False, comment="in which it was seen"),
+    sa.Column("n_cameras", sa.Integer, nullable=False, comment="that saw it"),
+    sa.Column("cameras", sa.JSON, nullable=False, comment="their names"),
+    sa.Column("first_ns", sa.BigInteger, nullable=False, comment="first sighting, nanoseconds UTC"),
+    sa.Column("last_ns", sa.BigInteger, nullable=False, comment="last sighting, nanoseconds UTC"),
+    sa.Column("range_min_m", sa.Float, nullable=False, comment="nearest sighting, metres"),
+    sa.Column("n_rejected", sa.Integer, nullable=False, comment="sightings that do not count"),
+    sa.Column("flags", sa.String, nullable=False, comment="remarks, joined by ;"),
+    sa.Column(
+        "budget", sa.JSON, nullable=False, comment="source of error → covariance, true east and north, m²"
+    ),
+    sa.Column("nvdb_type", sa.Integer, comment="vegobjekttype of an object that is no sign; null for signs"),
+    sa.Column(
+        "text", sa.String, comment="on its plates, joined as their codes are; null where none was annotated"
+    ),
+    comment="Where one object stands, by one drive and one method.",
 )
 
 annotation_set = sa.Table(
     "annotation_set",
     metadata,
-    sa.Column("drive_id", sa.String, primary_key=True),
-    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),
-    sa.Column("annotations_sha256", sa.String),  # null: read before schema 9, which did not keep it
-    sa.Column("read_at", sa.String),  # UTC, when it was last read; null as above
-    sa.Column("folder", sa.String, nullable=False),
-    sa.Column("is_complete", sa.Boolean, nullable=False),  # declared: every sign in view was annotated
-    sa.Column("is_current", sa.Boolean, nullable=False),  # one of each drive
-    sa.Column("n_annotations", sa.Integer, nullable=False),
-    sa.Column("n_sightings", sa.Integer, nullable=False),  # with a position, of the method read last
-    sa.Column("n_objects", sa.Integer, nullable=False),  # likewise
+    sa.Column("drive_id", sa.String, primary_key=True, comment="the drive"),
+    sa.Column(
+        "number", sa.Integer, primary_key=True, autoincrement=False, comment="counts the sets of a drive"
+    ),
+    sa.Column("annotations_sha256", sa.String, comment="of its files; null: read before schema 9"),
+    sa.Column("read_at", sa.String, comment="when it was last read, UTC; null likewise"),
+    sa.Column("folder", sa.String, nullable=False, comment="where it was read from"),
+    sa.Column(
+        "is_complete", sa.Boolean, nullable=False, comment="declared: every sign in view was annotated"
+    ),
+    sa.Column("is_current", sa.Boolean, nullable=False, comment="whether it counts: one of each drive does"),
+    sa.Column("n_annotations", sa.Integer, nullable=False, comment="annotated points and boxes"),
+    sa.Column("n_sightings", sa.Integer, nullable=False, comment="with a position, of the method read last"),
+    sa.Column("n_objects", sa.Integer, nullable=False, comment="likewise"),
+    comment="Each drive's annotations as they were read, a row for each version of them.",
 )
-"""Each drive's annotations as they were read, a row for each version of them."""
 
 
 def _kept(table: sa.Table) -> sa.Table:
     columns = (
-        sa.Column(c.name, c.type, primary_key=c.primary_key, nullable=c.nullable) for c in table.columns
+        sa.Column(c.name, c.type, primary_key=c.primary_key, nullable=c.nullable, comment=c.comment)
+        for c in table.columns
     )
-    number = sa.Column("annotation_set", sa.Integer, primary_key=True)
-    return sa.Table(f"{table.name}_kept", metadata, *columns, number)
+    number = sa.Column(
+        "annotation_set", sa.Integer, primary_key=True, comment="number of the annotation set that it came of"
+    )
+    said = f"As {table.name}, of annotation sets that are not current."
+    return sa.Table(f"{table.name}_kept", metadata, *columns, number, comment=said)
 
 
 KEPT = {table: _kept(table) for table in (drive, drive_method, sighting, estimate)}
@@ -265,50 +244,94 @@ KEPT = {table: _kept(table) for table in (drive, drive_method, sighting, estimat
 change = sa.Table(
     "change",
     metadata,
-    sa.Column("change_id", sa.String, primary_key=True),
-    sa.Column("verdict", sa.String, nullable=False, index=True),
-    sa.Column("reason", sa.String, nullable=False),
-    sa.Column("confidence", sa.Float, nullable=False),
-    sa.Column("nvdb_type", sa.Integer, nullable=False),
-    sa.Column("nvdb_id", sa.BigInteger),
-    sa.Column("nvdb_version", sa.Integer),
-    sa.Column("skiltnummer_nvdb", sa.String, nullable=False),
-    sa.Column("skiltnummer_seen", sa.String, nullable=False),
-    sa.Column("distance_m", sa.Float),
-    sa.Column("distance_sigma_m", sa.Float),
-    sa.Column("cov_ee_m2", sa.Float),  # of the measured position, grid east and grid north
-    sa.Column("cov_en_m2", sa.Float),
-    sa.Column("cov_nn_m2", sa.Float),
-    sa.Column("drive_ids", sa.String, nullable=False),
-    sa.Column("n_sightings", sa.Integer, nullable=False),
-    sa.Column("east_m", sa.Float, nullable=False),
-    sa.Column("north_m", sa.Float, nullable=False),
-    sa.Column("terms", sa.JSON, nullable=False, default=dict),  # what the verdict rests on
-    sa.Column("cameras", sa.String),  # that saw it, or looked for it, joined by ","
+    sa.Column("change_id", sa.String, primary_key=True, comment="the finding's id: the same in every match"),
+    sa.Column(
+        "verdict",
+        sa.String,
+        nullable=False,
+        index=True,
+        comment="unchanged, moved, wrong_type, new, missing, not_observable or review",
+    ),
+    sa.Column("reason", sa.String, nullable=False, comment="one sentence, in English"),
+    sa.Column(
+        "confidence", sa.Float, nullable=False, comment="probability that the verdict is right, 0 to 1"
+    ),
+    sa.Column("nvdb_type", sa.Integer, nullable=False, comment="95 Skiltpunkt or 96 Skiltplate"),
+    sa.Column("nvdb_id", sa.BigInteger, comment="NVDB's object; null where NVDB has none"),
+    sa.Column("nvdb_version", sa.Integer, comment="its version at the match"),
+    sa.Column("skiltnummer_nvdb", sa.String, nullable=False, comment="codes in NVDB, top down, joined by ;"),
+    sa.Column("skiltnummer_seen", sa.String, nullable=False, comment="codes as seen, likewise"),
+    sa.Column("distance_m", sa.Float, comment="from NVDB's position to the measured one, metres"),
+    sa.Column("distance_sigma_m", sa.Float, comment="its one sigma, metres"),
+    sa.Column("cov_ee_m2", sa.Float, comment="covariance of the measured position, grid east and east, m²"),
+    sa.Column("cov_en_m2", sa.Float, comment="grid east and north, m²"),
+    sa.Column("cov_nn_m2", sa.Float, comment="grid north and north, m²"),
+    sa.Column(
+        "drive_ids", sa.String, nullable=False, comment="drives that saw it, or looked for it, joined by ,"
+    ),
+    sa.Column("n_sightings", sa.Integer, nullable=False, comment="that it rests on"),
+    sa.Column("east_m", sa.Float, nullable=False, comment="where the sign stands now, EPSG:25833, metres"),
+    sa.Column("north_m", sa.Float, nullable=False, comment="likewise"),
+    sa.Column(
+        "terms",
+        sa.JSON,
+        nullable=False,
+        default=dict,
+        comment="what verdict and confidence rest on: twin help matching",
+    ),
+    sa.Column("cameras", sa.String, comment="that saw it, or looked for it, joined by ,"),
+    comment="What the last match says of each sign: a finding a row.",
 )
 
 decision_log = sa.Table(
     "decision_log",
     metadata,
-    sa.Column("id", ROWID, primary_key=True),
-    sa.Column("batch", sa.Integer, nullable=False, index=True),  # what one command or one match decided
-    sa.Column("change_id", sa.String, nullable=False, index=True),
-    sa.Column("kind", sa.String, nullable=False),  # twin.decisions.log: decided, undone, opinion, ...
-    sa.Column("decision", sa.String, nullable=False),  # open, accept, dismiss, defer
-    sa.Column("reason", sa.String, nullable=False),
-    sa.Column("by", sa.String, nullable=False),
-    sa.Column("at", sa.String, nullable=False),  # UTC
-    sa.Column("evidence", sa.JSON, nullable=False),  # what the decision rested on
-    sa.Column("undo_of", sa.BigInteger),  # the entry that this one takes back
-    sa.Column("session", sa.String, nullable=False, index=True),  # of a page in which it was answered; or ""
-    # The page's key of its request, which it may send twice.
-    sa.Column("request", sa.String, index=True, unique=True),
-    sa.Column("cause", sa.JSON(none_as_null=True)),  # twin.words.reasons.Cause; null where there is none
+    sa.Column("id", ROWID, primary_key=True, comment="counts the entries"),
+    sa.Column(
+        "batch", sa.Integer, nullable=False, index=True, comment="what one command or one match decided"
+    ),
+    sa.Column("change_id", sa.String, nullable=False, index=True, comment="the finding"),
+    sa.Column(
+        "kind",
+        sa.String,
+        nullable=False,
+        comment="decided, undone, opinion, …: twin help decisions-and-review",
+    ),
+    sa.Column("decision", sa.String, nullable=False, comment="open, accept, dismiss or defer"),
+    sa.Column("reason", sa.String, nullable=False, comment="why, as the person wrote"),
+    sa.Column("by", sa.String, nullable=False, comment="who"),
+    sa.Column("at", sa.String, nullable=False, comment="when, UTC"),
+    sa.Column("evidence", sa.JSON, nullable=False, comment="what the decision rested on"),
+    sa.Column("undo_of", sa.BigInteger, comment="the entry that this one takes back"),
+    sa.Column(
+        "session",
+        sa.String,
+        nullable=False,
+        index=True,
+        comment="of a page in which it was answered; else empty",
+    ),
+    sa.Column(
+        "request",
+        sa.String,
+        index=True,
+        unique=True,
+        comment="the page's key of its request, which it may send twice",
+    ),
+    sa.Column(
+        "cause",
+        sa.JSON(none_as_null=True),
+        comment="why it was opened again, as a kind with facts; null where there is none",
+    ),
+    comment="Every decision ever made: rows are added, never changed; kept also while a finding is absent.",
 )
 """Every decision ever made: rows are added, never changed; kept also while a finding is absent."""
 
-decision = sa.Table("decision", sa.MetaData(), *(sa.Column(c.name, c.type) for c in decision_log.columns))
-"""The decision that holds for each change: a view, the last row of the log that is no opinion."""
+decision = sa.Table(
+    "decision",
+    sa.MetaData(),
+    *(sa.Column(c.name, c.type, comment=c.comment) for c in decision_log.columns),
+    comment="The decision that holds for each change: a view, the last row of the log that is no opinion.",
+)
 
 _DECISION_LOG_RULES = """
 CREATE VIEW decision AS SELECT * FROM decision_log AS e
@@ -327,22 +350,23 @@ for _rule in _DECISION_LOG_RULES.split("--"):
 pole_key = sa.Table(
     "pole_key",
     metadata,
-    sa.Column("member", sa.String, primary_key=True),  # drive:object
-    sa.Column("pole", sa.String, nullable=False),
+    sa.Column("member", sa.String, primary_key=True, comment="drive:object"),
+    sa.Column("pole", sa.String, nullable=False, comment="key of the pole that it belonged to"),
+    comment="Which pole an estimate belonged to in the last match.",
 )
-"""Which pole an estimate belonged to in the last match."""
 
 known_mark = sa.Table(
     "known_mark",
     metadata,
-    sa.Column("id", ROWID, primary_key=True),
-    sa.Column("drive_id", sa.String, nullable=False),
-    sa.Column("clicks", sa.String, nullable=False),  # what was clicked for it: twin.matching.poles.seen_in
-    sa.Column("pole", sa.String, nullable=False),
-    sa.Column("east_m", sa.Float, nullable=False),
-    sa.Column("north_m", sa.Float, nullable=False),
-    sa.Column("skiltnummer", sa.String, nullable=False),
+    sa.Column("id", ROWID, primary_key=True, comment="counts the rows"),
+    sa.Column("drive_id", sa.String, nullable=False, comment="the drive"),
+    sa.Column("clicks", sa.String, nullable=False, comment="what was clicked for the pole"),
+    sa.Column("pole", sa.String, nullable=False, comment="the key that the pole got first"),
+    sa.Column("east_m", sa.Float, nullable=False, comment="easting, EPSG:25833, metres"),
+    sa.Column("north_m", sa.Float, nullable=False, comment="northing, likewise"),
+    sa.Column("skiltnummer", sa.String, nullable=False, comment="codes of its plates, top down, joined by ;"),
     sa.UniqueConstraint("drive_id", "clicks", "pole"),
+    comment="By what every match knows the poles of earlier ones again.",
 )
 """By what every match knows the poles of earlier ones again: the key that a pole first got stays its own."""
 
@@ -350,73 +374,30 @@ known_mark = sa.Table(
 sent = sa.Table(
     "sent",
     metadata,
-    sa.Column("id", ROWID, primary_key=True),
-    sa.Column("tag", sa.String, nullable=False),  # of the set, which carries it as its eksternRef
-    sa.Column("api", sa.String, nullable=False),  # which API Skriv
-    # The finding; of a set that names none the SHA-256 of its XML.
-    sa.Column("change_id", sa.String, nullable=False, index=True),
-    sa.Column("state", sa.String, nullable=False),  # twin.store.kinds.Sending
-    sa.Column("set_id", sa.String),  # API Skriv's own, once it is known
-    sa.Column("digest", sa.String, nullable=False),  # SHA-256 of the operations
-    # Of the operations: type, id, tempId of a new object, and the mirror's version and time of change before.
-    sa.Column("objects", sa.JSON, nullable=False),
-    sa.Column("file", sa.String, nullable=False),  # that it was sent from
-    sa.Column("at", sa.String, nullable=False),  # UTC, of the last change of this row
+    sa.Column("id", ROWID, primary_key=True, comment="counts the rows"),
+    sa.Column("tag", sa.String, nullable=False, comment="of the set, which carries it as its eksternRef"),
+    sa.Column("api", sa.String, nullable=False, comment="which API Skriv"),
+    sa.Column(
+        "change_id",
+        sa.String,
+        nullable=False,
+        index=True,
+        comment="the finding; of a set that names none the SHA-256 of its XML",
+    ),
+    sa.Column("state", sa.String, nullable=False, comment="how far the sending came"),
+    sa.Column("set_id", sa.String, comment="API Skriv's own id, once it is known"),
+    sa.Column("digest", sa.String, nullable=False, comment="SHA-256 of the operations"),
+    sa.Column(
+        "objects",
+        sa.JSON,
+        nullable=False,
+        comment="type, id, tempId of a new object, and the mirror's version and time of change before",
+    ),
+    sa.Column("file", sa.String, nullable=False, comment="that it was sent from"),
+    sa.Column("at", sa.String, nullable=False, comment="last change of this row, UTC"),
     sa.UniqueConstraint("tag", "change_id"),
+    comment="What was sent to API Skriv: a row for each finding of each set, written before the request.",
 )
-"""What was sent to API Skriv: a row for each finding of each set, written before the request."""
-
-crop = sa.Table(
-    "crop",
-    metadata,
-    sa.Column("change_id", sa.String, primary_key=True),
-    sa.Column("number", sa.Integer, primary_key=True, autoincrement=False),  # 0 is the best view
-    sa.Column("role", sa.String, primary_key=True),  # twin.evidence.Role
-    sa.Column("drive_id", sa.String, nullable=False),
-    sa.Column("camera", sa.String, nullable=False),
-    sa.Column("frame", sa.Integer, nullable=False),
-    sa.Column("epoch_ns", sa.BigInteger, nullable=False),
-    sa.Column("range_m", sa.Float, nullable=False),
-    sa.Column("sha256", sa.String, nullable=False, index=True),  # of the WebP file
-    sa.Column("width_px", sa.Integer, nullable=False),
-    sa.Column("height_px", sa.Integer, nullable=False),
-    sa.Column("is_masked", sa.Boolean, nullable=False),
-    sa.Column("proof", sa.JSON, nullable=False),  # twin.evidence.MaskProof
-)
-"""Crops of pictures that show a finding; the files lie beside the store (:mod:`twin.evidence.files`)."""
-
-crop_gap = sa.Table(
-    "crop_gap",
-    metadata,
-    sa.Column("id", ROWID, primary_key=True),
-    sa.Column("change_id", sa.String, nullable=False, index=True),
-    sa.Column("drive_id", sa.String, nullable=False),
-    sa.Column("kind", sa.String, nullable=False),  # twin.evidence.GapKind
-    sa.Column("sentence", sa.String, nullable=False),  # in English
-    sa.Column("why", sa.JSON(none_as_null=True)),  # twin.words.WhyNoPicture; none in rows from before 14
-)
-"""Why a finding has no crops, or fewer than it could have."""
-
-crop_log = sa.Table(
-    "crop_log",
-    metadata,
-    sa.Column("id", ROWID, primary_key=True),
-    sa.Column("at", sa.String, nullable=False),  # UTC
-    sa.Column("kind", sa.String, nullable=False),  # unmasked, forgotten
-    sa.Column("by", sa.String, nullable=False),
-    sa.Column("reason", sa.String, nullable=False),
-    sa.Column("n_crops", sa.Integer, nullable=False),
-    sa.Column("change_ids", sa.JSON, nullable=False),
-)
-"""When crops were made without masks, and when crops were deleted: rows are added, never changed."""
-
-CROP_LOG_RULES = tuple(
-    f"CREATE TRIGGER crop_log_{name} BEFORE {act} ON crop_log "
-    "BEGIN SELECT RAISE(ABORT, 'the log of crops is never changed'); END"
-    for name, act in (("keeps", "UPDATE"), ("stays", "DELETE"))
-)
-for _rule in CROP_LOG_RULES:
-    sa.event.listen(metadata, "after_create", sa.DDL(_rule))  # type: ignore[no-untyped-call]
 
 
 METHODS = tuple(Method)
