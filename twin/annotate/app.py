@@ -70,11 +70,14 @@ class AnnotateOptions:
         None for the browser's.
     names : SignNames
         Of sign codes, to search in.
+    codes : frozenset of str
+        All sign codes that there are: another is asked about before it is kept. Empty: none is asked about.
     """
 
     by: str = ""
     lang: Lang | None = None
     names: SignNames = field(default_factory=dict)
+    codes: frozenset[str] = frozenset()
 
 
 class Refusal(Exception):  # noqa: N818 - it is no error
@@ -242,7 +245,10 @@ class _Page:
         def change() -> str:
             if asked.object not in self.book.page.signs:
                 raise Refusal("refused.mark_first", sign=asked.object)
-            self.book.name(asked.object, _checked_codes(asked.codes))
+            codes = _checked_codes(asked.codes)
+            if not asked.is_meant:
+                self.doubt(codes)
+            self.book.name(asked.object, codes)
             return asked.object
 
         return await run_in_threadpool(self.changed, change)
@@ -299,6 +305,12 @@ class _Page:
         """Refuse a sign that nobody has marked."""
         if name not in self.book.page.signs and name not in self.recording.foreign.object:
             raise Refusal("refused.no_sign", sign=name)
+
+    def doubt(self, codes: str) -> None:
+        """Ask whether codes that the list does not have are meant."""
+        unknown = [code for code in codes.split(";") if code and code not in self.options.codes]
+        if self.options.codes and unknown:
+            raise Refusal("refused.unknown_code", HTTPStatus.UNPROCESSABLE_ENTITY, codes=", ".join(unknown))
 
     def checked(self, asked: MarkRequest) -> Mark:
         """Return what was clicked or drawn, if it is in the picture."""

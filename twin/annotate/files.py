@@ -90,10 +90,23 @@ class OwnFiles:
             if tracks == self._kept.get(camera, _tracks(before, camera)):
                 continue
             copies += self._copy(camera, now)
-            content = cvat_document(_dated(self.tasks[camera], now), tracks).encode()
-            replace_file(self.root / file_name(camera), content)
+            content = cvat_document(_dated(self.tasks[camera], now), tracks).encode() if tracks else b""
+            self._replace(camera, content)
             self._written[camera], self._kept[camera] = content, tracks
         return copies
+
+    def _replace(self, camera: str, content: bytes) -> None:
+        """Put a camera's file there; one without a mark is none."""
+        path = self.root / file_name(camera)
+        if content:
+            replace_file(path, content)
+            return
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise RefusedError(
+                f"{path} cannot be deleted ({error.strerror}): check who may write there."
+            ) from error
 
     def _copy(self, camera: str, now: dt.datetime) -> list[str]:
         """Keep what stands in the place of a file, unless this run has written it."""

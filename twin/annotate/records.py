@@ -183,10 +183,11 @@ class RemoveRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NameRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What stands on a pole, top down, joined by ``;``."""
+    """What stands on a pole, top down, joined by ``;``; `is_meant` where a code that no list has is meant."""
 
     object: str
     codes: str
+    is_meant: bool = False
 
 
 class UndoRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -39,24 +39,23 @@ def annotate(
     recording = open_recording(drive, cameras=camera, progress=note)
     for notice in recording.notices:
         warn(notice)
-    options = AnnotateOptions(by, lang, _names(store))
+    options = AnnotateOptions(by, lang, *_signs(store))
     serve_page(
         lambda address: annotate_app(recording, options, address), port=port, open_browser=open_browser
     )
     note(f"The annotation page is closed; every mark is in {drive}. Next: twin ingest-drive {drive}")
 
 
-def _names(store: Path) -> SignNames:
-    """Names of signs: the store's where there is one, else those that ship."""
+def _signs(store: Path) -> tuple[SignNames, frozenset[str]]:
+    """Names and codes of signs: the store's where there is one, else those that ship."""
     from twin.errors import TwinError
-    from twin.mirror.names import shipped_names, sign_names
+    from twin.mirror.names import shipped_codes, shipped_names, sign_codes, sign_names
     from twin.store.store import Store
 
-    if not store.is_file():
-        return shipped_names()
-    try:
-        with Store.open(store, create=False) as opened:
-            return sign_names(opened)
-    except TwinError as error:
-        warn(f"Names of signs are those that ship with twin: {error}")
-        return shipped_names()
+    if store.is_file():
+        try:
+            with Store.open(store, create=False) as opened:
+                return sign_names(opened), sign_codes(opened)
+        except TwinError as error:
+            warn(f"Names of signs are those that ship with twin: {error}")
+    return shipped_names(), shipped_codes()

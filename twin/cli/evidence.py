@@ -30,7 +30,7 @@ _MOST_GAPS = 12
 )
 def evidence(
     missing: Annotated[
-        bool, typer.Option("--missing", help="Only for findings that have no pictures yet.")
+        bool, typer.Option("--missing", help="Only for findings that have no masked pictures yet.")
     ] = False,
     masker: Annotated[
         Path | None,
@@ -102,6 +102,9 @@ def _print(report: EvidenceReport, lang: Lang) -> None:
         warn(sentence if count == 1 else say(lang, "evidence.of_several", sentence=sentence, count=count))
     if len(told) > _MOST_GAPS:
         warn(say(lang, "evidence.more", n=len(told) - _MOST_GAPS))
+    if not report.n_findings:
+        note(say(lang, "evidence.nothing"))
+        return
     how = {"geometry": "evidence.by_geometry", "none": "evidence.not_masked"}
     note(
         say(

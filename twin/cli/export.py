@@ -25,7 +25,7 @@ from twin.cli.options import (
 )
 from twin.cli.output import note, print_json, print_paths, print_table, steps, warn
 from twin.store.kinds import Decision
-from twin.words import Lang
+from twin.words import Lang, say
 
 if TYPE_CHECKING:
     from twin.changesets import ChangeSets
@@ -77,7 +77,11 @@ def export(
             progress=progress,
         )
     if json_output:
-        told = {"files": [str(path) for path in report.files], "matched": report.matched}
+        told = {
+            "files": [str(path) for path in report.files],
+            "matched": report.matched,
+            "unmasked_pictures": report.n_unmasked,
+        }
         print_json({**told, **_change_sets_as_json(report.change_sets)})
     else:
         _print_export(report.files, folder)
@@ -86,6 +90,8 @@ def export(
                 "There are no findings, and no change sets: the store was not matched with NVDB. "
                 "`twin sync-nvdb`, then `twin match` makes them."
             )
+        if report.n_unmasked:
+            note(say(lang, "evidence.unmasked", n=report.n_unmasked))
         _print_change_sets(report.change_sets, folder, api_url)
     if any(sett.errors for sett in report.change_sets.setts):
         raise typer.Exit(EXIT_DATA)
@@ -142,14 +148,15 @@ def qgis(
         Path, typer.Argument(help="The folder that twin export wrote to.", metavar="[FOLDER]")
     ] = Path("out"),
     start: Annotated[bool, typer.Option("--open", help="Start QGIS with it.")] = False,
+    lang: LangOption = Lang.EN,
     json_output: JsonOption = False,
 ) -> None:
     """Say how to open an export in QGIS, what its layers are, and how decisions made there come back."""
     from twin.export.open_in_qgis import qgis_export, qgis_program, start_qgis
 
-    exported = qgis_export(folder)
+    exported = qgis_export(folder, lang)
     if not json_output:
-        _print(exported, folder)
+        _print(exported, folder, lang)
     program = qgis_program() if start else "qgis"
     if json_output:
         print_json(
@@ -168,25 +175,26 @@ def qgis(
         start_qgis(program, exported)
 
 
-def _print(exported: QgisExport, folder: Path) -> None:
+def _print(exported: QgisExport, folder: Path, lang: Lang) -> None:
     from twin.export.qgis.project import PROJECT
 
-    sys.stdout.write(f"Open it:\n  {shlex.join(['qgis', *exported.arguments])}\n")
+    how = say(lang, "opening.how")
+    sys.stdout.write(f"{how}\n  {shlex.join(['qgis', *exported.arguments])}\n")
     if exported.uri is None:
-        note(f"It has no QGIS project: `twin export {folder} --project` puts one in.")
+        note(say(lang, "opening.no_project", folder=str(folder)))
     else:
-        note(f"or in QGIS: in the browser panel, the project {PROJECT} below the file {exported.file.name}.")
+        note(say(lang, "opening.project", project=PROJECT, file=exported.file.name))
     layers = [(layer.name, f"{layer.rows:,}", layer.what) for layer in exported.layers]
-    print_table(f"Layers of {exported.file}", ["layer", "rows", "what"], layers, right_from=3)
+    columns = ["opening.column.layer", "opening.column.rows", "opening.column.what"]
+    title = say(lang, "opening.layers", file=str(exported.file))
+    print_table(title, [say(lang, key) for key in columns], layers, right_from=3)
     if not any(layer.name == "changes" and layer.rows for layer in exported.layers):
-        note("There are no findings to decide about: `twin match`, then `twin export` brings them.")
+        note(say(lang, "opening.no_findings"))
         return
-    print_table("Decisions", ["decision", "findings"], list(exported.decisions.items()))
+    columns = ["opening.column.decision", "opening.column.findings"]
+    decisions = list(exported.decisions.items())
+    print_table(say(lang, "opening.decisions"), [say(lang, key) for key in columns], decisions)
     if exported.edited:
-        note(f"{len(exported.edited)} decided in QGIS since the export: the next export brings them home.")
+        note(say(lang, "opening.edited", n=len(exported.edited)))
     again = f"twin export {folder}" + (" --project" if exported.uri else "")
-    note(
-        "Decide in the column decision of the layer changes: accept, dismiss or defer; open takes a decision "
-        "back. Comment and author beside it say why and who. Save the edits and close QGIS; then "
-        f"`{again}` keeps all that."
-    )
+    note(say(lang, "opening.decide", again=again))

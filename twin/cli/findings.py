@@ -32,6 +32,12 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 _UNDO = "undo"
+_DONE = {
+    Decision.ACCEPT: "accepted",
+    Decision.DISMISS: "dismissed",
+    Decision.DEFER: "deferred",
+    Decision.OPEN: "opened again",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +310,7 @@ def _decide(
         sentence = f"Would {decision} {findings}; nothing was decided (--dry-run)."
     else:
         already = f"; {len(done.already):,} had it already" if done.already else ""
-        sentence = f"{findings}: {decision}{already}."
+        sentence = f"{findings} {_DONE[Decision(decision)]}{already}."
     return _Outcome({"would_decide" if dry_run else "decided": decision, **asdict(done)}, sentence)
 
 

@@ -50,4 +50,7 @@ def review(
             port=port,
             open_browser=open_browser,
         )
-    note("The review page is closed; every answer is in the store.")
+    if read_only:
+        note("The review page is closed; nothing could be answered in it.")
+    else:
+        note("The review page is closed; every answer is in the store.")

@@ -6,6 +6,7 @@ from .crops import Role as Role
 from .crops import crops_of as crops_of
 from .crops import exportable_crops as exportable_crops
 from .crops import gaps_of as gaps_of
+from .crops import n_unmasked_crops as n_unmasked_crops
 from .files import crop_file as crop_file
 from .forgetting import Forgotten as Forgotten
 from .forgetting import forget as forget

@@ -210,6 +210,11 @@ def exportable_crops(ask: Ask) -> tuple[Crop, ...]:
     return _crops(ask, sa.select(schema.crop).where(schema.crop.c.is_masked))
 
 
+def n_unmasked_crops(ask: Ask) -> int:
+    """Count the crops that may not leave the machine."""
+    return len(ask(sa.select(schema.crop.c.sha256).where(~schema.crop.c.is_masked)))
+
+
 def gaps_of(ask: Ask, change_id: str) -> tuple[Gap, ...]:
     """Return why a finding has no crops, or no more of them."""
     table = schema.crop_gap

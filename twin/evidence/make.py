@@ -20,7 +20,7 @@ from twin.evidence.recordings import Lack, Recordings, recordings_of
 from twin.evidence.shots import Look, Shot, shots_of
 from twin.evidence.subjects import DriveOf, Subject, drives_of, subjects_of
 from twin.store import schema
-from twin.store.store import Store
+from twin.store.store import Snapshot, Store
 from twin.words.gaps import CameraLost, NotShown, OtherSize
 
 Progress = Callable[[str], None]
@@ -80,7 +80,8 @@ def make_evidence(
     masker : Masker, optional
         Finds people and vehicles; without one, all but the signs' faces is made unrecognisable.
     missing_only : bool
-        Whether findings that have crops are left as they are.
+        Whether findings that have crops are left as they are. Unmasked crops count for none, unless such are
+        asked for.
     unmasked_reason : str, optional
         Why nothing is to be masked: kept in the store's log. Such crops never leave by an export.
     by : str, optional
@@ -102,8 +103,8 @@ def make_evidence(
         n_swept = sweep(store)
         with store.snapshot() as view:
             method = view.matched()["method"]
-            have = {row["change_id"] for row in view.rows(sa.select(schema.crop.c.change_id).distinct())}
-            subjects = subjects_of(view, method, have if missing_only else ())
+            have = _with_crops(view, masked=unmasked_reason is None) if missing_only else set()
+            subjects = subjects_of(view, method, have)
             ids = {d for one in subjects for d in (*one.drive_ids, *one.seen)}
             drives = drives_of(view, ids)
         recordings = {i: recordings_of(d.name, d.folder, d.rig) for i, d in drives.items()}
@@ -121,6 +122,13 @@ def make_evidence(
         masker="none" if unmasked_reason is not None else masker.name if masker else "geometry",
         gaps=gaps,
     )
+
+
+def _with_crops(view: Snapshot, *, masked: bool) -> set[str]:
+    """Ids of the findings that have crops; of masked ones alone where these are asked for."""
+    crop = schema.crop.c
+    asked = sa.select(crop.change_id).distinct()
+    return {row["change_id"] for row in view.rows(asked.where(crop.is_masked) if masked else asked)}
 
 
 @dataclass(slots=True)

@@ -12,6 +12,7 @@ from twin.decisions.evidence import Evidence
 from twin.decisions.log import position
 from twin.decisions.record import Edit, keep_edits
 from twin.errors import ExportRefusedError, RefusedError, StoreError
+from twin.evidence import n_unmasked_crops
 from twin.export.folder import GEOPACKAGES, export_all
 from twin.export.from_store import layers_from_store
 from twin.export.geopackage import Answer, changes_in, edited_answers, log_position
@@ -36,11 +37,14 @@ class ExportReport:
         out.
     matched : bool
         Whether there was a match; without one there are positions, and no findings.
+    n_unmasked : int
+        Pictures that the store has and the export does not get, since nothing was masked in them.
     """
 
     files: tuple[Path, ...]
     change_sets: ChangeSets
     matched: bool = True
+    n_unmasked: int = 0
 
 
 def export_findings(
@@ -130,7 +134,7 @@ def export_findings(
         progress=progress,
     )
     drop_pictures(folder, pictures)
-    return ExportReport(tuple(files), change_sets)
+    return ExportReport(tuple(files), change_sets, n_unmasked=n_unmasked_crops(store.rows))
 
 
 def _export_positions(

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ExportRefusedError
-from twin.export.layers import COLUMNS, DESCRIPTION, EPSG_WGS84, GEOMETRY
+from twin.export.layers import COLUMNS, EPSG_WGS84, GEOMETRY, description
 from twin.export.qgis.project import PROJECTS_TABLE, project_row
 from twin.export.qgis.qml import style
 from twin.store.kinds import QUIET, Decision
@@ -97,7 +97,7 @@ def write_geopackage(
                     "FID": "fid",
                     "SPATIAL_INDEX": "YES",
                     "IDENTIFIER": name,
-                    "DESCRIPTION": DESCRIPTION[name],
+                    "DESCRIPTION": description(name),
                 },
                 layer_metadata=_decision_metadata(frame, log_position) if name == "changes" else None,
             )
@@ -317,7 +317,7 @@ def _add_styles(database: sqlite3.Connection, styles: Mapping[str, str], time: s
         "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, "
         "styleName, styleQML, styleSLD, useAsDefault, description, owner, update_time) "
         "VALUES ('', '', ?, ?, ?, ?, '', 1, ?, '', ?)",
-        [(name, GEOMETRY_COLUMN, name, qml, DESCRIPTION[name], time) for name, qml in styles.items()],
+        [(name, GEOMETRY_COLUMN, name, qml, description(name), time) for name, qml in styles.items()],
     )
 
 

@@ -164,14 +164,11 @@ KEY: dict[str, str] = {
 }
 """Layer → the column that is unique and that its rows are sorted by."""
 
-DESCRIPTION: dict[str, str] = {
-    "changes": "What a drive says about NVDB's signs: unchanged, moved, wrong type, new, missing, for review",
-    "moves": "From NVDB's position of a sign to the measured one",
-    "nvdb_signs": "Skiltpunkt and Skiltplate as fetched from NVDB",
-    "estimates": "Where the annotated signs stand, one point an object",
-    "ellipses": "Where the annotated signs stand with 95 % probability: the error ellipses of the estimates",
-    "drives": "Where the car drove",
-}
+
+def description(layer: str, lang: Lang = Lang.EN) -> str:
+    """Say what a layer holds."""
+    return say(lang, f"opening.layer.{layer}")
+
 
 _ALLOWED: dict[tuple[str, str], frozenset[object]] = {
     ("changes", "verdict"): frozenset(Verdict),

@@ -13,8 +13,9 @@ from urllib.parse import quote
 from twin.errors import ExportRefusedError, RefusedError
 from twin.export.folder import UTM33
 from twin.export.geopackage import contents_of, edited_answers
-from twin.export.layers import DESCRIPTION
+from twin.export.layers import description
 from twin.export.qgis.project import PROJECT
+from twin.words import Lang
 
 # As the packages of Linux, of OSGeo4W and of macOS name it; the last is where macOS keeps programs.
 _PROGRAMS = ("qgis", "qgis-ltr", "qgis-bin", "/Applications/QGIS.app/Contents/MacOS/QGIS")
@@ -67,8 +68,8 @@ def project_uri(file: Path, project: str = PROJECT) -> str:
     return f"geopackage:{quote(file.resolve().as_posix(), safe='/:')}?projectName={quote(project)}"
 
 
-def qgis_export(folder: Path) -> QgisExport:
-    """Say how the export in a folder is opened, and what stands in it.
+def qgis_export(folder: Path, lang: Lang = Lang.EN) -> QgisExport:
+    """Say how the export in a folder is opened, and what stands in it; what layers are in a language.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def qgis_export(folder: Path) -> QgisExport:
     return QgisExport(
         file=file,
         uri=project_uri(file) if PROJECT in found.projects else None,
-        layers=tuple(Layer(name, rows, DESCRIPTION[name]) for name, rows in found.rows.items()),
+        layers=tuple(Layer(name, rows, description(name, lang)) for name, rows in found.rows.items()),
         decisions=found.decisions,
         edited={change: answer.decision for change, answer in edited_answers(file).items()},
     )

@@ -37,6 +37,23 @@ def shipped_names() -> SignNames:
     return _named(snapshot())[0]
 
 
+def sign_codes(store: Store) -> frozenset[str]:
+    """Return the sign codes of the datakatalog that a sync fetched, else of the shipped one."""
+    with store.snapshot() as view:
+        fact = view.fact(KATALOG_FACT)
+    return _codes_of(snapshot() if fact is None else katalog_from_document(fact))
+
+
+def shipped_codes() -> frozenset[str]:
+    """Return the sign codes of the datakatalog that ships with twin: some of all."""
+    return _codes_of(snapshot())
+
+
+def _codes_of(katalog: Datakatalog) -> frozenset[str]:
+    names, nameless = _named(katalog)
+    return frozenset(names) | nameless
+
+
 def _named(katalog: Datakatalog) -> tuple[dict[str, str], set[str]]:
     """Names of a datakatalog's codes, and its codes without one."""
     kind = katalog.egenskapstyper.get(SKILTNUMMER)

@@ -42,6 +42,7 @@ from twin.review.records import (
     UndoRecord,
     UndoRequest,
 )
+from twin.review.shapes import tracks_of
 from twin.store import schema
 from twin.store.store import Snapshot, Store
 from twin.web import base_map
@@ -50,6 +51,7 @@ from twin.web.guard import Address, Outside
 from twin.web.messages import PageError, answer_of, body_of
 from twin.web.sessions import Sessions, session_of
 from twin.words import Lang, decision_title, language_from, messages, say
+from twin.words.table import Fact
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -141,6 +143,7 @@ class _Page:
             Route("/api/session/answers", self.answers),
             Route("/api/findings", self.list),
             Route("/api/points", self.points),
+            Route("/api/tracks", self.tracks),
             Route("/api/finding/{change_id}", self.finding),
             Route("/api/reviewer", self.reviewer, methods=["POST"]),
             Route("/api/answer", self.answer, methods=["POST"]),
@@ -215,6 +218,11 @@ class _Page:
             )
         )
 
+    def tracks(self, _request: Request) -> Response:
+        """Return where the drives went, for the map of all findings."""
+        with self.store.snapshot() as view:
+            return answer_of(tracks_of(view))
+
     def finding(self, request: Request) -> Response:
         """Return everything about one finding."""
         eyes, change_id = self.eyes(request), request.path_params["change_id"]
@@ -257,7 +265,11 @@ class _Page:
         name = " ".join(asked.name.split())
         if not name or len(name) > MAX_NAME or not name.isprintable() or name == TWIN:
             raise PageError(HTTPStatus.BAD_REQUEST, self.say(request, "review.bad_name", n=MAX_NAME))
-        session_of(request).person = name
+        who = session_of(request)
+        # Another tab of the same browser may have asked too: what it answers is under the first name.
+        if who.person not in ("", name) and not asked.of_kept_answers:
+            raise PageError(HTTPStatus.CONFLICT, self.say(request, "review.named_already", by=who.person))
+        who.person = name
         return answer_of(ReviewerRecord(name))
 
     async def answer(self, request: Request) -> Response:
@@ -323,7 +335,7 @@ class _Page:
         lang = self.options.lang or language_from(accepted)
         return Eyes(session_of(request).person, self.options.blind, lang)
 
-    def say(self, request: Request, key: str, **facts: int) -> str:
+    def say(self, request: Request, key: str, **facts: Fact) -> str:
         """Say something in the browser's language."""
         return say(self.eyes(request).lang, key, **facts)
 

@@ -300,9 +300,10 @@ class UndoRecord(msgspec.Struct, frozen=True):
 
 
 class ReviewerRequest(msgspec.Struct, frozen=True):
-    """Who sits at this browser."""
+    """Who sits at this browser, or who gave the answers that it kept while no server was there."""
 
     name: str
+    of_kept_answers: bool = False
 
 
 class ReviewerRecord(msgspec.Struct, frozen=True):

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 import sqlalchemy as sa
 
 from geoloc.arrays import FloatArray
@@ -20,6 +21,8 @@ from twin.store.store import Row, Snapshot
 from twin.words import sign_titles
 
 _MAX_RAYS = 24
+_TRACK_M = 2.0
+"""How far a simplified track may lie from where the car was: less than a mark covers."""
 _CORNERS = 48
 _SEEN_FROM_M = 20.0
 """How far a place is looked at from, as `twin match` counts it: ``view_range_m``."""
@@ -63,6 +66,17 @@ def map_of(
     if finding.n_sightings:
         features += _points("seen", np.array([[finding.east_m, finding.north_m]]))
     return FeatureCollection(features)
+
+
+def tracks_of(view: Snapshot) -> FeatureCollection:
+    """Draw where all drives went, as exactly as a map of all findings shows it."""
+    drive = schema.drive.c
+    rows = view.rows(sa.select(drive.name, drive.line).order_by(drive.started_ns))
+    lines = shapely.simplify(shapely.from_wkb([row["line"] for row in rows]), _TRACK_M)
+    tracks = [shapely.get_coordinates(line) for line in lines]
+    return FeatureCollection(
+        [_line("track", at_m, row["name"]) for row, at_m in zip(rows, tracks, strict=True) if len(at_m) > 1]
+    )
 
 
 def radius95_m(covariance_m2: tuple[float, float, float]) -> float:

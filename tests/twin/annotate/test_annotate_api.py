@@ -115,7 +115,7 @@ def test_other_tools_files_stay_as_they_are(folder: Path) -> None:
 
 
 def test_undo_leads_back_to_an_empty_page(folder: Path, browser: Browser) -> None:
-    """Each change can be taken back, in the file too."""
+    """Each change can be taken back, in the file too: of no marks there is none."""
     name = browser.post("mark", a_click())[1]["object"]
     assert browser.post("name", {"object": name, "codes": "362.50;808.1"})[0] == 200
     assert browser.post("remove", {"object": name})[1]["signs"] == []
@@ -123,7 +123,19 @@ def test_undo_leads_back_to_an_empty_page(folder: Path, browser: Browser) -> Non
         status, state = browser.post("undo", {})
         assert (status, len(state["signs"])) == (200, n_signs)
     assert browser.post("undo", {})[0] == 409
-    assert "<track" not in (folder / FILE).read_text()
+    assert not (folder / FILE).exists()
+
+
+def test_code_of_no_list_is_asked_about_and_kept_when_meant(folder: Path) -> None:
+    """The refusal names it; the same again, as meant, stands in the file."""
+    with browsing(folder, codes=frozenset({"362.50", "802"})) as browser:
+        name = browser.post("mark", a_click())[1]["object"]
+        assert browser.post("name", {"object": name, "codes": "362.50;802"})[0] == 200
+        status, told = browser.post("name", {"object": name, "codes": "362.55;802"})
+        assert (status, "362.55." in told["error"], "802" in told["error"]) == (422, True, False)
+        assert signs(browser)[name]["codes"] == "362.50;802"
+        assert browser.post("name", {"object": name, "codes": "362.55;802", "is_meant": True})[0] == 200
+    assert "362.55;802" in (folder / FILE).read_text()
 
 
 @pytest.mark.parametrize(

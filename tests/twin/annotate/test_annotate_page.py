@@ -49,11 +49,15 @@ def context() -> Iterator[BrowserContext]:
 
 
 def test_a_sign_is_clicked_named_proposed_and_confirmed(context: BrowserContext, painted: Path) -> None:
-    """Two clicks and a name make a sign; Enter confirms the third picture; no other host is asked."""
+    """Two clicks and a name make a sign; Enter confirms the third picture; no other host is asked.
+
+    A code that no list has is asked about.
+    """
     drive = sample()
     hosts: set[str] = set()
     context.on("request", lambda request: hosts.add(request.url.split("/")[2]))
-    with served(painted, by="Kari", names={"142": "Barn", "202": "Vikeplikt"}) as (address, token):
+    names = {"142": "Barn", "202": "Vikeplikt"}
+    with served(painted, by="Kari", names=names, codes=frozenset(names)) as (address, token):
         expect.set_options(timeout=30_000)
         page = context.new_page()
         page.goto(address.url(token))
@@ -61,6 +65,14 @@ def test_a_sign_is_clicked_named_proposed_and_confirmed(context: BrowserContext,
         with browsing(painted) as other:
             person = Person(other, drive)
         click(page, person, drive, FRAMES[0])
+        expect(page.locator("#signs button")).to_have_count(1)
+        page.keyboard.type("999")
+        page.keyboard.press("Enter")
+        expect(page.locator("#said")).to_contain_text("999")
+        expect(page.locator("#code")).to_be_focused()
+        page.keyboard.press("Enter")
+        expect(page.locator("#signs button")).to_contain_text("999")
+        page.keyboard.press("k")
         expect(page.locator("#code")).to_be_focused()
         page.keyboard.type("vike")
         expect(page.locator("#codes li")).to_have_count(1)

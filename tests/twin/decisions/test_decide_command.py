@@ -52,7 +52,7 @@ def test_decide_one_by_one_and_back(twin: Twin, store: Path) -> None:
     answer = twin("decide", ids[0], "dismiss", ids[1], "--reason", "road works", "--store", store, "--json")
     assert answer.json == {"decided": "dismiss", "change_ids": sorted(ids), "already": []}
     answer = twin("decide", "accept", ids[0], "--by", "ola", "--store", store)
-    assert "1 finding: accept." in answer.err
+    assert "1 finding accepted." in answer.err
     assert twin("decide", "undo", "--store", store, "--json").json["change_ids"] == [ids[0]]
     history = twin("explain", ids[0], "--store", store, "--json").json["history"]
     assert [(e["decision"], e["by"]) for e in history] == [
@@ -95,7 +95,7 @@ def test_decide_in_bulk_says_how_many_and_never_nothing(twin: Twin, store: Path,
     assert new["change_id"] in answer.out
     answer = twin(*bulk)
     assert answer.code == 0
-    assert "1 finding: accept." in answer.err
+    assert "1 finding accepted." in answer.err
     answer = twin(*bulk)
     assert answer.code == 5
     assert "No open finding fits" in answer.err

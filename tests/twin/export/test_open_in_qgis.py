@@ -31,6 +31,9 @@ def test_qgis_says_how_to_open_the_project_and_what_is_in_it(twin: Twin, exporte
         assert layer in answer.out
     assert "Decide in the column decision of the layer changes" in answer.err
     assert "--project" in answer.err
+    norwegian = twin("qgis", exported, "--lang", "nb")
+    assert "Hvor bilen kjørte" in norwegian.out
+    assert "Avgjør i kolonnen decision" in norwegian.err
 
 
 def test_qgis_as_json_has_the_same(twin: Twin, exported: Path) -> None:

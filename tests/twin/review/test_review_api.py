@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import sqlalchemy as sa
 from command_line import Twin
@@ -97,6 +98,16 @@ def test_finding_shows_claim_beside_what_was_seen(page: Browser) -> None:
     assert found["can_answer"]
     title = page.get("findings", verdict="new")["items"][0]["title"]
     assert title == "142 – Barn + 802 – Avstand"
+
+
+def test_map_of_all_shows_where_the_drives_went(page: Browser) -> None:
+    """A line a drive, through the middle of the findings."""
+    (track,) = page.get("tracks")["features"]
+    points = page.get("points")
+    assert (track["geometry"]["type"], track["properties"]["kind"]) == ("LineString", "track")
+    lon, lat = np.array(track["geometry"]["coordinates"]).T
+    assert lon.min() < min(points["lon"]) < lon.max()
+    assert lat.min() < min(points["lat"]) < lat.max()
 
 
 def test_map_shows_rays_to_the_sign_and_where_cameras_look(page: Browser) -> None:
@@ -300,6 +311,8 @@ def test_nobody_answers_without_a_name(server: Server, store: Path) -> None:
     for name in ("", "  ", "twin", "x" * 81, "a\x00b"):
         assert nobody.post("reviewer", {"name": name})[0] == 400
     assert nobody.post("reviewer", {"name": " Kari  Nordmann "}) == (200, {"reviewer": "Kari Nordmann"})
+    # A second tab of the same browser has asked as well.
+    assert nobody.post("reviewer", {"name": "Ola"})[0] == 409
     assert nobody.answer(NEW, "accept")[0] == 200
     assert server()("ola").get("session")["reviewers"] == ["Kari Nordmann"]
 

@@ -62,6 +62,7 @@ def named_in_code() -> set[str]:
         "entry": ["decided", "undone", "reopened", "carried", "opinion", "withdrawn", "suppressed", "lifted"],
         "alias": [f"{layer}.{one.name}" for layer, columns in COLUMNS.items() for one in columns],
         "qgis": list(qgis_names()),
+        "opening": [f"layer.{layer}" for layer in COLUMNS],
         "match": ["change", "verdict", "decision", "road", "reason"],
         "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/explain.py").read_text()),

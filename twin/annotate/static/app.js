@@ -8,6 +8,8 @@ import { Pictures } from "./pictures.js";
 import { Stage } from "./stage.js";
 import { number, say, speak } from "./words.js";
 
+/* The server's word for a code that its list does not have. */
+const UNKNOWN_CODE = 422;
 /* A click that misses by more is likely of another pole. */
 const FAR_PX = 40;
 
@@ -24,7 +26,7 @@ const stage = new Stage({
   foot: (point, of) => mark("foot", point, of),
   box: (edges, of) => mark("box", edges, of),
 });
-const codes = new Codes((text) => name(text));
+const codes = new Codes((text, isMeant) => name(text, isMeant));
 const chosen = () => signs.find((one) => one.object === sign);
 const frame = () => camera.frames[at];
 
@@ -74,8 +76,8 @@ function otherCamera() {
 
 // -- what the person does ------------------------------------------------------------------------------------
 
-/** One change after the other: each answer holds all signs. */
-function change(path, body) {
+/** One change after the other: each answer holds all signs. `refused(status)` hears of a change that was not made. */
+function change(path, body, refused = () => undefined) {
   queue = queue.then(async () => {
     try {
       const state = await post(`api/${path}`, body);
@@ -88,6 +90,7 @@ function change(path, body) {
       return true;
     } catch (error) {
       tell(error instanceof Refused ? error.message : say("annotate.no.server"));
+      refused(error.status);
       return false;
     }
   });
@@ -101,7 +104,8 @@ async function mark(kind, place, of) {
   if (!done) return;
   const one = chosen();
   if (one?.worst_px > FAR_PX) tell(say("annotate.far", { sign: one.object, px: number(one.worst_px) }));
-  if (isNew) code();
+  // The field is not entered: the keys go on working, and a digit begins the code.
+  if (isNew) tell(say("annotate.name.it", { sign }));
 }
 
 async function confirm() {
@@ -119,8 +123,8 @@ async function confirm() {
   if (left.length) await go(camera.name, left.find((other) => other > here.frame) ?? left[0]);
 }
 
-function name(text) {
-  if (sign) change("name", { object: sign, codes: text });
+function name(text, isMeant) {
+  if (sign) change("name", { object: sign, codes: text, is_meant: isMeant }, (status) => status === UNKNOWN_CODE && codes.doubt(text));
 }
 
 function offer() {

@@ -4,7 +4,7 @@ import { get } from "./api.js";
 import { byId, fill, h } from "./dom.js";
 
 export class Codes {
-  /** `name(codes)` is called with what was chosen. */
+  /** `name(codes, isMeant)` is called with what was chosen, and whether it was chosen again after a doubt. */
   constructor(name) {
     this.name = name;
     this.field = byId("code");
@@ -12,6 +12,7 @@ export class Codes {
     this.items = [];
     this.at = 0;
     this.asked = 0;
+    this.doubted = null;
     this.field.addEventListener("input", () => this.search());
     this.field.addEventListener("keydown", (event) => this.key(event));
     this.field.addEventListener("blur", () => this.close());
@@ -70,7 +71,16 @@ export class Codes {
     const codes = [...this.parts().before, code].filter(Boolean).join(";");
     this.field.value = codes;
     this.field.blur();
-    this.name(codes);
+    const isMeant = codes === this.doubted;
+    this.doubted = null;
+    this.name(codes, isMeant);
+  }
+
+  /** No list has these codes: here they are again, to be corrected or meant. */
+  doubt(codes) {
+    this.doubted = codes;
+    this.field.value = codes;
+    this.field.focus();
   }
 
   close() {

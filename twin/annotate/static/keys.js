@@ -29,6 +29,8 @@ export function listenToKeys(acts) {
       event.preventDefault();
       return acts.step((event.key === "ArrowRight" ? 1 : -1) * (event.shiftKey ? 10 : 1));
     }
+    // What begins with a digit is a code: it is typed into the field, which has what stands there selected.
+    if (/^\d$/.test(event.key)) return acts.code();
     const isButton = event.target instanceof HTMLButtonElement;
     const act = ACTS[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!act || event.repeat || (event.key === "Enter" && isButton)) return undefined;

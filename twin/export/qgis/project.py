@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 from xml.etree import ElementTree as ET
 
-from twin.export.layers import DESCRIPTION, EPSG_UTM33, EPSG_WGS84, GEOMETRY
+from twin.export.layers import EPSG_UTM33, EPSG_WGS84, GEOMETRY, description
 from twin.export.qgis.qml import DOCTYPE, style
 from twin.store.kinds import QUIET, Decision
 from twin.web.base_map import CREDIT, TILES
@@ -213,7 +213,7 @@ def _map_layer(name: str, table: str, file: str, document: str, epsg: int, lang:
     ET.SubElement(layer, "id").text = _id(name)
     ET.SubElement(layer, "datasource").text = _source(name, file)
     ET.SubElement(layer, "layername").text = _title(name, lang)
-    ET.SubElement(layer, "abstract").text = DESCRIPTION[table]
+    ET.SubElement(layer, "abstract").text = description(table)
     ET.SubElement(layer, "srs").append(_crs(epsg))
     ET.SubElement(layer, "provider", {"encoding": "UTF-8"}).text = "ogr"
     layer.extend(list(qml))

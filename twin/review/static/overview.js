@@ -3,7 +3,7 @@
 import { get } from "./api.js";
 import { fill, h } from "./dom.js";
 import { makeMap, noMap } from "./maps.js";
-import { mark, MARKS } from "./marks.js";
+import { DRIVE_COLOUR, mark, MARKS } from "./marks.js";
 import { say } from "./words.js";
 
 const SHAPES_FROM = 13;
@@ -31,6 +31,9 @@ const LAYERS = [
   },
 ];
 
+// Where nobody drove, no finding is a good sign of nothing.
+const TRACK = { id: "track", type: "line", source: "tracks", layout: { "line-cap": "round", "line-join": "round" }, paint: { "line-color": DRIVE_COLOUR, "line-width": 2, "line-opacity": 0.4 } };
+
 export class Overview {
   /** @param {{baseMap: object | null, bounds: number[], onopen: (id: string) => void}} options */
   constructor(place, options) {
@@ -49,6 +52,9 @@ export class Overview {
       noMap(this.stage);
       return;
     }
+    const tracks = await get("api/tracks").catch(() => ({ type: "FeatureCollection", features: [] }));
+    this.map.addSource("tracks", { type: "geojson", data: tracks });
+    this.map.addLayer(TRACK);
     this.map.addSource("findings", { type: "geojson", data: { type: "FeatureCollection", features: [] }, tolerance: 0, maxzoom: 16 });
     for (const layer of LAYERS) {
       this.map.addLayer({ ...layer, source: "findings" });
@@ -56,13 +62,15 @@ export class Overview {
       this.map.on("mouseenter", layer.id, () => (this.map.getCanvas().style.cursor = "pointer"));
       this.map.on("mouseleave", layer.id, () => (this.map.getCanvas().style.cursor = ""));
     }
-    this.home();
+    // Until the person moves the map it shows all there is, in whatever room the filter leaves it.
+    this.map.on("movestart", (event) => (this.isMoved ||= Boolean(event.originalEvent)));
+    this.map.on("resize", () => this.isMoved || this.home());
   }
 
   home() {
-    if (!this.options.bounds) return;
-    const [west, south, east, north] = this.options.bounds;
-    this.map.resize();
+    if (!this.bounds) return;
+    this.isMoved = false;
+    const [west, south, east, north] = this.bounds;
     this.map.fitBounds([west, south, east, north], { padding: 40, maxZoom: 17, animate: false });
   }
 
@@ -85,9 +93,23 @@ export class Overview {
     }
     this.map.getSource("findings").setData({ type: "FeatureCollection", features });
     this.map.resize();
+    // Another filter, another place to look at.
+    const asked = JSON.stringify(filter);
+    if (this.asked !== asked) {
+      this.asked = asked;
+      this.bounds = boundsOf(features) ?? this.options.bounds;
+      this.home();
+    }
     this.state.textContent = say("page.overview", { count: features.length });
     this.map.once("idle", () => (this.stage.dataset.shown = String(features.length)));
   }
+}
+
+function boundsOf(features) {
+  const places = features.map((one) => one.geometry.coordinates);
+  if (!places.length) return null;
+  const edge = (pick, axis) => places.reduce((found, place) => pick(found, place[axis]), places[0][axis]);
+  return [edge(Math.min, 0), edge(Math.min, 1), edge(Math.max, 0), edge(Math.max, 1)];
 }
 
 const verdictLegend = () =>
