@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
+from twin.cli.options import DEFAULT_STORE, EpsgOption, JsonOption, StoreOption
 from twin.cli.output import bar, note, print_json, print_pairs, print_paths, print_table, steps, warn
 
 if TYPE_CHECKING:
@@ -135,7 +135,8 @@ def verify(
     drive: Annotated[
         Path, typer.Argument(help="A drive past objects at surveyed positions.", metavar="DRIVE")
     ],
-    known: Annotated[Path, typer.Option(help="CSV: object,easting,northing in EPSG:25833.")],
+    known: Annotated[Path, typer.Option(help="CSV with object, easting, northing.")],
+    epsg: EpsgOption = None,
     apply: Annotated[
         Path | None, typer.Option(help="Write the drive's rig here, with the corrections that are certain.")
     ] = None,
@@ -158,7 +159,7 @@ def verify(
     from twin.calibrate.drives.verify import verify_drive
 
     with steps(quiet=json_output) as say:
-        verification = verify_drive(drive, known, apply=apply, level_deg=level, progress=say)
+        verification = verify_drive(drive, known, apply=apply, level_deg=level, epsg=epsg, progress=say)
     if plot is not None:
         draw_verification(verification, plot)
     if json_output:
@@ -168,10 +169,12 @@ def verify(
     _print_verification(verification)
     if plot is not None:
         note(f"wrote {plot}")
-    note(f"Next: {_after_verify(verification, drive, known, level)}")
+    note(f"Next: {_after_verify(verification, drive, known, level, epsg)}")
 
 
-def _after_verify(verification: Verification, drive: Path, known: Path, level: float | None) -> str:
+def _after_verify(
+    verification: Verification, drive: Path, known: Path, level: float | None, epsg: int | None
+) -> str:
     if verification.doubt:
         return f"look at {known} and the rig file, then twin calibrate verify {drive} --known {known}"
     if verification.rig is not None and verification.advised:
@@ -179,6 +182,7 @@ def _after_verify(verification: Verification, drive: Path, known: Path, level: f
         return _to_ingest(drive, verification.rig_file, files)
     if verification.advised:
         given = "" if level is None else f" --level {level:g}"
+        given += "" if epsg is None else f" --epsg {epsg}"
         return f"twin calibrate verify {drive} --known {known}{given} --apply rig_corrected.json"
     return f"twin ingest-drive {drive}"
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from twin.errors import ConfigError
 from twin.words import Lang
 
 StoreOption = Annotated[
@@ -31,6 +32,28 @@ ByOption = Annotated[
 LangOption = Annotated[
     Lang, typer.Option("--lang", envvar="TWIN_LANG", help="Language: English or Norwegian.")
 ]
+
+EpsgOption = Annotated[
+    int | None,
+    typer.Option(
+        help="Coordinate system of the file's positions: 25832 (UTM zone 32), 4258 (longitude, latitude) … "
+        " [default: 25833, or its column epsg]",
+        metavar="CODE",
+        show_default=False,
+    ),
+]
+ExcelOption = Annotated[
+    bool,
+    typer.Option(
+        "--excel", help="CSV as Norwegian Excel opens it: semicolons, decimal commas, a byte-order mark."
+    ),
+]
+
+
+def need_csv(excel: bool, csv: Path | None) -> None:
+    """Refuse ``--excel`` where no CSV is written."""
+    if excel and csv is None:
+        raise ConfigError("--excel says how --csv is written: name a file by --csv too.")
 
 
 def person(by: str | None) -> str:

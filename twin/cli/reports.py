@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.cli.options import DEFAULT_STORE, JsonOption, LangOption, StoreOption
+from twin.cli.options import (
+    DEFAULT_STORE,
+    EpsgOption,
+    ExcelOption,
+    JsonOption,
+    LangOption,
+    StoreOption,
+    need_csv,
+)
 from twin.cli.output import cell, note, print_json, print_pairs, print_table, warn
 from twin.words import Lang, number_text, say, verdict_title
 
@@ -37,7 +45,7 @@ def evaluate(
     truth: Annotated[
         Path,
         typer.Argument(
-            help="CSV with object,label,easting,northing (EPSG:25833) and, if known, height (ellipsoidal).",
+            help="CSV with object, easting, northing and, if known, label, height (ellipsoidal), epsg.",
             metavar="TRUTH.csv",
         ),
     ],
@@ -54,6 +62,8 @@ def evaluate(
     csv: Annotated[
         Path | None, typer.Option("--csv", help="Also write the error of each object.", metavar="FILE.csv")
     ] = None,
+    excel: ExcelOption = False,
+    epsg: EpsgOption = None,
     lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
@@ -65,13 +75,14 @@ def evaluate(
     from twin.store.atomic_files import replace_file
     from twin.store.store import Store
 
-    truths = read_truth(truth)
+    need_csv(excel, csv)
+    truths = read_truth(truth, epsg=epsg)
     with Store.open(store, create=False) as opened:
         evaluation = run(opened, truths, by=by.value, within_m=within)
     files = plot(evaluation, plots) if plots is not None else []
     if csv is not None:
         each = [error for method in evaluation.methods for error in method.each]
-        replace_file(csv, csv_of(each).encode())
+        replace_file(csv, csv_of(each, excel=excel))
     if json_output:
         written = {"plots": [str(path) for path in files], "csv": None if csv is None else str(csv)}
         print_json({"methods": evaluation.as_json(), **written})

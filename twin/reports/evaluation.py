@@ -24,6 +24,7 @@ from twin.reports.object_errors import (
 )
 from twin.reports.pairing import Pairing, Placed, by_id, by_position, nearest_m
 from twin.reports.truth import Truth, read_truth
+from twin.reports.zones import check_pairs, system_that_fits
 from twin.store import schema
 from twin.store.folders import make_folder
 from twin.store.records import Estimate
@@ -140,6 +141,7 @@ def evaluate(
     if not estimates:
         raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
     find, paired_by = _pairing(store, estimates, truths, by, within_m)
+    check_pairs(_paired(estimates, find))
     lines = driven_lines(store)
     results: list[MethodResult] = []
     sighting_arrays: dict[str, dict[str, FloatArray]] = {}
@@ -245,11 +247,28 @@ def _pairing(
             f"object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them; "
             "or pair them by position (--by position)."
         )
+    away_m = nearest_m(estimates, _places(truths))
+    fits = "" if away_m < _FAR_M else _zone_that_fits(estimates, truths)
+    if fits:
+        raise TruthError(f"No estimate in {store.path} stands within {away_m:,.0f} m of the survey: {fits}")
     raise TruthError(
         f"No estimate in {store.path} ({held}, …) has the id of an object of the truth file ({names}, …), or "
-        f"stands within {within_m:g} m of one; the nearest is {nearest_m(estimates, truths):.1f} m away: is "
-        "it the right file, and in EPSG:25833? --within allows more."
+        f"stands within {within_m:g} m of one; the nearest is {away_m:,.1f} m away: is it "
+        f"the right file, and in EPSG:{truths[0].epsg} (--epsg)? --within allows more."
     )
+
+
+_FAR_M = 5_000.0
+"""Nearer than this a survey is in the system that it was taken to be in, but of other objects."""
+
+
+def _places(truths: Sequence[Truth]) -> FloatArray:
+    return np.array([(truth.east_m, truth.north_m) for truth in truths])
+
+
+def _zone_that_fits(estimates: Sequence[Placed], truths: Sequence[Truth]) -> str:
+    one_system = [truth for truth in truths if truth.epsg == truths[0].epsg]
+    return system_that_fits(_places(one_system), truths[0].epsg, lambda at_m: nearest_m(estimates, at_m))
 
 
 def _paired(placed: Iterable[Placed], find: Pairing) -> list[tuple[Placed, Truth]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -18,6 +16,7 @@ from twin.reports.pairing import Placed
 from twin.reports.truth import Truth
 from twin.store import schema
 from twin.store.store import Store
+from twin.tables import csv_bytes
 
 if TYPE_CHECKING:
     import shapely
@@ -124,15 +123,19 @@ def height_errors(errors: Sequence[ObjectError]) -> HeightErrors:
     )
 
 
-def csv_of(errors: Sequence[ObjectError]) -> str:
-    """Write a line an object, under the names of `ObjectError`; what is not known is empty."""
-    text = io.StringIO()
-    out = csv.DictWriter(text, [field.name for field in fields(ObjectError)], lineterminator="\n")
-    out.writeheader()
-    for one in errors:
-        row = asdict(one)
-        out.writerow({name: f"{v:.4f}" if isinstance(v, float) else v for name, v in row.items()})
-    return text.getvalue()
+def csv_of(errors: Sequence[ObjectError], *, excel: bool = False) -> bytes:
+    """Write a line an object, under the names of `ObjectError`; what is not known is empty.
+
+    Parameters
+    ----------
+    excel : bool
+        As :func:`twin.tables.csv_bytes` takes it.
+    """
+    rows = [
+        {name: round(v, 4) if isinstance(v, float) else v for name, v in asdict(one).items()}
+        for one in errors
+    ]
+    return csv_bytes([field.name for field in fields(ObjectError)], rows, excel=excel)
 
 
 def _object_error(placed: Placed, truth: Truth, line: shapely.LineString | None) -> ObjectError:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geoloc.arrays import FloatArray
 from twin.matching.one_to_one import cheapest_pairs
 from twin.reports.truth import Truth
 from twin.store.records import split_codes
@@ -87,11 +88,11 @@ def by_position(estimates: Sequence[Placed], truths: Sequence[Truth], within_m: 
     return lambda placed: pairs.get(placed.key)
 
 
-def nearest_m(estimates: Sequence[Placed], truths: Sequence[Truth]) -> float:
-    """Distance of the estimate that stands nearest to any truth."""
+def nearest_m(estimates: Sequence[Placed], survey_m: FloatArray) -> float:
+    """Distance of the estimate that stands nearest to any surveyed position (n, 2), EPSG:25833."""
     from scipy.spatial import cKDTree
 
-    tree = cKDTree([(truth.east_m, truth.north_m) for truth in truths])
+    tree = cKDTree(survey_m)
     distance_m, _ = tree.query(np.array([(e.east_m, e.north_m) for e in estimates]))
     return float(np.min(distance_m))
 

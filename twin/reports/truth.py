@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from geoloc.arrays import FloatArray
 from twin.errors import TruthError
+from twin.tables import NotTextError, Table
 
 _REQUIRED = ("object", "easting", "northing")
+UTM33 = 25833
+_EAST_M, _NORTH_M = (-2_000_000.0, 2_000_000.0), (6_300_000.0, 8_200_000.0)
+"""Of Norway in any of the zones from 31 to 36: which zone it is only a drive can tell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +24,7 @@ class Truth:
     """One surveyed object, EPSG:25833.
 
     `drive_id` is "" where the file does not tell drives apart, `label` where it has none. `height_m` is
-    ellipsoidal, None where the file has none.
+    ellipsoidal, None where the file has none. `epsg` is the system of the file's own numbers.
     """
 
     object: str
@@ -26,58 +33,144 @@ class Truth:
     north_m: float
     label: str = ""
     height_m: float | None = None
+    epsg: int = UTM33
 
 
-def read_truth(path: Path | str) -> list[Truth]:
-    """Read surveyed positions: CSV with the columns object, label, easting, northing (EPSG:25833).
+def read_truth(path: Path | str, *, epsg: int | None = None) -> list[Truth]:
+    """Read surveyed positions: CSV with the columns object, label, easting, northing.
 
     A column ``drive_id`` is optional; without it an object's truth holds for every drive in the store. So is
     ``label``; one that begins with a sign code ("362.50;808") helps to pair by position. So is ``height``, of
-    the foot, metres above the ellipsoid; a cell of it may be empty.
+    the foot, metres above the ellipsoid; a cell of it may be empty. So is ``epsg``, the coordinate system of
+    a row: 25832, for one. Any CSV that a spreadsheet saves is read (:mod:`twin.tables`).
+
+    Parameters
+    ----------
+    path : Path
+    epsg : int, optional
+        The coordinate system of rows that do not state theirs; by default EPSG:25833. Of a geographic one
+        easting is the longitude, northing the latitude, in degrees.
 
     Raises
     ------
     TruthError
-        No such file, a missing column, or a number that is none: file, line and cure.
+        No such file, a missing column, a number that is none, or a place that is not in Norway: file, line
+        and cure.
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        table = Table(path.read_bytes())
     except OSError as error:
         raise TruthError(
             f"The truth file {path} cannot be read ({error.strerror}): check its name."
         ) from error
-    except UnicodeDecodeError as error:
-        raise TruthError(f"The truth file {path} is not text in UTF-8: name a CSV file.") from error
-    reader = csv.DictReader(text.splitlines())
-    missing = [name for name in _REQUIRED if name not in (reader.fieldnames or ())]
+    except (NotTextError, csv.Error) as error:
+        raise TruthError(f"The truth file {path} is no table ({error}): save it as CSV.") from error
+    missing = [name for name in _REQUIRED if name not in table.header]
     if missing:
         columns = "column" if len(missing) == 1 else "columns"
         raise TruthError(
-            f"The truth file {path} lacks the {columns} {', '.join(missing)}: it needs object, label, "
-            "easting, northing (EPSG:25833), separated by commas."
+            f"The truth file {path} lacks the {columns} {', '.join(missing)}: it needs object, easting and "
+            "northing (EPSG:25833), and may have label, height, drive_id and epsg; commas, semicolons or "
+            "tabs part them."
         )
-    truths = [_truth(row, path, number) for number, row in enumerate(reader, start=2)]
-    if not truths:
+    try:
+        rows = [_truth(row, table, f"{path}, line {table.line}", epsg) for row in table.by_name()]
+    except csv.Error as error:
+        raise TruthError(f"{path}, line {table.line}: this is not CSV ({error}): save it again.") from error
+    if not rows:
         raise TruthError(f"The truth file {path} has no rows: give one a surveyed object.")
-    return truths
+    return _in_utm33(rows, path)
 
 
-def _truth(row: Mapping[str, str | None], path: Path, line: int) -> Truth:
+def between(points: FloatArray, source: int, target: int) -> FloatArray:
+    """Transform positions from one coordinate system to another; east or longitude stands first.
+
+    Parameters
+    ----------
+    points : float64 (n, 2)
+    source, target : int
+        EPSG codes.
+
+    Returns
+    -------
+    float64 (n, 2)
+        Infinite where a system does not reach.
+
+    Raises
+    ------
+    TruthError
+        PROJ knows no such system.
+    """
+    if source == target:
+        return points
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
     try:
-        east, north = float(row["easting"] or ""), float(row["northing"] or "")
+        transformer = Transformer.from_crs(source, target, always_xy=True)
+    except ProjError as error:
+        raise TruthError(
+            f"EPSG:{source} is no coordinate system that PROJ can turn into EPSG:{target}: 25832 is UTM zone "
+            "32, 25833 zone 33, 4258 latitude and longitude."
+        ) from error
+    return np.column_stack(transformer.transform(*points.T))
+
+
+def _truth(row: Mapping[str, str], table: Table, where: str, epsg: int | None) -> Truth:
+    """One row, still in its own system."""
+    try:
+        east, north = (float(table.plain(row[name])) for name in ("easting", "northing"))
     except ValueError as error:
-        raise TruthError(f"{path}, line {line}: easting and northing must be numbers ({error}).") from error
+        raise TruthError(f"{where}: easting and northing must be numbers ({error}).") from error
     try:
-        text = (row.get("height") or "").strip()
+        text = table.plain(row.get("height", ""))
         height = float(text) if text else None
     except ValueError as error:
-        raise TruthError(f"{path}, line {line}: height must be a number or empty ({error}).") from error
-    if not (-200_000 < east < 1_200_000 and 6_300_000 < north < 8_100_000):
-        raise TruthError(
-            f"{path}, line {line}: easting {east} and northing {north} are not in Norway in EPSG:25833: "
-            "check the coordinate system and that the columns are not swapped."
-        )
-    names = ((row.get(name) or "").strip() for name in ("object", "drive_id", "label"))
-    name, drive_id, label = names
-    return Truth(name, drive_id, east, north, label, height)
+        raise TruthError(f"{where}: height must be a number or empty ({error}).") from error
+    stated = row.get("epsg", "").upper().removeprefix("EPSG:")
+    if stated and not stated.isdecimal():
+        raise TruthError(f"{where}: epsg must be the number of a coordinate system, as 25832, not {stated}.")
+    if stated and epsg is not None and int(stated) != epsg:
+        raise TruthError(f"{where}: its epsg is {stated}, but --epsg says {epsg}: leave the option out.")
+    system = int(stated) if stated else epsg or UTM33
+    if wrong := _misread(east, north, system):
+        raise TruthError(f"{where}: {wrong}")
+    return Truth(row["object"], row.get("drive_id", ""), east, north, row.get("label", ""), height, system)
+
+
+def _misread(east: float, north: float, epsg: int) -> str:
+    """What easting and northing of a row seem to be instead; "" where they may be what they say."""
+    if epsg != UTM33:
+        return ""
+    told = f"easting {east:.9g} and northing {north:.9g}"
+    if _inside(east, _EAST_M) and _inside(north, _NORTH_M):
+        return ""
+    if _inside(north, _EAST_M) and _inside(east, _NORTH_M):
+        return f"{told} are swapped, north first: exchange the names of the two columns."
+    if abs(east) <= 180.0 and abs(north) <= 180.0:
+        first = "longitude and latitude" if east < north else "latitude and longitude"
+        swap = "" if east < north else ", and exchange the names of the two columns: easting is the longitude"
+        return f"{told} are {first}: say so by --epsg 4258 or in a column epsg{swap}."
+    return f"{told} are not in Norway in EPSG:25833: check the coordinate system, or state it (--epsg)."
+
+
+def _inside(value: float, limits: tuple[float, float]) -> bool:
+    return limits[0] < value < limits[1]
+
+
+def _in_utm33(rows: Sequence[Truth], path: Path) -> list[Truth]:
+    points = np.array([(one.east_m, one.north_m) for one in rows])
+    systems = np.array([one.epsg for one in rows])
+    for epsg in np.unique(systems).tolist():
+        points[systems == epsg] = between(points[systems == epsg], epsg, UTM33)
+    for one, (east, north) in zip(rows, points.tolist(), strict=True):
+        if not (_inside(east, _EAST_M) and _inside(north, _NORTH_M)):
+            raise TruthError(
+                f"{path}: object {one.object} ({one.east_m:g}, {one.north_m:g}) is not in Norway in "
+                f"EPSG:{one.epsg}: check the system, and that the columns are not swapped."
+            )
+    return [
+        replace(one, east_m=east, north_m=north)
+        for one, (east, north) in zip(rows, points.tolist(), strict=True)
+    ]

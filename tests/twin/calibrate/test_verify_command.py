@@ -78,7 +78,9 @@ def test_survey_in_the_next_zone_is_refused(still: Path, tmp_path: Path, twin: T
     survey = known(still, tmp_path / "32.csv", lambda _, east, north: zone_32.transform(east, north))
     answer = twin("calibrate", "verify", still, "--known", survey, "--apply", tmp_path / "rig.json")
     assert answer.code == 4
-    assert "its numbers fit as EPSG:25832 (zone 32); convert them to EPSG:25833" in answer.err
+    assert (
+        "its numbers fit as EPSG:25832 (UTM zone 32), not as EPSG:25833: say so by --epsg 25832" in answer.err
+    )
     assert not (tmp_path / "rig.json").exists()
 
 

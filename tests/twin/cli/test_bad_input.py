@@ -116,7 +116,7 @@ TRUTH_FAULTS = {
     "no such file": None,
     "lacks the column": "object,x,y\nP01,1,2\n",
     "must be numbers": "object,label,easting,northing\nP01,s,abc,7039178\n",
-    "not in Norway": "object,label,easting,northing\nP01,s,7039178,273036\n",
+    "not in Norway": "object,label,easting,northing\nP01,s,273036,9039178\n",
     "no rows": "object,label,easting,northing\n",
     "No estimate": "object,label,easting,northing\nnobody,s,271036,7039178\n",
 }

@@ -135,9 +135,9 @@ def test_few_rows_with_too_many_cells_are_counted_with_the_first() -> None:
     assert skipped.reason == "more cells than the header, such as '20,202,700,500,Oslo, E6'"
 
 
-def test_decimal_comma_is_named_with_its_row() -> None:
-    """In a table of semicolons a number with a comma is no number."""
-    file = read_annotations_csv(b"frame;label;x_px;y_px\n20;202;700,5;500,5\n", "signs.csv")
+def test_decimal_comma_between_commas_is_named_with_its_row() -> None:
+    """Where commas part cells, a quoted number with a comma may be of two kinds: it is none."""
+    file = read_annotations_csv(b'frame,label,x_px,y_px\n20,202,"700,5","500,5"\n', "signs.csv")
     assert [s.reason for s in file.skipped] == ["decimal comma: write a point, such as '700,5 500,5'"]
 
 

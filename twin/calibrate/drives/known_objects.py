@@ -8,16 +8,16 @@ from geoloc.arrays import FloatArray, TextArray
 from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.trajectory.trajectory import Poses
 from twin.errors import TruthError
+from twin.reports.zones import system_that_fits
 
 _FAR_M = 200.0
-_FITS_M = 100.0
 _SIGMAS = 5.0
 _LEAST_OBJECTS = 5
 _LEAST_M = 0.3
 """What a foot is off by at any survey: the pole's lean, kerbs, the car's own place."""
 
 
-def check_near(objects: TextArray, truth_m: FloatArray, poses: Poses) -> None:
+def check_near(objects: TextArray, truth_m: FloatArray, poses: Poses, epsg: int) -> None:
     """Refuse objects that were surveyed far from every place where they were annotated.
 
     Parameters
@@ -27,6 +27,8 @@ def check_near(objects: TextArray, truth_m: FloatArray, poses: Poses) -> None:
     truth_m : float64 (n, 2)
         Its east and north, EPSG:25833.
     poses : Poses (n,)
+    epsg : int
+        The system of the survey's own numbers.
 
     Raises
     ------
@@ -43,19 +45,14 @@ def check_near(objects: TextArray, truth_m: FloatArray, poses: Poses) -> None:
         return
     worst = far[nearest[far].argmax()]
     others = f" (and {far.size - 1} more)" if far.size > 1 else ""
+    astray = np.isin(of, far)
+    cure = system_that_fits(
+        truth_m[astray], epsg, lambda at_m: float(np.median(np.hypot(*(at_m - eye[astray]).T)))
+    )
     raise TruthError(
         f"Object {names[worst]}{others} was surveyed {nearest[worst]:,.0f} m from every place where this"
-        f" drive sees it: {_likely(truth_m[np.isin(of, far)], eye[np.isin(of, far)])}"
+        f" drive sees it: {cure or 'is it the object that was annotated by this name?'}"
     )
-
-
-def _likely(truth_m: FloatArray, eye_m: FloatArray) -> str:
-    from pyproj import Transformer
-
-    zone_32 = Transformer.from_crs("EPSG:25832", "EPSG:25833", always_xy=True)
-    if np.median(np.hypot(*(np.column_stack(zone_32.transform(*truth_m.T)) - eye_m).T)) < _FITS_M:
-        return "its numbers fit as EPSG:25832 (zone 32); convert them to EPSG:25833."
-    return "is it EPSG:25833, and the object that was annotated by this name?"
 
 
 def most_misplaced(

@@ -128,6 +128,7 @@ def verify_drive(
     *,
     apply: Path | str | None = None,
     level_deg: float | None = None,
+    epsg: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Verification:
     """Compare what single frames say of objects with where they were surveyed.
@@ -146,6 +147,8 @@ def verify_drive(
     level_deg : float, optional
         The ground at the objects is plane with that below the car to so many degrees, as a yard's floor is:
         takes the place of the drive's own sigmas of pitch and roll.
+    epsg : int, optional
+        Of `known`, as :func:`twin.reports.truth.read_truth` takes it.
     progress : callable, optional
 
     Raises
@@ -154,7 +157,7 @@ def verify_drive(
         If an input cannot be used, no known object was annotated, one is far from where it was seen, or what
         `apply` would write cannot be right.
     """
-    truths = read_truth(known)
+    truths = read_truth(known, epsg=epsg)
     drive = read_drive(path, progress=progress)
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
@@ -171,7 +174,7 @@ def verify_drive(
     names = drive.annotations.object[located.index]
     rows = np.flatnonzero(np.isin(names, list(place)))
     not_seen = tuple(sorted({t.object for t in truths} - set(names[rows].tolist())))
-    check_near(names[rows], _at(place, names[rows]), _only(located.poses, rows))
+    check_near(names[rows], _at(place, names[rows]), _only(located.poses, rows), truths[0].epsg)
     rows, misplaced = _without_misplaced(drive, trajectory, located, rows, place, budget)
     truth_m = _at(place, names[rows])
     poses = _only(located.poses, rows)

@@ -11,6 +11,7 @@ from geoloc.arrays import IntArray
 from twin.drives.epochs import credible, longest_increasing, unit_hint
 from twin.drives.folder.notes import Skipped
 from twin.errors import DriveError
+from twin.tables import NotTextError, header_of, parted, text_of
 
 NO_STAMP = np.iinfo(np.int64).min
 """Marks a frame number without a stamp in the arrays of ``Drive.frame_epoch_ns``."""
@@ -52,7 +53,7 @@ def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped
         If no line can be used.
     """
     faults: Counter[str] = Counter()
-    frame, stamp_ns, hint = _rows(content.decode("utf-8-sig", errors="replace"), where, faults)
+    frame, stamp_ns, hint = _rows(_text(content, where), where, faults)
     order = np.argsort(frame, kind="stable")
     frame, stamp_ns = frame[order], stamp_ns[order]
     first = np.concatenate(([True], np.diff(frame) > 0))[: len(frame)]
@@ -74,8 +75,7 @@ def read_timestamps(content: bytes, where: str) -> tuple[IntArray, tuple[Skipped
 
 def names_images(head: bytes) -> bool:
     """Whether stamps are by image instead of by number: CSV with the columns ``image`` and ``time_ns``."""
-    header = head.decode("utf-8-sig", errors="replace").partition("\n")[0][:LONGEST_HEADER]
-    return {"image", "time_ns"} <= set(_columns(header))
+    return {"image", "time_ns"} <= {name.lower() for name in header_of(head)}
 
 
 def read_image_times(content: bytes, where: str) -> tuple[dict[str, int], tuple[Skipped, ...]]:
@@ -92,8 +92,9 @@ def read_image_times(content: bytes, where: str) -> tuple[dict[str, int], tuple[
     DriveError
         If no line can be used.
     """
-    lines = [line for line in content.decode("utf-8-sig", errors="replace").splitlines() if line.strip()]
-    header = _columns(lines[0][:LONGEST_HEADER]) if lines else []
+    text, separator = parted(_text(content, where))
+    lines = [line for line in text.splitlines() if line.strip()]
+    header = _columns(lines[0][:LONGEST_HEADER], separator) if lines else []
     if not {"image", "time_ns"} <= set(header):
         raise DriveError(_columns_missing(header, where))
     image, time = header.index("image"), header.index("time_ns")
@@ -101,7 +102,7 @@ def read_image_times(content: bytes, where: str) -> tuple[dict[str, int], tuple[
     faults: Counter[str] = Counter()
     unusable: list[str] = []
     for line in lines[1:]:
-        fields = line.split(",")
+        fields = line.split(separator)
         try:
             name, stamp_ns = PureWindowsPath(fields[image].strip(' "')).name, int(fields[time])
         except (ValueError, IndexError):
@@ -140,8 +141,15 @@ def increasing(epoch_ns: IntArray, where: str) -> tuple[IntArray, tuple[Skipped,
     return kept, (Skipped("time stamps", where, int(late.size), _NOT_LATER),)
 
 
-def _columns(header: str) -> list[str]:
-    return [name.strip(' "\r').lower() for name in header.split(",")]
+def _text(content: bytes, where: str) -> str:
+    try:
+        return text_of(content)
+    except NotTextError as error:
+        raise DriveError(f"{where} is not text ({error}): export it again.") from error
+
+
+def _columns(header: str, separator: str) -> list[str]:
+    return [name.strip(' "\r').lower() for name in header.split(separator)]
 
 
 def _columns_missing(header: list[str], where: str) -> str:
@@ -154,7 +162,7 @@ def _columns_missing(header: list[str], where: str) -> str:
 
 def _is_header(line: str) -> bool:
     """Whether a line names columns, rightly or not."""
-    return any(name.startswith(_HEADINGS) for name in _columns(line[:LONGEST_HEADER]))
+    return any(name.startswith(_HEADINGS) for name in header_of(line.lower().encode()))
 
 
 def _rows(text: str, where: str, faults: Counter[str]) -> tuple[IntArray, IntArray, str]:
@@ -162,13 +170,14 @@ def _rows(text: str, where: str, faults: Counter[str]) -> tuple[IntArray, IntArr
 
     The text says which unit the first unusable stamp seems to be in (:func:`twin.drives.epochs.unit_hint`).
     """
-    lines = [line for line in text.splitlines() if line.strip()]
+    table, delimiter = parted(text)
+    lines = [line for line in table.splitlines() if line.strip()]
     columns, unit_ns, separator = (0, 1), 1_000, None
     if lines and _is_header(lines[0]):
-        header = _columns(lines.pop(0)[:LONGEST_HEADER])
+        header = _columns(lines.pop(0)[:LONGEST_HEADER], delimiter)
         if "frame" not in header or "time_ns" not in header:
             raise DriveError(_columns_missing(header, where))
-        columns, unit_ns, separator = (header.index("frame"), header.index("time_ns")), 1, ","
+        columns, unit_ns, separator = (header.index("frame"), header.index("time_ns")), 1, delimiter
     wanted = _NANOSECONDS if separator else _MICROSECONDS
     frames, stamps, unusable = [], [], []
     for line in lines:

@@ -382,7 +382,7 @@ READERS: dict[str, Callable[[bytes, str], object]] = {
         (CLASSES, b"\xff\xfe", "not UTF-8"),
         (CLASSES, b"a" * 1_000_001, "no list of class names"),
         (CSV, b"a,b\n1,2\n", "has the columns 'a,b'"),
-        (CSV, b"frame,x_px,y_px\n\xff", "not UTF-8"),
+        (CSV, b"frame,x_px,y_px\n\x00\x01", "not text"),
         (CSV, b"", "has the columns ''"),
         (JSON, b"[" * 100_000, "nested too deeply"),
         (JSON, b'{"images": [', "not JSON"),

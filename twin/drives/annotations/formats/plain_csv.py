@@ -3,13 +3,12 @@
 One point or box a row, with a header: ``frame`` or ``image``; ``x_px,y_px`` for a foot,
 ``left_px,top_px,right_px, bottom_px`` for a face, or both; ``label``; and, as one likes, ``camera``,
 ``track`` and attributes of any name (``skiltnummer``, ``object``). Pixels count from the corner of the
-first pixel, as annotation tools count.
+first pixel, as annotation tools count. Any CSV that a spreadsheet saves is read (:mod:`twin.tables`).
 """
 
 from __future__ import annotations
 
 import csv
-import io
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,13 +25,14 @@ from twin.drives.annotations.formats.shapes import (
     numbers,
 )
 from twin.errors import DriveError
+from twin.tables import NotTextError, Table, header_of
 
 TOOL = "CSV"
 FOOT = ("x_px", "y_px")
 BOX = ("left_px", "top_px", "right_px", "bottom_px")
 _KNOWN = ("frame", "image", "camera", "track", "label", *FOOT, *BOX)
+_NUMBERS = (*FOOT, *BOX)
 _NO_ANNOTATIONS = {"latitude_deg", "latitude", "time_ns"}
-_LONGEST_HEADER = 10_000
 _LARGEST_FRAME = 2**62
 _SHIFTED = "more cells than the header"
 _SHIFTED_CURE = "put texts that hold a comma or semicolon in quotation marks"
@@ -42,15 +42,13 @@ _SEMICOLONS_CURE = "write semicolons in the header too, and points in its number
 
 def looks_like_annotations_csv(head: bytes) -> bool:
     """Whether the beginning of a file is the header of an annotation table."""
-    line = head.decode("utf-8-sig", errors="replace").partition("\n")[0]
-    names = {name.strip() for name in line.replace(";", ",").split(",")}
+    names = set(header_of(head))
     return bool(names & {"frame", "image"}) and (names.issuperset(FOOT) or names.issuperset(BOX))
 
 
 def lacking(head: bytes) -> str:
     """Which columns a table lacks that is nearly one of annotations; "" where it is far from one."""
-    line = head[:_LONGEST_HEADER].decode("utf-8-sig", errors="replace").partition("\n")[0]
-    names = [name.strip(' "\r') for name in line.replace(";", ",").split(",")]
+    names = header_of(head)
     if len(names) < 3 or looks_like_annotations_csv(head) or _NO_ANNOTATIONS & set(names):
         return ""
     begun = {re.split(r"[^a-z]", name.casefold())[0] for name in names}
@@ -71,7 +69,7 @@ def read_annotations_csv(content: bytes, where: str, _hints: Hints = NO_HINTS) -
     Raises
     ------
     DriveError
-        If it is not CSV in UTF-8, or its header lacks a column.
+        If it is no table, or its header lacks a column.
     """
     file = AnnotationFile(where, TOOL)
     try:
@@ -94,23 +92,21 @@ def _rows(content: bytes, where: str, file: AnnotationFile) -> Iterator[dict[str
     DriveError
         If those are more than half.
     """
-    text = _text(content, where)
-    delimiter = ";" if ";" in text.partition("\n")[0] else ","
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-    header = [name.strip() for name in next(reader)]
+    table = _table(content, where)
+    header, delimiter = table.header, table.delimiter
     n_rows, faulty = 0, ""
     misplaced: Counter[str] = Counter()
-    for cells in reader:
+    for cells in table:
         row = {name: cell.strip() for name, cell in zip(header, cells, strict=False) if name}
         if not any(row.values()):
             continue
         n_rows += 1
         fault = _fault(cells, len(header), delimiter)
         if not fault:
-            yield row
+            yield row | {name: table.plain(row[name]) for name in _NUMBERS if row.get(name)}
             continue
         line = delimiter.join(cells)
-        faulty = faulty or f"line {reader.line_num} ({line!r:.100}) has {len(cells)} cells, the header"
+        faulty = faulty or f"line {table.line} ({line!r:.100}) has {len(cells)} cells, the header"
         misplaced[fault] += 1
         file.leave_out(UnusableShapeError(fault, line))
     if 2 * misplaced.total() > n_rows:
@@ -118,17 +114,18 @@ def _rows(content: bytes, where: str, file: AnnotationFile) -> Iterator[dict[str
         raise DriveError(f"{where}: {faulty} {len(header)}, and so with more than half of its rows: {cure}.")
 
 
-def _text(content: bytes, where: str) -> str:
+def _table(content: bytes, where: str) -> Table:
     try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DriveError(f"{where} is not UTF-8 text: save it as UTF-8.") from error
+        table = Table(content)
+    except NotTextError as error:
+        raise DriveError(f"{where} is not text ({error}): export it again as CSV.") from error
     if not looks_like_annotations_csv(content[:65_536]):
+        columns = table.delimiter.join(table.header)
         raise DriveError(
-            f"{where} has the columns {text.partition(chr(10))[0].strip()!r:.200}: it needs frame or image,"
+            f"{where} has the columns {columns!r:.200}: it needs frame or image,"
             f" and {','.join(FOOT)} or {','.join(BOX)}."
         )
-    return text
+    return table
 
 
 def _fault(cells: Sequence[str], n_columns: int, delimiter: str) -> str:

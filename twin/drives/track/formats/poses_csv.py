@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -23,6 +22,7 @@ from twin.drives.track.fixes import (
     listed,
 )
 from twin.errors import DriveError
+from twin.tables import NotTextError, Table, header_of
 
 REQUIRED = (
     "latitude_deg",
@@ -34,14 +34,16 @@ REQUIRED = (
 )
 
 
+_ROUNDED = "time_ns rounded to a power of ten, as spreadsheets do: take the file from before"
+
+
 def looks_like_poses(head: bytes) -> bool:
     """Whether a file begins with the header of a pose file."""
-    header = head.split(b"\n", 1)[0].decode("utf-8-sig", errors="replace").split(",")
-    return {"time_ns", "latitude_deg", "heading_deg"} <= {name.strip() for name in header}
+    return {"time_ns", "latitude_deg", "heading_deg"} <= set(header_of(head))
 
 
 def read_poses(content: bytes, where: str, *, pitch_nose_up: bool = False) -> PosesRead:
-    """Read a pose file: CSV with a header.
+    """Read a pose file: CSV with a header, of any kind that a spreadsheet saves (:mod:`twin.tables`).
 
     Columns ``time_ns`` (whole nanoseconds UTC since 1970), ``latitude_deg``, ``longitude_deg``, ``height_m``
     (ellipsoidal), ``roll_deg`` (right side down), ``pitch_deg``, ``heading_deg`` (clockwise from true north),
@@ -113,18 +115,20 @@ def _table(
 
     The text says in which unit ``time_ns`` of the first unusable row seems to be.
     """
-    reader = csv.reader(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
+    try:
+        table = Table(content)
+    except (NotTextError, csv.Error) as error:
+        raise DriveError(f"{where} is not text ({error}): export it again as CSV.") from error
     times: list[int] = []
     rows: list[list[float]] = []
     unusable: list[str] = []
     try:
-        header = [name.strip() for name in next(reader, [])]
-        at = _columns(header, where)
-        for cells in reader:
+        at = _columns(table.header, where)
+        for cells in table:
             if not any(cell.strip() for cell in cells):
                 continue
             try:
-                time_ns, row = _row(cells, at)
+                time_ns, row = _row(cells if table.delimiter == "," else [*map(table.plain, cells)], at)
             except LeftOutError as reason:
                 faults[str(reason)] += 1
                 unusable += (
@@ -134,19 +138,13 @@ def _table(
             times.append(time_ns)
             rows.append(row)
     except csv.Error as error:
-        raise DriveError(
-            f"{where} is not CSV ({error} in line {reader.line_num}): export it again."
-        ) from error
-    return header, times, rows, unit_hint("".join(unusable), "nanoseconds")
+        raise DriveError(f"{where} is not CSV ({error} in line {table.line}): export it again.") from error
+    return list(table.header), times, rows, unit_hint("".join(unusable), "nanoseconds")
 
 
 def _columns(header: Sequence[str], where: str) -> dict[str, int]:
     """Position of each known column."""
     missing = [name for name in ("time_ns", *REQUIRED) if name not in header]
-    if missing and len(header) == 1 and ";" in header[0]:
-        raise DriveError(
-            f"{where} is separated by semicolons: export it with commas, and points as decimals."
-        )
     if missing:
         raise DriveError(
             f"{where} lacks the columns {', '.join(missing)}: its first line is {','.join(header)!r:.200}."
@@ -158,6 +156,8 @@ def _columns(header: Sequence[str], where: str) -> dict[str, int]:
 
 
 def _row(cells: Sequence[str], at: Mapping[str, int]) -> tuple[int, list[float]]:
+    if "E" in _cell(cells, at, "time_ns").upper():
+        raise LeftOutError(_ROUNDED)
     try:
         time_ns = int(cells[at["time_ns"]])
         pose = [float(cells[at[name]]) for name in REQUIRED]

@@ -1,0 +1,97 @@
+"""Surveys in other coordinate systems: stated they are read, unstated they are named and refused."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from command_line import Twin
+from pyproj import Transformer
+
+Written = Callable[..., Path]
+
+
+@pytest.fixture
+def written(sample: Path, tmp_path: Path) -> Written:
+    """The sample's survey in another system, north first where asked for."""
+
+    def write(epsg: int, *, north_first: bool = False, column: bool = False, ids: bool = True) -> Path:
+        turn = Transformer.from_crs(25833, epsg, always_xy=True).transform
+        path = tmp_path / "survey.csv"
+        with (sample / "truth.csv").open() as file, path.open("w") as out:
+            out.write("object,easting,northing,epsg\n")
+            for row in csv.DictReader(file):
+                place = turn(float(row["easting"]), float(row["northing"]))
+                east, north = reversed(place) if north_first else place
+                name = row["object"] if ids else f"survey-{row['object']}"
+                out.write(f"{name},{east:.9f},{north:.9f},{epsg if column else ''}\n")
+        return path
+
+    return write
+
+
+def _adjusted(twin: Twin, *arguments: object) -> tuple[int, float]:
+    answer = twin("evaluate", *arguments, "--json")
+    assert answer.code == 0, answer.err
+    one = answer.json["methods"][0]
+    assert one["method"] == "adjusted"
+    return one["objects"]["n"], one["objects"]["max"]
+
+
+@pytest.mark.parametrize("epsg", [25831, 25832, 25836, 4258])
+def test_survey_in_a_stated_system_has_the_same_errors(
+    twin: Twin, store: Path, sample: Path, written: Written, epsg: int
+) -> None:
+    """By the option or by a column, the positions are those of the survey in EPSG:25833 to a millimetre."""
+    n, largest = _adjusted(twin, sample / "truth.csv", "--store", store)
+    for stated in ([written(epsg), "--epsg", epsg], [written(epsg, column=True)]):
+        found = _adjusted(twin, *stated, "--store", store)
+        assert found == (n, pytest.approx(largest, abs=1e-3))
+
+
+@pytest.mark.parametrize("ids", [True, False])
+@pytest.mark.parametrize("zone", [31, 32, 34, 35, 36])
+def test_survey_in_another_zone_is_refused_and_the_zone_named(
+    twin: Twin, store: Path, written: Written, zone: int, ids: bool
+) -> None:
+    """Paired by id or by position: the drive tells in which zone the numbers are."""
+    answer = twin("evaluate", written(25800 + zone, ids=ids), "--store", store)
+    assert (answer.code, answer.out) == (4, "")
+    epsg = f"EPSG:258{zone}"
+    assert f"fit as {epsg} (UTM zone {zone}), not as EPSG:25833: say so by --epsg 258{zone}" in answer.err
+
+
+def test_wrongly_stated_zone_is_named_too(twin: Twin, store: Path, written: Written) -> None:
+    """Numbers of zone 33 that are said to be of zone 32."""
+    answer = twin("evaluate", written(25833), "--epsg", 25832, "--store", store)
+    assert "fit as EPSG:25833 (UTM zone 33), not as EPSG:25832" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("epsg", "north_first", "said"),
+    [
+        (25833, True, "are swapped, north first: exchange the names of the two columns."),
+        (25832, True, "are swapped, north first: exchange the names of the two columns."),
+        (4258, False, "are longitude and latitude: say so by --epsg 4258"),
+        (4258, True, "are latitude and longitude: say so by --epsg 4258"),
+    ],
+)
+def test_swapped_axes_and_degrees_are_named(
+    twin: Twin, store: Path, written: Written, epsg: int, north_first: bool, said: str
+) -> None:
+    """North before east, and degrees of either order, are told from metres by their size."""
+    answer = twin("evaluate", written(epsg, north_first=north_first), "--store", store)
+    assert answer.code == 4
+    assert said in answer.err
+
+
+def test_survey_of_another_place_is_refused(twin: Twin, store: Path, sample: Path, tmp_path: Path) -> None:
+    """Objects of the same names 300 km north: no error of 300 km is reported as a result."""
+    path = tmp_path / "elsewhere.csv"
+    path.write_text((sample / "truth.csv").read_text().replace(",7039", ",7339"))
+    answer = twin("evaluate", path, "--store", store)
+    assert answer.code == 4
+    assert "300,0" in answer.err
+    assert "A column drive_id tells those of several drives apart." in answer.err
