@@ -116,7 +116,7 @@ def _of_an_object(endring: Endring, katalog: Datakatalog) -> Iterator[Validation
     yield from _only_what_belongs(endring, say)
     yield from _identity(endring, say)
     yield from _dates(endring, say)
-    yield from _completeness(endring, say)
+    yield from _completeness(endring, katalog, say)
     yield from _operations(endring, say)
     for egenskap in endring.egenskaper:
         yield from check_egenskap(endring, egenskap, katalog, say)
@@ -182,7 +182,7 @@ def _dates(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:
         yield say("DATTEROBJEKT_UTEN_MOR", "does not say whether its children go too: set kaskade")
 
 
-def _completeness(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:
+def _completeness(endring: Endring, katalog: Datakatalog, say: _Object) -> Iterator[ValidationFinding]:
     given = {egenskap.type_id for egenskap in endring.egenskaper}
     if endring.operasjon in DELVIS:
         may_be_dates = endring.operasjon == "delvisKorriger" and (endring.startdato or endring.sluttdato)
@@ -193,12 +193,22 @@ def _completeness(endring: Endring, say: _Object) -> Iterator[ValidationFinding]
     if endring.operasjon not in _WHOLE:
         return
     for number in sorted(OBLIGATORISK.get(endring.type_id, frozenset()) - given):
-        yield say("MANGLER_OBLIGATORISKE_EGENSKAPER", f"lacks the property {number}: add it", egenskap=number)
+        clause = f"lacks the property {_named(number, katalog)}: add it"
+        yield say("MANGLER_OBLIGATORISKE_EGENSKAPER", clause, egenskap=number)
     for number in sorted(ANBEFALT.get(endring.type_id, frozenset()) - given):
-        clause = f"lacks the property {number}, which NVDB wants where it is known: add it"
+        clause = (
+            f"lacks the property {_named(number, katalog)}, which NVDB wants where it is known: add it to "
+            "the set, or in NVDB afterwards; the set may go without it"
+        )
         yield say("MANGLER_ANBEFALTE_EGENSKAPER", clause, severity=ADVARSEL, egenskap=number)
     if endring.stedfesting is None or not endring.stedfesting.punkter:
         yield say("MANGLER_STEDFESTING", "has no place on the road network: add a stedfesting")
+
+
+def _named(number: int, katalog: Datakatalog) -> str:
+    """``1876 Oppsettingsutstyr``."""
+    kind = katalog.egenskapstyper.get(number)
+    return f"{number} {kind.navn}" if kind is not None else str(number)
 
 
 def _operations(endring: Endring, say: _Object) -> Iterator[ValidationFinding]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
@@ -38,6 +39,8 @@ _DONE = {
     Decision.DEFER: "deferred",
     Decision.OPEN: "opened again",
 }
+MOST_SHOWN = 50
+"""Findings that a table shows unless more are asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,8 @@ def match(
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         report = run(opened, method=method, config=config, progress=progress)
         changes = latest_findings(opened.rows)
-        told = told_in(opened, changes, lang)
+        shown = _news_of(report, changes)
+        told = told_in(opened, shown[:MOST_SHOWN], lang)
     n_open = sum(change.is_open for change in changes)
     for warning in report.warnings:
         warn(warning)
@@ -106,17 +110,21 @@ def match(
         document = {"n_open": n_open, "changes": [change.as_json() for change in changes]}
         print_json({**asdict(report), **document})
     else:
-        _print_match(report, changes, n_open, told)
+        _print_summary(report, changes, lang)
+        _print_news(report, shown, told)
+        _print_match(report, n_open, lang)
     if exit_code and n_open:
         raise typer.Exit(EXIT_OPEN_FINDINGS)
 
 
-def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: int, told: Told) -> None:
-    lang = told.lang
-    _print_findings([change for change in changes if change.finding.verdict != Verdict.UNCHANGED], told)
-    verdicts = [(verdict_title(verdict, lang), n) for verdict, n in report.verdicts.items()]
-    columns = [say(lang, "match.verdict"), say(lang, "match.findings")]
-    print_table(say(lang, "match.verdicts"), columns, verdicts)
+def _news_of(report: MatchReport, changes: Sequence[FindingStatus]) -> list[FindingStatus]:
+    """What the match before did not say; of a first match what is open."""
+    if report.news is None:
+        return [change for change in changes if change.is_open]
+    return [change for change in changes if change.change_id in report.news.change_ids]
+
+
+def _print_match(report: MatchReport, n_open: int, lang: Lang) -> None:
     note(
         say(
             lang,
@@ -135,7 +143,36 @@ def _print_match(report: MatchReport, changes: Sequence[FindingStatus], n_open: 
         note(say(lang, "match.open", n=n_open))
 
 
-def _print_findings(changes: Sequence[FindingStatus], told: Told) -> None:
+def _print_summary(report: MatchReport, changes: Sequence[FindingStatus], lang: Lang) -> None:
+    """Count findings by verdict, and how many of them are still to decide."""
+    n_open = Counter(change.finding.verdict for change in changes if change.is_open)
+    rows = [(verdict_title(verdict, lang), n, n_open[verdict]) for verdict, n in report.verdicts.items()]
+    columns = [say(lang, "match.verdict"), say(lang, "match.findings"), say(lang, "match.n_open")]
+    print_table(say(lang, "match.verdicts"), columns, rows)
+
+
+def _print_news(report: MatchReport, shown: Sequence[FindingStatus], told: Told) -> None:
+    """Print what is new, the first of it as a table, and what has another verdict or is gone."""
+    news, lang = report.news, told.lang
+    if shown:
+        title = "match.title" if news is None else "match.news_title"
+        _print_findings(shown[:MOST_SHOWN], told, say(lang, title))
+    if len(shown) > MOST_SHOWN:
+        option = "" if news is None else " --new"
+        note(say(lang, "match.more", n=len(shown) - MOST_SHOWN, option=option))
+    if news is None:
+        return
+    counts = {"n_new": len(news.new), "n_changed": len(news.changed), "n_gone": len(news.gone)}
+    note(say(lang, "match.news" if any(counts.values()) else "match.no_news", since=news.since, **counts))
+    for one in news.changed[:MOST_SHOWN]:
+        verdicts = {"before": verdict_title(one.before, lang), "now": verdict_title(one.verdict, lang)}
+        note(say(lang, "match.other_verdict", change=one.change_id, **verdicts))
+    for gone in news.gone[:MOST_SHOWN]:
+        verdict = verdict_title(gone.verdict, lang)
+        note(say(lang, "match.gone", change=gone.change_id, verdict=verdict))
+
+
+def _print_findings(changes: Sequence[FindingStatus], told: Told, title: str = "") -> None:
     lang = told.lang
     rows: list[tuple[str, ...]] = [
         (
@@ -150,7 +187,7 @@ def _print_findings(changes: Sequence[FindingStatus], told: Told) -> None:
     columns = [say(lang, f"match.{name}") for name in ("change", "verdict", "decision", "road", "reason")]
     if not any(row[3] for row in rows):  # neither Les V4's objects nor a road network: no empty column
         columns, rows = [*columns[:3], columns[4]], [(*row[:3], row[4]) for row in rows]
-    print_table(say(lang, "match.title"), columns, rows, right_from=5)
+    print_table(title or say(lang, "match.title"), columns, rows, right_from=5)
 
 
 WordsArgument = Annotated[

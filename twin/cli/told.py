@@ -26,10 +26,9 @@ class Told:
     days: Mapping[str, dt.date]
 
     def seen(self, finding: Finding) -> str:
-        """When a finding's sign was seen, or looked for."""
-        return seen_sentence(
-            finding, self.lang, [self.days[drive] for drive in finding.drive_ids if drive in self.days]
-        )
+        """When a finding's sign was seen, or looked for: to be followed by its reason."""
+        days = [self.days[drive] for drive in finding.drive_ids if drive in self.days]
+        return seen_sentence(finding, self.lang, days, alone=False)
 
 
 def told_in(store: Store, changes: Sequence[FindingStatus], lang: Lang) -> Told:

@@ -22,6 +22,7 @@ from twin.errors import StoreError
 from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, still_seen
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
+from twin.matching.news import News
 from twin.matching.poles.keys import Mark, with_known_keys
 from twin.matching.poles.many_drives import Driven, with_fused_places
 from twin.matching.poles.map_aided import map_aided
@@ -60,6 +61,8 @@ class MatchReport:
         Poles of earlier drives that a later, completely annotated drive passed without seeing them: left out.
     map_aided : str
         What measured signs did to the poles, if these were asked to; "" if not.
+    news : News or None
+        What the match before did not find; None of the first one.
     warnings : tuple of str
         Drives that do not fit themselves, and complete ones that cannot show that a sign is missing.
     """
@@ -71,6 +74,7 @@ class MatchReport:
     n_in_view: int
     n_outdated: int
     map_aided: str
+    news: News | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -129,7 +133,7 @@ def match(
     settings = _settings(method, config, drives, observed.estimates) | {"road_network": observed.has_network}
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
-    save_changes(store, findings, keys, {**run, "revision": observed.revision}, observed.marks)
+    news = save_changes(store, findings, keys, {**run, "revision": observed.revision}, observed.marks)
     return MatchReport(
         method=method,
         verdicts=_counts(findings),
@@ -138,6 +142,7 @@ def match(
         n_in_view=int((seen.complete >= config.min_views).sum()),
         n_outdated=len(poles) - len(current),
         map_aided=tied,
+        news=news,
         warnings=tuple(warning for drive in drives for warning in drive.warnings()),
     )
 

@@ -9,6 +9,7 @@ from sqlalchemy.dialects import sqlite
 
 from twin.decisions.reopen import reopen_changed
 from twin.decisions.temporary import settle_road_works
+from twin.matching.news import FACT, News, known_findings, news_of
 from twin.matching.poles.keys import Mark
 from twin.store import schema
 from twin.store.records import Finding
@@ -21,7 +22,7 @@ def save_changes(
     pole_keys: Mapping[str, str],
     run: Row,
     marks: Mapping[str, Mark] | None = None,
-) -> None:
+) -> News | None:
     """Replace the findings of the last match, in one transaction.
 
     Findings that were decided on other evidence are open again (:mod:`twin.decisions.reopen`).
@@ -34,8 +35,16 @@ def save_changes(
         Facts of the match, with the store's ``revision`` that it is of; without one it is that of now.
     marks : mapping of estimate to its mark, optional
         By which later matches know the poles again.
+
+    Returns
+    -------
+    News or None
+        What differs from the findings that stood before, which :data:`twin.matching.news.FACT` keeps too;
+        None of the first match.
     """
     with store.transaction() as connection:
+        view = store.view(connection)
+        last, before = view.fact("last_match"), known_findings(view)
         connection.execute(sa.delete(schema.change))
         if findings:
             connection.execute(sa.insert(schema.change), [finding.to_row() for finding in findings])
@@ -47,7 +56,12 @@ def save_changes(
         now = utc_now()
         reopen_changed(connection, now)
         settle_road_works(connection, now)
-        store.put_fact(connection, "last_match", {"revision": store.view(connection).revision(), **run})
+        store.put_fact(connection, "last_match", {"revision": view.revision(), **run})
+        if last is None:
+            return None
+        news = news_of(last.get("at", ""), before, known_findings(view))
+        store.put_fact(connection, FACT, news.to_row())
+        return news
 
 
 def _remember(connection: sa.Connection, pole_keys: Mapping[str, str], marks: Mapping[str, Mark]) -> None:

@@ -28,7 +28,9 @@ class Observed(Protocol):
         ...
 
 
-def seen_sentence(finding: Observed, lang: Lang = Lang.EN, days: Sequence[dt.date] = ()) -> str:
+def seen_sentence(
+    finding: Observed, lang: Lang = Lang.EN, days: Sequence[dt.date] = (), *, alone: bool = True
+) -> str:
     """Say when a sign was seen, by how many cameras and drives; of one that was not, who looked for it.
 
     Parameters
@@ -36,6 +38,8 @@ def seen_sentence(finding: Observed, lang: Lang = Lang.EN, days: Sequence[dt.dat
     finding : Finding
     days : sequence of date, optional
         Of its drives: when a sign was looked for, which a finding does not know itself.
+    alone : bool
+        False beside the reason, which tells itself what was not seen, and in how many pictures.
 
     >>> seen_sentence(finding)  # doctest: +SKIP
     'Seen 12 June 2026 by two cameras.'
@@ -47,14 +51,14 @@ def seen_sentence(finding: Observed, lang: Lang = Lang.EN, days: Sequence[dt.dat
     stamps = [seen[key] for key in ("first", "last") if seen.get(key)]
     known = [dt.date.fromisoformat(stamp[:10]) for stamp in stamps] or list(days)
     absence = finding.terms.get("absence")
-    state = "seen.seen" if absence is None else "seen.not_seen"
+    state = "seen.seen" if absence is None else "seen.not_seen" if alone else "seen.looked_for"
     when = ""
     if known:
         first, last = min(known), max(known)
         key = "seen.on" if first == last else "seen.between"
         when = f" {say(lang, key, first=first, last=last)}"
     told = say(lang, state, when=when, by=by)
-    if absence is None:
+    if absence is None or not alone:
         return told
     return f"{told} {say(lang, 'seen.in_view', n=absence['frames'])}"
 

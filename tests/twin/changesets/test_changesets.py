@@ -103,8 +103,8 @@ def test_new_sign_says_which_traffic_it_is_for(twin: Twin, road_store: Path) -> 
     """The car drove with the road: direction and side of pole and plates, and the plates' Ansiktsside."""
     assert twin("decide", "accept", "--verdict", "new", "--by", "kari", "--store", road_store).code == 0
     made = made_from(road_store)
-    assert [warning.partition(" lacks")[2][:18] for warning in made.setts[0].warnings] == [
-        " the property 1876"
+    assert [warning.partition(" lacks")[2].partition(",")[0] for warning in made.setts[0].warnings] == [
+        " the property 1876 Oppsettingsutstyr"
     ]
     new = made.setts[0].sett.endringer
     for endring in new:
