@@ -8,9 +8,9 @@ wrote into ``drive.toml`` (or a tag of the video), which `twin.ingest.budget` ta
 bends, and a straight one at constant speed, on which no camera can tell the time. Receivers: two antennas
 with RTK, and one without corrections (2 m), whose positions are late by 0.17 s besides. A drive counts as
 named where the adjustment says that its clock cannot be, may not be, or cannot be checked; else its signs
-must be inside their ellipses. Frames that are hours off (a wrong zone, between camera and GNSS) lie outside the
-track: the drive is refused, and counts as named where the refusal says the right number of hours. Bar: named or
-inside, 85 % of all signs of a row. Nothing here is a timing.
+must be inside their ellipses. Frames that are hours off (a wrong zone, between camera and GNSS) lie outside
+the track: the drive is refused, and counts as named where the refusal says the right number of hours. Bar:
+named or inside, 85 % of all signs of a row. Nothing here is a timing.
 """
 
 from __future__ import annotations

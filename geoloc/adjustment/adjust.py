@@ -11,8 +11,9 @@ how well that is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,9 @@ _WIDER = 3.0
 # Speed and turning of a car are the same for so long: in 0.03 s braking moves it by 2 mm.
 _SAME_MOTION_S, _MOST_ROUNDS = 0.03, 8
 _POSE_ROUNDS = 2
+# Lenses are taken as linear about what is known of them: that is good to this.
+_SAME_LENS_PX, _LENS_ROUNDS, _MOST_LOST = 1.0, 4, 0.9
+_NO_LENS: Mapping[str, FloatArray] = MappingProxyType({})
 # Begun so far from the clock that was found, an adjustment comes back to it if the drive tells the time.
 # Where fixes of metres make yaw rates and speeds tremble, it stays wherever it begins.
 _ASIDE_S, _BACK, _NEARER, _BACK_ROUNDS = 1.0, 0.3, 0.8, 4
@@ -128,7 +132,8 @@ def adjust(
     held_s = 0.0
     if late_ms and not shift_s and not task.tells_time(at, stated):
         # What bearings seem to say of the clock is noise of the fixes: the stated one stays.
-        at, held_s = task.solved(task.seen(0), replace(stated, time_ms=_HELD_MS)), 1e-3 * stated.time_ms
+        held = replace(stated, time_ms=_HELD_MS)
+        at, held_s = task.with_lenses(task.solved(task.seen(0), held), held), 1e-3 * stated.time_ms
     doubts = list(_doubts(at.model, at.solution, terrain))
     rays = clock_of_the_rays(at.solution, at.found, stated.time_ms, at.shift_s)
     if shift_s and not cannot_be(rays, budget.time_ms):
@@ -177,6 +182,8 @@ class _Seen(NamedTuple):
     scene: Scene
     rejected: TextArray
     poses: Poses
+    lens: Mapping[str, FloatArray]
+    """Errors of lenses (5,) that are taken off the pixels already, by camera."""
 
 
 class _Solved(NamedTuple):
@@ -210,14 +217,14 @@ class _Task:
     noise: float | None
     terrain: Terrain | None
 
-    def seen(self, shift_ns: int) -> _Seen:
+    def seen(self, shift_ns: int, lens: Mapping[str, FloatArray] = _NO_LENS) -> _Seen:
         """Find out where the car was at each sighting, and give every point its first guess."""
         asked = self.observations
         later = replace(asked, epoch_ns=asked.epoch_ns + shift_ns)
-        placed, rejected, poses = _placed(later, self.budget, self.size_px)
-        scene = scene_of(asked.rig, asked.sightings.camera, placed)
+        placed, rejected, poses = _placed(later, self.budget, self.size_px, lens)
+        scene = scene_of(asked.rig, asked.sightings.camera, placed, self.budget, lens)
         rejected[np.setdiff1d(placed.row, scene.row)] = Reason.NO_CROSSING
-        return _Seen(shift_ns, placed, scene, rejected, poses)
+        return _Seen(shift_ns, placed, scene, rejected, poses, lens)
 
     def solved(self, seen: _Seen, priors: ErrorBudget) -> _Solved:
         """Solve by these priors."""
@@ -226,7 +233,11 @@ class _Task:
         )
         if self.terrain is not None:
             model = on_terrain(model, self.terrain, self.budget)
-        solution = solve(model, about(prior, seen.shift_ns / NANOSECONDS), self.noise)
+        taken = {TIME: seen.shift_ns / NANOSECONDS}
+        if model.layout.has_lenses and seen.scene.lens_known is not None:
+            places = model.layout.lens(np.arange(model.layout.n_cameras)).ravel().tolist()
+            taken |= dict(zip(places, seen.scene.lens_known.ravel().tolist(), strict=True))
+        solution = solve(model, about(prior, taken), self.noise)
         final = solution.equations.model
         return _Solved(seen, final, solution, spread(final, solution))
 
@@ -242,35 +253,57 @@ class _Task:
                 break
             scaled = replace(task.observations, trajectory=trajectory.with_scaled_sigmas(factors))
             task = replace(task, observations=scaled)
-            at = task.solved(task.seen(at.seen.shift_ns), priors)
+            at = task.solved(task.seen(at.seen.shift_ns, at.seen.lens), priors)
         return task, at
 
     def settled(self, at: _Solved, priors: ErrorBudget) -> _Solved:
         """Solve anew from where the car was by the clock that was found, until that stays the same.
 
-        The adjustment takes the car's speed and turning as constant over what the clock is off.
+        The adjustment takes the car's speed and turning as constant over what the clock is off, and lenses as
+        linear over what they are off.
         """
+        at = self.with_lenses(at, priors)
         first = at
         for _ in range(_MOST_ROUNDS):
             if abs(at.solution.x[TIME]) <= _SAME_MOTION_S:
                 return at
-            seen = self.seen(round(at.clock_s * NANOSECONDS))
+            seen = self.seen(round(at.clock_s * NANOSECONDS), at.seen.lens)
             if seen.scene.point.size < first.seen.scene.point.size:
                 break
             at = self.solved(seen, priors)
         # It runs away from the drive, as where fixes are so poor that none of it tells the time.
         return first
 
+    def with_lenses(self, at: _Solved, priors: ErrorBudget) -> _Solved:
+        """Solve anew with the lenses that were found, until they stay the same."""
+        for _ in range(_LENS_ROUNDS):
+            scene, layout = at.model.scene, at.model.layout
+            if at.model.lens_moves is None or scene.lens_known is None:
+                return at
+            more = at.solution.x[layout.lens(np.arange(layout.n_cameras))]
+            moved = at.model.lens_moves @ more[scene.camera][:, :, None]
+            if not moved.size or np.abs(moved).max() < _SAME_LENS_PX:
+                return at
+            found = dict(zip(scene.cameras, scene.lens_known + more, strict=True))
+            seen = self.seen(at.seen.shift_ns, found)
+            if seen.scene.point.size < _MOST_LOST * scene.point.size:
+                return at
+            at = self.solved(seen, priors)
+        return at
+
     def tells_time(self, at: _Solved, priors: ErrorBudget) -> bool:
         """Whether the bearings find the same clock from a second earlier and a second later."""
         free = replace(priors, time_ms=_WIDER * 1e3 * _ASIDE_S)
         found_s = self._by_rays_s(at, priors)
-        return all(self._comes_back(found_s, aside_s, free) for aside_s in (_ASIDE_S, -_ASIDE_S))
+        lens = at.seen.lens
+        return all(self._comes_back(found_s, aside_s, free, lens) for aside_s in (_ASIDE_S, -_ASIDE_S))
 
-    def _comes_back(self, found_s: float, aside_s: float, priors: ErrorBudget) -> bool:
+    def _comes_back(
+        self, found_s: float, aside_s: float, priors: ErrorBudget, lens: Mapping[str, FloatArray]
+    ) -> bool:
         begin_s, off_s = found_s + aside_s, abs(aside_s)
         for _ in range(_BACK_ROUNDS):
-            at = self.solved(self.seen(round(begin_s * NANOSECONDS)), priors)
+            at = self.solved(self.seen(round(begin_s * NANOSECONDS), lens), priors)
             begin_s, before_s = self._by_rays_s(at, priors), off_s
             off_s = abs(begin_s - found_s)
             if off_s < _BACK * abs(aside_s):
@@ -340,7 +373,10 @@ def _doubts(model: Model, solution: Solution, terrain: Terrain | None) -> Iterat
 
 
 def _placed(
-    observations: Observations, budget: ErrorBudget, size_px: FloatArray | None
+    observations: Observations,
+    budget: ErrorBudget,
+    size_px: FloatArray | None,
+    lens: Mapping[str, FloatArray],
 ) -> tuple[Placed, TextArray, Poses]:
     """Cast the rays of an object's sightings from where the car was.
 
@@ -353,7 +389,7 @@ def _placed(
     poses : Poses (n,)
     """
     object_index = observations.object_index
-    rays = rays_of(observations.rig, observations.sightings)
+    rays = rays_of(observations.rig, observations.sightings, lens)
     bodies, poses = bodies_at(observations.trajectory, observations.epoch_ns)
     rejected = np.where(rays.rejected != "", rays.rejected, poses.reason)
     rejected[(rejected == "") & ~poses.valid] = Reason.NO_POSE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from geoloc.adjustment.scene import (
 )
 from geoloc.adjustment.unknowns import PER_NODE, Layout, Nodes, Prior, links_of, nodes_of, prior_of
 from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.cameras.nominal import LENS_ERRORS
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, grid_convergence_deg, utm33_from_geographic
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.single_frame import ErrorBudget
@@ -71,8 +73,17 @@ class Placed:
     sigma_px: FloatArray
 
 
-def scene_of(rig: Rig, camera: NDArray[np.str_], placed: Placed) -> Scene:
-    """Give every point its first guess; points without one, and their sightings, are left out."""
+def scene_of(
+    rig: Rig,
+    camera: NDArray[np.str_],
+    placed: Placed,
+    budget: ErrorBudget | None = None,
+    lens: Mapping[str, FloatArray] | None = None,
+) -> Scene:
+    """Give every point its first guess; points without one, and their sightings, are left out.
+
+    `budget` says which lenses are exact (None: all), `lens` what was taken off the others (`rays_of`).
+    """
     row = placed.row
     names, index = np.unique(camera[row], return_inverse=True)
     cameras = [rig.camera(str(name)) for name in names]
@@ -90,6 +101,8 @@ def scene_of(rig: Rig, camera: NDArray[np.str_], placed: Placed) -> Scene:
     )
     level = np.column_stack([np.zeros((found.sum(), 2)), start[found, 2]])
     keep = found[placed.point] if row.size else np.zeros(0, dtype=bool)
+    nominal = budget is not None and not all(budget.lens_of(one).is_exact for one in cameras)
+    known = {} if lens is None else lens
     instant, instant_ns = instants(placed.epoch_ns[row[keep]]) if keep.any() else (row[:0], row[:0])
     return Scene(
         row=row[keep],
@@ -111,6 +124,10 @@ def scene_of(rig: Rig, camera: NDArray[np.str_], placed: Placed) -> Scene:
         is_foot=placed.is_foot[found],
         anchor_deg=np.column_stack([latitude, longitude]),
         start_m=level,
+        lens_away_px=placed.rays.away_px[row[keep]] if nominal else None,
+        lens_half_px=placed.rays.half_px[row[keep]] if nominal else None,
+        lens_known=np.array([known.get(one.name, np.zeros(LENS_ERRORS)) for one in cameras]),
+        lens_sigma=np.array([budget.lens_of(one).of_errors() for one in cameras]) if budget else None,
     )
 
 
@@ -130,7 +147,9 @@ def model_of(
         [_slow_sigma(body, _falls(body, budget.ground_fall)) for body in (scene.body, beside)]
     )
     n = scene.row.size
-    layout = Layout(len(scene.cameras), len(scene.object), nodes.epoch_ns.size, scene.instant_ns.size)
+    has_lenses = scene.lens_away_px is not None
+    sizes = len(scene.cameras), len(scene.object), nodes.epoch_ns.size, scene.instant_ns.size
+    layout = Layout(*sizes, has_lenses)
     slope = min(np.tan(np.radians(budget.ground_slope_deg)), changes_of_slope(trajectory))
     origin = origin_from_anchor(beside, scene.anchor_deg[feet])
     to_foot = np.einsum("nji,nj->ni", beside.enu_R_rig, scene.start_m[feet] - origin)
@@ -164,7 +183,10 @@ def model_of(
     fast = _fast_sigma(scene, budget)
     roll = trajectory.lasting_roll
     fall = float(np.sqrt(np.mean(_falls(scene.body, budget.ground_fall) ** 2)))
-    return model, prior_of(layout, budget, ages_s, node_sigma, roll, fall, scene.instant_ns, fast, links)
+    lens = scene.lens_sigma if has_lenses else None
+    return model, prior_of(
+        layout, budget, ages_s, node_sigma, roll, fall, scene.instant_ns, fast, links, lens
+    )
 
 
 def on_terrain(model: Model, terrain: Terrain, budget: ErrorBudget) -> Model:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from geoloc.adjustment.covariance import Spread
@@ -73,9 +75,10 @@ def lasting_doubt_s(rays: Correction, time_ms: float, body: Bodies, *, is_poor: 
     return 1e-3 * float(np.sqrt(honest - taken))
 
 
-def about(prior: Prior, shift_s: float) -> Prior:
-    """Return what is known beforehand where `shift_s` was already added to the clock."""
-    of_time = np.flatnonzero(prior.column == TIME)
+def about(prior: Prior, taken: Mapping[int, float]) -> Prior:
+    """Return what is known beforehand where so much of some unknowns was taken off already, by place."""
     constant = prior.constant.copy()
-    constant[prior.row[of_time]] += prior.value[of_time] * shift_s
+    for place, value in taken.items():
+        its = np.flatnonzero(prior.column == place)
+        constant[prior.row[its]] += prior.value[its] * value
     return prior._replace(constant=constant)

@@ -39,15 +39,16 @@ class System:
     def taken_up(self) -> float:
         """Degrees of freedom of the rays that the unknowns take up: the trace of the hat matrix.
 
-        Of many unknowns by Hutchinson's estimator: the mean of ``zᵀ N⁻¹ A z`` over random signs z.
+        Of many unknowns by Hutchinson's estimator: the mean of ``zᵀ J N⁻¹ Jᵀ z`` over random signs z, one a
+        residual. (One an unknown would scatter by how unlike their units are.)
         """
         size = self.gradient.size
         if size <= 20 * _PROBES:
-            probes, count = np.eye(size), 1
-        else:
-            probes = np.random.default_rng(0).choice([-1.0, 1.0], size=(size, _PROBES))
-            count = _PROBES
-        return float(np.sum(probes * self.factor.solve(self.of_rays @ probes)) / count)
+            every = np.eye(size)
+            return float(np.sum(every * self.factor.solve(self.of_rays @ every)))
+        probes = np.random.default_rng(0).choice([-1.0, 1.0], size=(self.jacobian.shape[0], _PROBES))
+        seen = self.jacobian.T @ probes
+        return float(np.sum(seen * self.factor.solve(seen)) / _PROBES)
 
 
 class Equations:

@@ -22,6 +22,7 @@ from geoloc.adjustment.unknowns import (
     Layout,
 )
 from geoloc.arrays import FloatArray, IntArray
+from geoloc.cameras.nominal import moves_at
 from geoloc.earth.terrain import Terrain
 
 _SLOPE_STEP_M = 1.0
@@ -165,15 +166,17 @@ class Model:
         places = self.layout.point(np.arange(self.layout.n_points))
         return self.scene.start_m + x[places]
 
-    def with_expected_rows(self, x: FloatArray) -> Model:
-        """Take the rows that the shutter reads from where points should be seen, not from where they were.
+    def with_expected_pixels(self, x: FloatArray) -> Model:
+        """Take the rows that the shutter reads, and places in lenses, from where points should be seen.
 
-        The noise of an annotated row is also in its residual: over thousands of sightings the two together
-        look like a slower shutter (3 ms of 31 at 1.5 px).
+        The noise of an annotated pixel is also in its residual: over thousands of sightings the two together
+        look like a slower shutter (3 ms of 31 at 1.5 px), and like a lens of 2 % less focal length.
         """
-        off_px = self.ray_residuals(x)[:, 1] * self.scene.sigma_px
-        rows = self.scene.readout + off_px / self.scene.height_px
-        return replace(self, scene=replace(self.scene, readout=rows))
+        off_px = self.ray_residuals(x) * self.scene.sigma_px[:, None]
+        rows = self.scene.readout + off_px[:, 1] / self.scene.height_px
+        away = self.scene.lens_away_px
+        seen_at = None if away is None else away + off_px
+        return replace(self, scene=replace(self.scene, readout=rows, lens_away_px=seen_at))
 
     def ray_residuals(self, x: FloatArray) -> FloatArray:
         """Pixels (n, 2) between where rays were seen and where they should be, over `sigma_px`.
@@ -182,14 +185,15 @@ class Model:
         pixels, for every camera model alike.
         """
         seen = self._seen(x)
-        return np.asarray((self._pixels @ (seen.ray - self.scene.ray)[:, :, None])[:, :, 0])
+        off = (self._pixels @ (seen.ray - self.scene.ray)[:, :, None])[:, :, 0]
+        return np.asarray(off - self._lens_shift(x))
 
     def rays(self, x: FloatArray) -> Linear:
         """`ray_residuals`, two rows a sighting, with their derivatives."""
         scene, body = self.scene, self.scene.body
         s = self._seen(x)
         by_ray = self._pixels
-        residual = (by_ray @ (s.ray - scene.ray)[:, :, None])[:, :, 0]
+        residual = (by_ray @ (s.ray - scene.ray)[:, :, None])[:, :, 0] - self._lens_shift(x)
         # By the point in the camera frame: what turns the ray, over the distance.
         along = by_ray @ s.ray[:, :, None]
         by_c = (by_ray - along * s.ray[:, None, :]) / s.distance[:, None, None]
@@ -222,6 +226,7 @@ class Model:
                 by_pitching,
                 by_beta,
                 -by_q,
+                *([] if self._lens is None else [-self._lens]),
             ],
             axis=2,
         )
@@ -253,9 +258,29 @@ class Model:
                 np.broadcast_to([TIME, READOUT, SLIP, ROLL, LEAN, AXLES, PITCHING], (scene.point.size, 7)),
                 layout.boresight(scene.camera),
                 layout.camera_position(scene.camera),
+                *([] if not layout.has_lenses else [layout.lens(scene.camera)]),
             ],
             axis=1,
         )
+
+    @property
+    def lens_moves(self) -> FloatArray | None:
+        """How far errors of lenses move pixels (n, 2, 5); None where all lenses are exact."""
+        away, half = self.scene.lens_away_px, self.scene.lens_half_px
+        return None if away is None or half is None else moves_at(away, half)
+
+    @property
+    def _lens(self) -> FloatArray | None:
+        """Residuals (n, 2, 5) a unit of each error of the lens that is taken off the pixel."""
+        moves = self.lens_moves
+        return None if moves is None else moves / self.scene.sigma_px[:, None, None]
+
+    def _lens_shift(self, x: FloatArray) -> FloatArray | float:
+        """What the errors of lenses take off the pixels that were seen (n, 2), over `sigma_px`."""
+        if self._lens is None:
+            return 0.0
+        error = x[self.layout.lens(self.scene.camera)]
+        return np.asarray((self._lens @ error[:, :, None])[:, :, 0])
 
     @property
     def _pixels(self) -> FloatArray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
+from geoloc.cameras.nominal import from_axis, moves_at
 from geoloc.earth.geodesy import enu_offset, metres_per_degree, rotation_enu_from_rig, wrap_deg
 from geoloc.locate.records import Sightings
 from geoloc.locate.single_frame import ErrorBudget
@@ -94,6 +96,14 @@ class Scene:
         Latitude and longitude of the point's local frame (east, north, height).
     start_m : float64 (m, 3)
         First guess in that frame; its third component is the ellipsoidal height.
+    lens_away_px : float64 (n, 2) or None
+        The pixel from that of the camera's axis; None where all lenses are exact.
+    lens_half_px : float64 (n,) or None
+        Half the longer side of the camera's picture.
+    lens_sigma : float64 (c, 5) or None
+        One sigma of each.
+    lens_known : float64 (c, 5)
+        What is taken off the pixels already.
     """
 
     row: IntArray
@@ -115,6 +125,10 @@ class Scene:
     is_foot: BoolArray
     anchor_deg: FloatArray
     start_m: FloatArray
+    lens_away_px: FloatArray | None = None
+    lens_half_px: FloatArray | None = None
+    lens_sigma: FloatArray | None = None
+    lens_known: FloatArray | None = None
 
 
 class Rays(NamedTuple):
@@ -124,10 +138,15 @@ class Rays(NamedTuple):
     pixel_from_ray: FloatArray
     readout: FloatArray
     rejected: TextArray
+    away_px: FloatArray
+    """From the camera's axis (n, 2); with the next, see `geoloc.cameras.nominal.from_axis`."""
+    half_px: FloatArray
 
 
-def rays_of(rig: Rig, sightings: Sightings) -> Rays:
+def rays_of(rig: Rig, sightings: Sightings, lens: Mapping[str, FloatArray] | None = None) -> Rays:
     """Turn pixels into rays, a camera at a time.
+
+    `lens` has what is known of the errors of cameras' lenses, float64 (5,): it is taken off the pixels.
 
     `pixel_from_ray` is the pseudo-inverse of the ray's derivative by pixel: what the end of a unit ray moves
     is so measured in pixels, whatever the lens, and its noise is the annotator's.
@@ -135,11 +154,15 @@ def rays_of(rig: Rig, sightings: Sightings) -> Rays:
     n = sightings.camera.size
     ray, slope = np.full((n, 3), np.nan), np.full((n, 3, 2), np.nan)
     readout, rejected = np.full(n, np.nan), np.full(n, "", dtype=REASON_TYPE)
+    away_px, half_px = np.zeros((n, 2)), np.ones(n)
     for name in np.unique(sightings.camera):
         rows = np.flatnonzero(sightings.camera == name)
         camera = rig.camera(str(name))
         pixel = sightings.pixel_px[rows]
-        seen = camera.model.rays(pixel[:, 0], pixel[:, 1], slopes=True)
+        away_px[rows], half_px[rows] = from_axis(camera.model, pixel)
+        known = None if lens is None else lens.get(str(name))
+        nominal = pixel if known is None else pixel + moves_at(away_px[rows], half_px[rows]) @ known
+        seen = camera.model.rays(nominal[:, 0], nominal[:, 1], slopes=True)
         ray[rows] = np.stack(seen.ray, axis=1)
         if seen.by_u is not None and seen.by_v is not None:
             slope[rows] = np.stack([np.stack(seen.by_u, axis=1), np.stack(seen.by_v, axis=1)], axis=2)
@@ -151,7 +174,7 @@ def rays_of(rig: Rig, sightings: Sightings) -> Rays:
     rejected[(rejected == "") & ~known] = Reason.OUTSIDE_CAMERA
     gram = np.swapaxes(slope, 1, 2) @ slope
     gram[~known] = np.eye(2)
-    return Rays(ray, np.linalg.solve(gram, np.swapaxes(slope, 1, 2)), readout, rejected)
+    return Rays(ray, np.linalg.solve(gram, np.swapaxes(slope, 1, 2)), readout, rejected, away_px, half_px)
 
 
 class _Ends(NamedTuple):

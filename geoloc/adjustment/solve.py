@@ -85,8 +85,9 @@ def solve(model: Model, prior: Prior, stated_noise: float | None = None) -> Solu
             at = _step(equations, at, 1.0 / (1.0 + at.square / scale**2))
             if at.moved_m < _SETTLED_M:
                 break
-    model = model.with_expected_rows(at.x)
+    model = model.with_expected_pixels(at.x)
     equations = Equations(model, prior)
+    at = at._replace(square=equations.squares(at.x))
     noise, inlier = stated_noise or _first_noise(at.square), np.zeros(model.scene.point.size, dtype=bool)
     for _ in range(_FINAL_ROUNDS):
         previous, inlier = inlier, _inliers(at.square / noise**2, model.scene.point)

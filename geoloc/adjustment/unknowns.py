@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.cameras.nominal import LENS_ERRORS
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import LastingRoll
@@ -21,7 +22,8 @@ The camera clock's offset (s), the readout time (s) and the rear tyres' slip (ra
 roll is off (rad), and what it is off a lateral acceleration (rad s²/m); how much further ahead the road tilts
 the car than the trajectory takes it (m); how much the car turns to the left as it pitches (rad a rad); how
 much the ground rises above the car's plane a metre to the left and to the right, and feet above that (m).
-Each camera then has six: boresight about its own x, y, z (rad) and position in the rig (m).
+Each camera then has six: boresight about its own x, y, z (rad) and position in the rig (m); and where a lens
+of the drive was not calibrated, what `geoloc.cameras.nominal.lens_moves` counts.
 """
 PER_CAMERA = 6
 PER_NODE = 8
@@ -45,7 +47,10 @@ BOUNCE_TAU_S = 0.15
 BESIDE_ROAD = "ground beside the road"
 """Source of what the ground under all feet of a drive has in common."""
 _NODE_SOURCES = ("body", "body", "heading", "gnss", "gnss", "gnss", BESIDE_ROAD, BESIDE_ROAD)
+LENS = "lens"
+"""Source of what is wrong with lenses that nobody calibrated."""
 _CERTAIN_RAD = 1e-6
+_CERTAIN_LENS = 1e-6
 # Keeps a bearing without parallax solvable; far wider than anything that is kept.
 _ANYWHERE_M = 200.0
 # The rear axle drifts out of a bend by 2 to 3 degrees per g; the trajectory's own guess is off by some of it.
@@ -70,11 +75,18 @@ class Layout:
     n_points: int
     n_nodes: int
     n_instants: int
+    has_lenses: bool = False
+    """Whether the errors of lenses are unknowns too."""
+
+    @property
+    def per_camera(self) -> int:
+        """Unknowns of each camera."""
+        return PER_CAMERA + LENS_ERRORS * self.has_lenses
 
     @property
     def first_point(self) -> int:
         """Place of the first point's first coordinate."""
-        return FIRST_CAMERA + PER_CAMERA * self.n_cameras
+        return FIRST_CAMERA + self.per_camera * self.n_cameras
 
     @property
     def first_node(self) -> int:
@@ -93,11 +105,15 @@ class Layout:
 
     def boresight(self, camera: IntArray) -> IntArray:
         """Places ``(..., 3)`` of the boresight corrections of cameras."""
-        return np.asarray(FIRST_CAMERA + PER_CAMERA * camera[..., None] + np.arange(3))
+        return np.asarray(FIRST_CAMERA + self.per_camera * camera[..., None] + np.arange(3))
 
     def camera_position(self, camera: IntArray) -> IntArray:
         """Places ``(..., 3)`` of the position corrections of cameras."""
         return self.boresight(camera) + 3
+
+    def lens(self, camera: IntArray) -> IntArray:
+        """Places ``(..., 5)`` of the errors of cameras' lenses; only where `has_lenses`."""
+        return self.boresight(camera)[..., :1] + PER_CAMERA + np.arange(LENS_ERRORS)
 
     def point(self, point: IntArray) -> IntArray:
         """Places ``(..., 3)`` of points."""
@@ -182,6 +198,7 @@ def prior_of(
     instant_ns: IntArray,
     instant_sigma: FloatArray,
     links: FloatArray,
+    lens_sigma: FloatArray | None = None,
 ) -> Prior:
     """What is known before any pixel is looked at.
 
@@ -199,6 +216,8 @@ def prior_of(
     instant_sigma : float64 (instants, 3)
     links : float64 (k, 4)
         Pairs of points of one object (foot, face) and how far apart they start, east and north.
+    lens_sigma : float64 (cameras, 5), optional
+        Of each camera's lens, where `Layout.has_lenses`; 0 for an exact one.
     """
     rows = _Rows()
     cameras = np.arange(layout.n_cameras)
@@ -220,6 +239,9 @@ def prior_of(
         ("camera position", layout.camera_position(cameras), budget.camera_position_m),
     ):
         rows.add(source, places.reshape(-1, 1), np.full((places.size, 1), 1.0 / sigma))
+    if lens_sigma is not None:
+        certain = np.maximum(lens_sigma, _CERTAIN_LENS)
+        rows.add(LENS, layout.lens(cameras).reshape(-1, 1), 1.0 / certain.reshape(-1, 1))
     points = layout.point(np.arange(layout.n_points)).reshape(-1, 1)
     rows.add("anywhere", points, np.full(points.shape, 1.0 / _ANYWHERE_M))
     for axis, source in enumerate(_NODE_SOURCES):

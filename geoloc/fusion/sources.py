@@ -11,7 +11,7 @@ from geoloc.arrays import FloatArray
 
 TRACK, CLOCK = "gnss", "time"
 SAME_IN_EVERY_PASS = frozenset(
-    {"ground", "lever arm", "camera position", "boresight", "rolling shutter", "datum"}
+    {"ground", "lever arm", "camera position", "lens", "boresight", "rolling shutter", "datum"}
 )
 """Of the ground below a pole, of the car, which is taken for the same one in every drive, and of a change of
 datum and the place of a base station, which drives on one road mostly share."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.cameras.nominal import LensSigmas, lens_moves
 from geoloc.locate.feet import Axes, Enu, Feet
 from geoloc.rig.rig import RigCamera
 from geoloc.trajectory.poses import Poses
@@ -16,6 +17,7 @@ Pair = tuple[FloatArray, FloatArray]
 
 _RADIANS = np.pi / 180.0
 
+LENS_SOURCES = ("focal length", "centre across", "centre down", "distortion", "distortion outside")
 LIKELY_READOUT_MS = 16.0
 """Global shutters take 0, sensors of 30 frames a second up to 33 ms."""
 
@@ -52,8 +54,22 @@ class ErrorBudget:
     readout_ms: float = 10.0
     """Rolling shutter, top to bottom, where the drive does not state it: one sigma about `LIKELY_READOUT_MS`,
     systematic for a drive. Only `adjust` uses it."""
+    focal_share: float = 0.0
+    """Focal length of every camera, a share of it, systematic for a camera; 0: as each camera states its own
+    (`geoloc.cameras.nominal.LensSigmas`), exact where it was calibrated. So are the next two."""
+    centre_px: float = 0.0
+    """Principal point, each axis."""
+    distortion_share: float = 0.0
+    """Distance from the centre, half the picture's longer side away, as a share of it."""
     box_share: float = 0.05
     """Noise of a box's centre as a share of its height, beside `pixel_px`: random. Only `adjust` uses it."""
+
+    def lens_of(self, camera: RigCamera) -> LensSigmas:
+        """How far a camera's lens may be off: as stated here, else as the camera states it."""
+        stated = (self.focal_share, self.centre_px, self.distortion_share)
+        own = camera.lens
+        kept = (own.focal_share, own.centre_px, own.distortion_share)
+        return LensSigmas(*(mine or its for mine, its in zip(stated, kept, strict=True)))
 
 
 class SourceMoves(NamedTuple):
@@ -91,6 +107,13 @@ def source_moves(
         "boresight roll": enu(boresight, moves.by_boresight(2)),
         "camera height": enu(budget.camera_position_m, moves.by_camera_height()),
     }
+    lens = budget.lens_of(camera)
+    if not lens.is_exact:
+        shift = lens_moves(camera.model, feet.pixel_px)
+        for k, (what, sigma) in enumerate(zip(LENS_SOURCES, lens.of_errors(), strict=True)):
+            u, v = (moves.by_pixel(axis) for axis in (0, 1))
+            both = Move(*(shift[:, 0, k] * a + shift[:, 1, k] * b for a, b in zip(u, v, strict=True)))
+            of_camera[what] = enu(sigma, both)
     climb = np.hypot(_RADIANS * budget.ground_slope_deg * moves.reach_m(), budget.ground_fall * feet.y_m)
     # A foot that stands higher moves along its ray and, on a tilted road, sideways with the road's normal.
     rise_e, rise_n = (

@@ -44,6 +44,7 @@ class Feet(NamedTuple):
     on_car: BoolArray | None
     """None where the rig has no mask."""
     hit: BoolArray
+    pixel_px: FloatArray
 
 
 def cameras_of(camera: TextArray) -> list[str]:
@@ -100,6 +101,7 @@ def feet_on_plane(camera: RigCamera, pixel_px: FloatArray, max_range_m: float) -
         in_image=rays.inside,
         on_car=on_car,
         hit=hit,
+        pixel_px=pixel_px,
     )
 
 

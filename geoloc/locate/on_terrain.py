@@ -8,6 +8,7 @@ import numpy as np
 
 from geoloc.arrays import FloatArray, TextArray
 from geoloc.cameras.base import Columns
+from geoloc.cameras.nominal import LENS_ERRORS, lens_moves
 from geoloc.earth.geodesy import (
     geographic_from_utm33,
     grid_convergence_deg,
@@ -17,6 +18,7 @@ from geoloc.earth.geodesy import (
 )
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.earth.terrain import Terrain
+from geoloc.locate.error_budget import LENS_SOURCES
 from geoloc.locate.records import Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.locate.visibility import on_the_car_itself
@@ -67,12 +69,15 @@ class _Rays:
         Derivative of the ray by u and v.
     R_camera : float64 (n, 3, 3)
         From the camera.
+    lens_px : float64 (n, 2, 5)
+        How far one sigma of each of the lens's errors moves the pixel.
     """
 
     camera_m: FloatArray
     ray: FloatArray
     by_pixel: FloatArray
     R_camera: FloatArray
+    lens_px: FloatArray
 
 
 def locate_on_terrain(
@@ -116,7 +121,7 @@ def locate_on_terrain(
     """
     stand = _stand(poses, terrain, budget)
     scale = utm33_scale(poses.latitude_deg, poses.longitude_deg)[:, None]
-    rays, rejected = _rays(rig, sightings, poses, stand, scale)
+    rays, rejected = _rays(rig, sightings, poses, stand, scale, budget)
     rejected = np.where(rejected == "", _off_the_ground(poses, stand), rejected)
     hits = terrain.intersect(rays.camera_m, rays.ray, max_range_m)
     rejected = np.where(rejected == "", hits.reason, rejected)
@@ -214,12 +219,18 @@ def _tilt_noise_rad(terrain: Terrain) -> FloatArray:
 
 
 def _rays(
-    rig: Rig, sightings: Sightings, poses: Poses, stand: _Stand, scale: FloatArray
+    rig: Rig,
+    sightings: Sightings,
+    poses: Poses,
+    stand: _Stand,
+    scale: FloatArray,
+    budget: ErrorBudget,
 ) -> tuple[_Rays, TextArray]:
     """Rays of all sightings, a camera at a time, and why some have none."""
     n = sightings.camera.size
     camera_m, ray = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     by_pixel, R_camera = np.full((n, 3, 2), np.nan), np.full((n, 3, 3), np.nan)
+    lens_px = np.zeros((n, 2, LENS_ERRORS))
     rejected = poses.reason.astype(REASON_TYPE)
     rejected[~poses.valid & (rejected == "")] = Reason.NO_POSE
     # Metres of the world to metres of the grid, which stretches sideways alone.
@@ -235,10 +246,13 @@ def _rays(
         ray[rows] = np.where(seen.inside[:, None], _turned(R_camera[rows], seen.ray), np.nan)
         for axis, slope in enumerate((seen.by_u, seen.by_v)):
             by_pixel[rows, :, axis] = _turned(R_camera[rows], slope)
+        lens = budget.lens_of(camera)
+        if not lens.is_exact:
+            lens_px[rows] = lens_moves(camera.model, pixel) * lens.of_errors()
         reason = np.where(seen.inside, "", Reason.OUTSIDE_CAMERA)
         reason = np.where(on_the_car_itself(camera, pixel), Reason.ON_CAR, reason)
         rejected[rows] = np.where(rejected[rows] == "", reason, rejected[rows])
-    return _Rays(stand.origin_m + camera_m, ray, by_pixel, R_camera), rejected
+    return _Rays(stand.origin_m + camera_m, ray, by_pixel, R_camera, lens_px), rejected
 
 
 def _turned(rotation: FloatArray, vectors: Columns | None) -> FloatArray:
@@ -311,7 +325,11 @@ def _moves(
     of_camera = {
         f"boresight {what}": boresight * slide(np.cross(rays.R_camera[:, :, axis], reach))
         for axis, what in enumerate(("pitch", "yaw", "roll"))
-    } | {"camera height": budget.camera_position_m * slide(stand.R_rig[:, :, 2])}
+    }
+    of_camera |= {"camera height": budget.camera_position_m * slide(stand.R_rig[:, :, 2])}
+    if rays.lens_px.any():
+        turned = length[:, :, None] * (rays.by_pixel @ rays.lens_px)
+        of_camera |= {what: slide(turned[:, :, k]) for k, what in enumerate(LENS_SOURCES)}
     per_camera = {
         f"{source} {name}": np.where((sightings.camera == name)[:, None], move, 0.0)
         for name in np.unique(sightings.camera)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_enu, inverse_haversine
 from geoloc.earth.ground import MAX_RANGE_M
-from geoloc.locate.error_budget import ErrorBudget, Pair, source_moves
+from geoloc.locate.error_budget import LENS_SOURCES, ErrorBudget, Pair, source_moves
 from geoloc.locate.feet import (
     BLOCK,
     Axes,
@@ -201,7 +201,9 @@ def _located(
                 )
             random, shared = random + placed.random, shared | placed.systematic
             if out is None:
-                out = _Columns.empty(n, names, of_camera, shared)
+                exact = all(budget.lens_of(rig.camera(name)).is_exact for name in names)
+                sources = [what for what in of_camera if what not in LENS_SOURCES]
+                out = _Columns.empty(n, names, sources if exact else [*sources, *LENS_SOURCES], shared)
             bad = rejections.add(
                 camera, seen.feet, block, rows, start, max_range_m, otherwise=placed.rejected
             )

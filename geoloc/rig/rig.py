@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray
 from geoloc.cameras.base import CameraModel
+from geoloc.cameras.nominal import EXACT, LensSigmas
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import camera_model, model_properties, unsupported_model
@@ -27,6 +28,7 @@ FLU_R_RDF: Final = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]
 FLU_R_RDF.setflags(write=False)
 
 _RIG_FILE_VERSION = 7
+_LENS_KEYS = ("focal-share-sigma", "centre-px-sigma", "distortion-share-sigma")
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
@@ -46,6 +48,8 @@ class RigCamera:
         File names of the recording, from ``parameter``.
     ego_mask : bool (h, w) or None
         True on pixels that show the car itself, at the mask's own resolution.
+    lens : LensSigmas
+        How far its intrinsics may be off: not at all where it was calibrated.
     """
 
     name: str
@@ -55,6 +59,7 @@ class RigCamera:
     video: str | None = None
     timestamps: str | None = None
     ego_mask: NDArray[np.bool_] | None = None
+    lens: LensSigmas = EXACT
 
     @property
     def is_placed(self) -> bool:
@@ -286,7 +291,20 @@ def _camera(entry: SensorEntry) -> RigCamera:
         video=parameter.get("video"),
         timestamps=parameter.get("timestamp"),
         ego_mask=None if mask is None else _frozen(mask),
+        lens=_lens(entry),
     )
+
+
+def lens_properties(lens: LensSigmas) -> dict[str, str]:
+    """Write how far a lens may be off as ``properties``; none for one that was calibrated."""
+    if lens.is_exact:
+        return {}
+    stated = zip(_LENS_KEYS, (lens.focal_share, lens.centre_px, lens.distortion_share), strict=True)
+    return {key: repr(float(value)) for key, value in stated}
+
+
+def _lens(entry: SensorEntry) -> LensSigmas:
+    return LensSigmas(*(abs(entry.number(key, default=0.0)) for key in _LENS_KEYS))
 
 
 def _antenna(entry: SensorEntry) -> Antenna:
@@ -314,7 +332,7 @@ def _camera_entry(camera: RigCamera) -> dict[str, Any]:
         "name": camera.name,
         "protocol": "camera.virtual",
         "parameter": ",".join(f"{key}={file}" for key, file in files if file is not None),
-        "properties": model_properties(camera.name, camera.model),
+        "properties": model_properties(camera.name, camera.model) | lens_properties(camera.lens),
         "nominalSensor2Rig_FLU": {
             "roll-pitch-yaw": rpy_from_rotation(camera.rig_R_camera @ FLU_R_RDF.T),
             "t": camera.rig_t_camera_m.tolist(),

@@ -23,7 +23,7 @@ _CHI2_999_2DOF = 13.816
 # (2 cm)²: a pole leans, and annotators do not mark the same side of it twice.
 _LEAST_M2 = (4e-4, 0.0, 4e-4)
 # Errors that move everything that a drive sees within seconds alike: they cancel between two objects.
-_SHARED = frozenset({"lever arm", "boresight", "camera position", "time", "rolling shutter", "datum"})
+_SHARED = frozenset({"lever arm", "boresight", "camera position", "lens", "time", "rolling shutter", "datum"})
 _OF_THE_TRACK = "gnss"
 _TRACK_KEEPS_ITS_ERROR_NS = 30_000_000_000
 
