@@ -17,7 +17,8 @@ from rich.progress import track
 
 from twin.cli.output import console
 from twin.ingest.ingest import ingest_drive
-from twin.reports.evaluation import Truth, evaluate, plot, read_truth
+from twin.reports.error_picture import plot
+from twin.reports.evaluation import Truth, evaluate, read_truth
 from twin.samples.simulation import simulate
 from twin.store.schema import METHODS
 from twin.store.store import Store

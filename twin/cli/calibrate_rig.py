@@ -150,7 +150,8 @@ def verify(
         ),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="PNG of the errors by distance, before and after.")
+        Path | None,
+        typer.Option(help="PNG, SVG or PDF of the errors by distance, before and after."),
     ] = None,
     json_output: JsonOption = False,
 ) -> None:
@@ -243,7 +244,7 @@ def from_drives(
         Path | None,
         typer.Option(help="Write the newest drive's rig here, with the corrections that are certain."),
     ] = None,
-    plot: Annotated[Path | None, typer.Option(help="PNG of each camera's angles over time.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="PNG, SVG or PDF of each camera's angles.")] = None,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:

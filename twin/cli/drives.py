@@ -219,7 +219,7 @@ def _change(before: AnnotationSet, now: AnnotationSet) -> str:
 @app.command("inspect", epilog="Example: twin inspect path/to/trip --out timeline.png")
 def inspect(
     drive: Annotated[Path, typer.Argument(help="A folder with a recorded drive.", metavar="DRIVE")],
-    out: Annotated[Path | None, typer.Option(help="PNG of all sensors on one timeline.")] = None,
+    out: Annotated[Path | None, typer.Option(help="PNG, SVG or PDF of all sensors in time.")] = None,
     json_output: JsonOption = False,
 ) -> None:
     """Show what a drive folder holds: files, sensors on one timeline, gaps, delays, and what is missing."""

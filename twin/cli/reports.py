@@ -40,6 +40,14 @@ class PairBy(StrEnum):
     POSITION = "position"
 
 
+class PlotFormat(StrEnum):
+    """Formats of figures, as in :data:`twin.figures.FORMATS`."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
 @app.command("evaluate", epilog="Example: twin evaluate data/truth.csv --plots plots")
 def evaluate(
     truth: Annotated[
@@ -59,6 +67,10 @@ def evaluate(
     plots: Annotated[
         Path | None, typer.Option(help="Folder for the figures error–distance and error–speed.")
     ] = None,
+    plots_as: Annotated[PlotFormat, typer.Option(help="Format of the figures.")] = PlotFormat.PNG,
+    objects: Annotated[
+        bool, typer.Option("--objects", help="Also print the error of each object, along and across the way.")
+    ] = False,
     csv: Annotated[
         Path | None, typer.Option("--csv", help="Also write the error of each object.", metavar="FILE.csv")
     ] = None,
@@ -69,8 +81,9 @@ def evaluate(
     json_output: JsonOption = False,
 ) -> None:
     """Compare the estimates of every method with surveyed positions, and heights where TRUTH has some."""
+    from twin.reports.error_picture import plot
     from twin.reports.evaluation import evaluate as run
-    from twin.reports.evaluation import plot, read_truth
+    from twin.reports.evaluation import read_truth
     from twin.reports.object_errors import csv_of
     from twin.store.atomic_files import replace_file
     from twin.store.store import Store
@@ -79,7 +92,7 @@ def evaluate(
     truths = read_truth(truth, epsg=epsg)
     with Store.open(store, create=False) as opened:
         evaluation = run(opened, truths, by=by.value, within_m=within)
-    files = plot(evaluation, plots) if plots is not None else []
+    files = plot(evaluation, plots, ending=f".{plots_as}") if plots is not None else []
     if csv is not None:
         each = [error for method in evaluation.methods for error in method.each]
         replace_file(csv, csv_of(each, excel=excel))
@@ -90,6 +103,8 @@ def evaluate(
     if evaluation.methods[0].paired_by == "position":
         note(say(lang, "evaluate.by_position", within=within))
     print_errors(evaluation.methods, lang)
+    if objects:
+        _print_objects(evaluation.methods, lang)
     for path in (*files, *([] if csv is None else [csv])):
         note(say(lang, "output.wrote", path=str(path)))
 
@@ -119,6 +134,25 @@ def print_errors(methods: tuple[MethodResult, ...], lang: Lang = Lang.EN) -> Non
             warn(say(lang, "evaluate.not_estimated", method=m.method, number=number, objects=objects))
         if m.not_in_truth:
             warn(say(lang, "evaluate.not_in_truth", method=m.method, number=m.not_in_truth))
+
+
+def _print_objects(methods: tuple[MethodResult, ...], lang: Lang) -> None:
+    """Print the error of each object, a table a method, the largest first."""
+    numbers = attrgetter("error_m", "error_along_m", "error_across_m", "error_height_m", "nees")
+    columns = ("object", "drive", "error", "along", "across", "height", "nees", "inside")
+    inside = {True: say(lang, "evaluate.yes"), False: say(lang, "evaluate.no"), None: None}
+    for m in methods:
+        rows = [
+            (
+                one.object,
+                one.drive_id,
+                *(number_text(lang, cell(value)) for value in numbers(one)),
+                inside[one.inside95],
+            )
+            for one in sorted(m.each, key=attrgetter("error_m"), reverse=True)
+        ]
+        names = [say(lang, f"evaluate.{name}") for name in columns]
+        print_table(say(lang, "evaluate.each", method=m.method), names, rows)
 
 
 def _print_numbers(
@@ -200,7 +234,7 @@ def _ago(hours: float, lang: Lang) -> str:
 @app.command("confidence", epilog="Example: twin confidence --out confidence.svg")
 def confidence(
     out: Annotated[
-        Path | None, typer.Option(help="Also draw the reliability diagram: PNG or SVG.", metavar="FILE")
+        Path | None, typer.Option(help="Also draw the reliability diagram: PNG, SVG or PDF.", metavar="FILE")
     ] = None,
     lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,

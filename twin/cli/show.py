@@ -30,7 +30,7 @@ def show(
             help="An estimate's id, or an object's where only one drive has it.", metavar="ESTIMATE"
         ),
     ],
-    out: Annotated[Path | None, typer.Option(help="Also draw it: a PNG.", metavar="FILE.png")] = None,
+    out: Annotated[Path | None, typer.Option(help="Also draw it: PNG, SVG or PDF.", metavar="FILE")] = None,
     lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,

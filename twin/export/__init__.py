@@ -1,6 +1,6 @@
 """Layers for QGIS and for other programs: GeoPackage, GeoJSON and a picture.
 
->>> from twin.export import ExportLayers, empty_layers, export_all, render_png
+>>> from twin.export import ExportLayers, empty_layers, export_all, render_map
 """
 
 import lazy_loader

@@ -7,4 +7,4 @@ from .geopackage import edited_decisions as edited_decisions
 from .layers import COLUMNS as COLUMNS
 from .layers import ExportLayers as ExportLayers
 from .layers import empty_layers as empty_layers
-from .picture.picture import render_png as render_png
+from .picture.picture import render_map as render_map

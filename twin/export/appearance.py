@@ -30,10 +30,10 @@ class Mark:
     size_mm: float
 
 
-# After Okabe & Ito (Color Universal Design, 2008), apart for every kind of colour vision; pale where there is
-# nothing to decide. Drawn in this order, so that what matters most lies on top.
+# After Okabe & Ito (Color Universal Design, 2008), apart for every kind of colour vision; grey where there is
+# nothing to decide, dark enough for white paper (3:1). Drawn in this order: what matters most lies on top.
 MARKS: tuple[Mark, ...] = (
-    Mark(Verdict.UNCHANGED, "Unchanged", "#a9adb2", "o", 2.0),
+    Mark(Verdict.UNCHANGED, "Unchanged", "#8f93a0", "o", 2.0),
     Mark(Verdict.NOT_OBSERVABLE, "Not observable", "#56b4e9", "o", 2.4),
     Mark(Verdict.REVIEW, "Review", "#0072b2", "s", 3.2),
     Mark(Verdict.MOVED, "Moved", "#e69f00", "^", 4.0),

@@ -5,12 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.errors import ConfigError
 from twin.export.appearance import MARK
-from twin.figures import png, svg
 from twin.reports.confidences import ENOUGH, ConfidenceReport, Score
-from twin.store.atomic_files import replace_file
-from twin.store.folders import make_folder
+from twin.store.figure_files import check_figure_name, write_figure
 from twin.words import Lang, say, verdict_title
 
 if TYPE_CHECKING:
@@ -33,19 +30,17 @@ def draw_confidences(report: ConfidenceReport, path: Path, lang: Lang = Lang.EN)
     ----------
     report : ConfidenceReport
     path : Path
-        PNG or SVG, by its ending; replaced atomically.
+        PNG, SVG or PDF, by its ending; replaced atomically.
     lang : Lang, optional
 
     Raises
     ------
     ConfigError
-        The ending is neither.
+        The name has another ending.
     """
     from matplotlib.figure import Figure
 
-    write = {".png": png, ".svg": svg}.get(path.suffix.lower())
-    if write is None:
-        raise ConfigError(f"The figure {path} is neither a PNG nor an SVG: let its name end in .png or .svg.")
+    check_figure_name(path)
     shown = [one for one in report.scores if one.n and (not one.verdict or one.n >= ENOUGH)]
     columns = min(max(len(shown), 1), _FEW)
     rows = -(-max(len(shown), 1) // columns)
@@ -55,9 +50,7 @@ def draw_confidences(report: ConfidenceReport, path: Path, lang: Lang = Lang.EN)
         _panel(ax, one, lang)
     for ax in axes[len(shown) :]:
         ax.set_axis_off()
-    make_folder(path.parent)
-    replace_file(path, write(figure))
-    return path
+    return write_figure(figure, path)
 
 
 def _panel(ax: Axes, one: Score, lang: Lang) -> None:

@@ -7,14 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.errors import ConfigError
 from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, NVDB_COLOUR
 from twin.export.picture.labels import place_labels
 from twin.export.picture.map_frame import Window, draw_north, draw_scale_bar, frame_map
-from twin.figures import png
 from twin.reports.estimate import EstimateExplained
-from twin.store.atomic_files import replace_file
-from twin.store.folders import make_folder
+from twin.store.figure_files import check_figure_name, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +46,7 @@ def draw_estimate(explained: EstimateExplained, path: Path | str, *, dpi: int = 
     ----------
     explained : EstimateExplained
     path : Path
-        The PNG; replaced atomically. Its folder is made if it does not exist.
+        PNG, SVG or PDF, by its ending; replaced atomically. Its folder is made if it does not exist.
     dpi : int
         The picture is 12 by 7 inches.
 
@@ -61,25 +58,19 @@ def draw_estimate(explained: EstimateExplained, path: Path | str, *, dpi: int = 
     Raises
     ------
     ConfigError
-        The name does not end in ``.png``.
+        The name has another ending.
     RefusedError
         The file or its folder cannot be written.
     """
     from matplotlib.figure import Figure
 
-    path = Path(path)
-    if path.suffix.lower() != ".png":
-        raise ConfigError(
-            f"The picture is a PNG, and {path.name} is not called one: name it {path.stem}.png."
-        )
-    make_folder(path.parent)
+    path = check_figure_name(path)
     figure = Figure(figsize=SIZE_IN, dpi=dpi, facecolor="white")
     _draw_plan(figure.add_axes(_PLAN), explained)
     _draw_close_up(figure.add_axes(_CLOSE_UP), explained)
     _draw_residuals(figure.add_axes(_RESIDUALS), explained)
     _draw_heading(figure.add_axes((0.0, 0.0, 1.0, 1.0), frameon=False), explained)
-    replace_file(path, png(figure))
-    return path
+    return write_figure(figure, path)
 
 
 def _draw_heading(axes: Axes, explained: EstimateExplained) -> None:

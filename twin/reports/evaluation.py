@@ -1,12 +1,11 @@
-"""Estimates against surveyed truth: the numbers and the figures that the paper reports."""
+"""Estimates against surveyed truth: the numbers that the paper reports."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sqlalchemy as sa
@@ -17,7 +16,7 @@ from twin.errors import TruthError
 from twin.reports.object_errors import (
     HeightErrors,
     ObjectError,
-    driven_lines,
+    driven_ways,
     height_errors,
     mean_nees,
     object_errors,
@@ -26,14 +25,10 @@ from twin.reports.pairing import Pairing, Placed, by_id, by_position, nearest_m
 from twin.reports.truth import Truth, read_truth
 from twin.reports.zones import check_pairs, system_that_fits
 from twin.store import schema
-from twin.store.folders import make_folder
 from twin.store.records import Estimate
 from twin.store.store import Store
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-__all__ = ["BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "plot", "read_truth"]
+__all__ = ["BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "read_truth"]
 
 BY = ("auto", "id", "position")
 """Ways to find out which surveyed object an estimate is of."""
@@ -142,7 +137,7 @@ def evaluate(
         raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
     find, paired_by = _pairing(store, estimates, truths, by, within_m)
     check_pairs(_paired(estimates, find))
-    lines = driven_lines(store)
+    ways = driven_ways(store)
     results: list[MethodResult] = []
     sighting_arrays: dict[str, dict[str, FloatArray]] = {}
     estimate_arrays: dict[str, dict[str, FloatArray]] = {}
@@ -158,7 +153,7 @@ def evaluate(
         if single:
             sighting_arrays[method] = singles.arrays()
         missed = {truth.object for truth in truths} - {truth.object for _, truth in own}
-        each = object_errors(own, lines)
+        each = object_errors(own, ways)
         results.append(
             _result(method, objects, singles, each, sorted(missed), len(mine) - len(own), paired_by)
         )
@@ -324,76 +319,3 @@ def _errors(pairs: Sequence[tuple[Placed, Truth]]) -> _Errors:
         range_m=np.array([placed.range_m for placed, _ in pairs]),
         speed_mps=np.array([placed.speed_mps for placed, _ in pairs]),
     )
-
-
-def plot(evaluation: Evaluation, folder: Path | str) -> list[Path]:
-    """Draw error against distance and against speed, every method in each, as the paper does.
-
-    Filled marks are objects: at the distance of their nearest sighting, or at the car's mean speed while it
-    saw them. Faint dots are single sightings of the methods of one frame. The errors' axis is logarithmic:
-    methods are a factor of ten and more apart.
-
-    Returns
-    -------
-    list of Path
-        ``error_distance.png`` and ``error_speed.png``.
-    """
-    folder = make_folder(folder)
-    return [
-        _figure(evaluation, folder / name, column, label, scale)
-        for name, column, label, scale in (
-            ("error_distance.png", "range_m", "distance from camera to object [m]", 1.0),
-            ("error_speed.png", "speed_mps", "speed of the car [km/h], methods side by side", 3.6),
-        )
-    ]
-
-
-_LOOKS = {"adjusted": ("#009e73", "o"), "single-frame": ("#0072b2", "D"), "paper": ("#d55e00", "s")}
-_LEAST_ERROR_M = 0.003
-"""What is smaller is drawn here: a logarithm has no zero."""
-_APART = 0.012
-"""Part of the axis by which methods are drawn beside each other where they share a speed."""
-
-
-def _figure(evaluation: Evaluation, path: Path, column: str, label: str, scale: float) -> Path:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.set_yscale("log")
-    methods = [name for name in _LOOKS if name in evaluation.estimates]
-    furthest = _furthest(evaluation, column) * scale
-    # The car has one speed for all methods, but a distance that each of them finds for itself.
-    apart = 0.0 if column == "range_m" else _APART * furthest
-    shift = {method: apart * (k - (len(methods) - 1) / 2) for k, method in enumerate(methods)}
-    for what, drawn in (("objects", evaluation.estimates), ("single sightings", evaluation.sightings)):
-        for method in filter(drawn.__contains__, methods):
-            x = drawn[method][column] * scale + shift[method]
-            _draw(axes, x, drawn[method]["error_m"], method, what)
-    axes.set(xlabel=label, ylabel="horizontal error [m]", xlim=(-0.03 * furthest, 1.03 * furthest))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.grid(alpha=0.3)
-    legend = figure.legend(loc="outside upper center", fontsize=8.5, ncols=2, frameon=False)
-    for handle in legend.legend_handles:
-        if handle is not None:
-            handle.set(alpha=1.0, markersize=7)
-    figure.savefig(path, dpi=120)
-    return path
-
-
-def _draw(axes: Axes, x: FloatArray, error_m: FloatArray, method: str, what: str) -> None:
-    colour, marker = _LOOKS[method]
-    look: dict[str, Any] = {"marker": marker, "ms": 7, "mec": "black", "mew": 0.7, "alpha": 0.9, "zorder": 3}
-    if what != "objects":
-        look = {"marker": ".", "ms": 4, "mew": 0, "alpha": 0.35, "zorder": 2}
-    name = f"{method}, {error_m.size:,} {what}, median {np.median(error_m):.2f} m"
-    axes.plot(x, np.maximum(error_m, _LEAST_ERROR_M), ls="", color=colour, label=name, **look)
-
-
-def _furthest(evaluation: Evaluation, column: str) -> float:
-    """Largest distance or speed that is drawn; 1 where all are zero or unknown."""
-    drawn = [*evaluation.estimates.values(), *evaluation.sightings.values()]
-    values = np.concatenate([arrays[column] for arrays in drawn])
-    return float(np.max(values[np.isfinite(values)], initial=0.0)) or 1.0

@@ -5,26 +5,45 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import sqlalchemy as sa
 
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import grid_convergence_deg, utm33_from_geographic
 from geoloc.locate.accuracy import nees
 from geoloc.locate.combine import ellipse
 from twin.reports.pairing import Placed
 from twin.reports.truth import Truth
 from twin.store import schema
+from twin.store.poses import poses_from_blob
 from twin.store.store import Store
 from twin.tables import csv_bytes
 
-if TYPE_CHECKING:
-    import shapely
-
 _INSIDE_95 = -2.0 * math.log(0.05)
 """χ² with two degrees of freedom."""
-_STEP_M = 1.0
-"""Half of the stretch of the driven line that tells which way the car went past an object."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Where a car was and which way it pointed, in the order of time.
+
+    Attributes
+    ----------
+    place_m : float64 (n, 2)
+        EPSG:25833.
+    forward : float64 (n, 2)
+        Unit vectors, grid axes.
+    """
+
+    place_m: FloatArray
+    forward: FloatArray
+
+    def passing(self, east_m: float, north_m: float) -> tuple[float, float]:
+        """Which way the car pointed where it came nearest to a place; of several such, the first."""
+        nearest = int(np.argmin(np.hypot(self.place_m[:, 0] - east_m, self.place_m[:, 1] - north_m)))
+        east, north = self.forward[nearest]
+        return float(east), float(north)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +54,9 @@ class ObjectError:
     ----------
     error_east_m, error_north_m : float
         Grid axes of EPSG:25833.
-    error_along_m, error_across_m : float or None
-        The same forward and to the left of the way in which the car passed; None of a car that stood.
+    error_along_m, error_across_m : float
+        The same forward, and to the left, of the car where it came nearest to the object; where it stopped
+        before, that is where it saw it best.
     error_m : float
         Horizontal.
     error_height_m : float or None
@@ -56,8 +76,8 @@ class ObjectError:
     truth: str
     error_east_m: float
     error_north_m: float
-    error_along_m: float | None
-    error_across_m: float | None
+    error_along_m: float
+    error_across_m: float
     error_m: float
     error_height_m: float | None
     sigma_major_m: float | None
@@ -84,26 +104,31 @@ class HeightErrors:
     nees: float | None
 
 
-def object_errors(
-    pairs: Sequence[tuple[Placed, Truth]], lines: Mapping[str, shapely.LineString]
-) -> tuple[ObjectError, ...]:
+def object_errors(pairs: Sequence[tuple[Placed, Truth]], ways: Mapping[str, Way]) -> tuple[ObjectError, ...]:
     """Compare estimates with their surveyed positions, one by one.
 
     Parameters
     ----------
     pairs : sequence of (Placed, Truth)
-    lines : mapping of drive id → LineString
-        Where each car drove, EPSG:25833, in its order of time.
+    ways : mapping of drive id → Way
+        Of every drive that has estimates.
     """
-    return tuple(_object_error(placed, truth, lines.get(placed.drive_id)) for placed, truth in pairs)
+    return tuple(_object_error(placed, truth, ways[placed.drive_id]) for placed, truth in pairs)
 
 
-def driven_lines(store: Store) -> dict[str, shapely.LineString]:
-    """Where each drive of a store went, EPSG:25833."""
-    from shapely import wkb
+def driven_ways(store: Store) -> dict[str, Way]:
+    """Where each drive of a store went."""
+    rows = store.rows(sa.select(schema.drive.c.drive_id, schema.drive.c.poses))
+    return {row["drive_id"]: _way(row["poses"]) for row in rows}
 
-    rows = store.rows(sa.select(schema.drive.c.drive_id, schema.drive.c.line))
-    return {row["drive_id"]: cast("shapely.LineString", wkb.loads(row["line"])) for row in rows}
+
+def _way(blob: bytes) -> Way:
+    poses = poses_from_blob(blob)
+    lat, lon = poses.latitude_deg, poses.longitude_deg
+    grid = np.radians(poses.heading_deg - grid_convergence_deg(lat, lon))
+    return Way(
+        np.column_stack(utm33_from_geographic(lat, lon)), np.column_stack([np.sin(grid), np.cos(grid)])
+    )
 
 
 def mean_nees(errors: Sequence[ObjectError]) -> float | None:
@@ -138,13 +163,13 @@ def csv_of(errors: Sequence[ObjectError], *, excel: bool = False) -> bytes:
     return csv_bytes([field.name for field in fields(ObjectError)], rows, excel=excel)
 
 
-def _object_error(placed: Placed, truth: Truth, line: shapely.LineString | None) -> ObjectError:
+def _object_error(placed: Placed, truth: Truth, way: Way) -> ObjectError:
     east, north = placed.east_m - truth.east_m, placed.north_m - truth.north_m
     ee, en, nn = placed.covariance_m2
     covariance = np.array([[ee, en], [en, nn]])
     square = _known(float(nees([east, north], covariance)))
     major, minor, _ = ellipse(covariance[None])
-    along, across = _along_and_across(line, truth, east, north)
+    forward = way.passing(truth.east_m, truth.north_m)
     height = None if truth.height_m is None else _known(placed.height_m - truth.height_m)
     sigma = _known(placed.sigma_height_m)
     return ObjectError(
@@ -154,8 +179,8 @@ def _object_error(placed: Placed, truth: Truth, line: shapely.LineString | None)
         truth=truth.object,
         error_east_m=east,
         error_north_m=north,
-        error_along_m=along,
-        error_across_m=across,
+        error_along_m=forward[0] * east + forward[1] * north,
+        error_across_m=forward[0] * north - forward[1] * east,
         error_m=math.hypot(east, north),
         error_height_m=height,
         sigma_major_m=_known(float(major[0])),
@@ -165,23 +190,6 @@ def _object_error(placed: Placed, truth: Truth, line: shapely.LineString | None)
         height_nees=None if height is None or not sigma else (height / sigma) ** 2,
         inside95=None if square is None else square <= _INSIDE_95,
     )
-
-
-def _along_and_across(
-    line: shapely.LineString | None, truth: Truth, east: float, north: float
-) -> tuple[float | None, float | None]:
-    """Turn an error into the way of the car where it came nearest."""
-    import shapely
-
-    if line is None:
-        return None, None
-    at = line.project(shapely.Point(truth.east_m, truth.north_m))
-    before, after = (line.interpolate(min(max(d, 0.0), line.length)) for d in (at - _STEP_M, at + _STEP_M))
-    way = math.hypot(after.x - before.x, after.y - before.y)
-    if way == 0.0:
-        return None, None
-    forward = (after.x - before.x) / way, (after.y - before.y) / way
-    return forward[0] * east + forward[1] * north, forward[0] * north - forward[1] * east
 
 
 def _known(value: float) -> float | None:

@@ -10,13 +10,14 @@ from typing import Any
 
 from twin.errors import TwinError
 from twin.evidence import EvidenceReport, make_evidence
-from twin.export import export_findings, render_png
+from twin.export import export_findings, render_map
 from twin.export.from_store import layers_from_store
 from twin.ingest.ingest import IngestReport, ingest_drive
 from twin.matching import MatchReport, match
 from twin.mirror.sync import SyncResult, sync_nvdb
 from twin.mirror.vegnett import sync_vegnett
-from twin.reports.evaluation import Evaluation, evaluate, plot, read_truth
+from twin.reports.error_picture import plot
+from twin.reports.evaluation import Evaluation, evaluate, read_truth
 from twin.samples.pictures import PicturesReport, with_pictures
 from twin.store.folders import make_folder
 from twin.store.schema import METHODS
@@ -88,7 +89,7 @@ def run_demo(out: Path | str, *, progress: Callable[[str], None] | None = None) 
         evidence = make_evidence(store, progress=progress)
         say("exporting")
         files = export_findings(store, out, project=True, progress=progress).files
-        render_png(layers_from_store(store, found.method), out / "changes.png")
+        render_map(layers_from_store(store, found.method), out / "changes.png")
         evaluation = evaluate(store, read_truth(sample / "truth.csv"))
         figures = plot(evaluation, out)
     return DemoReport(

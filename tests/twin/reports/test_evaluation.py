@@ -14,11 +14,14 @@ import shapely
 import sqlalchemy as sa
 from command_line import Twin
 
-from twin.errors import TruthError
+from geoloc.earth.geodesy import grid_convergence_deg
+from twin.errors import ConfigError, TruthError
 from twin.ingest.ingest import ingest_drive
-from twin.reports.evaluation import Evaluation, evaluate, plot, read_truth
+from twin.reports.error_picture import plot, quantile_bands
+from twin.reports.evaluation import Evaluation, evaluate, read_truth
 from twin.samples.simulation import simulate
 from twin.store import schema
+from twin.store.poses import poses_from_blob
 from twin.store.store import Store
 
 
@@ -66,6 +69,40 @@ def test_evaluate_draws_every_method_in_both_figures(evaluation: Evaluation, tmp
         for colour in ((0x00, 0x9E, 0x73), (0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00)):
             near = np.all(np.abs(picture - np.array(colour) / 255) < 0.12, axis=-1)
             assert near.sum() > 100, (path.name, colour)
+
+
+def test_figures_are_drawn_as_pdf_and_svg(evaluation: Evaluation, tmp_path: Path) -> None:
+    """Vectors for print; another ending is refused before anything is drawn."""
+    for ending, begins in ((".pdf", b"%PDF"), (".svg", b"<?xml")):
+        for path in plot(evaluation, tmp_path, ending=ending):
+            assert path.read_bytes().startswith(begins)
+            assert path.suffix == ending
+    with pytest.raises(ConfigError, match="neither PNG, SVG nor PDF"):
+        plot(evaluation, tmp_path / "none", ending=".jpg")
+    assert not (tmp_path / "none").exists()
+
+
+def test_bands_hold_the_share_that_they_say() -> None:
+    """Of errors that grow with distance, 95 and 50 % lie inside the bands at every distance."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(5.0, 40.0, 40_000)
+    y = x * rng.uniform(0.0, 0.1, x.size)
+    at, percentiles = quantile_bands(x, y, 2.5)
+    assert (at[0], at[-1]) == (x.min(), x.max())
+    assert np.all(np.diff(at) > 0)
+    low, quarter, median, three_quarters, high = (np.interp(x, at, row) for row in percentiles)
+    inner = (at[1] < x) & (x < at[-2])
+    assert np.mean((low < y) & (y < high), where=inner) == pytest.approx(0.95, abs=0.01)
+    assert np.mean((quarter < y) & (y < three_quarters), where=inner) == pytest.approx(0.5, abs=0.01)
+    assert np.mean(y < median, where=inner) == pytest.approx(0.5, abs=0.01)
+
+
+def test_bands_join_steps_with_few_values() -> None:
+    """Twelve values far apart are one step; nothing finite gives nothing."""
+    at, percentiles = quantile_bands(np.arange(12.0) * 10, np.arange(12.0), 2.5)
+    assert at.tolist() == [0.0, 55.0, 110.0]
+    assert percentiles[2].tolist() == [5.5, 5.5, 5.5]
+    assert quantile_bands(np.array([np.nan]), np.array([1.0]), 2.5)[0].size == 0
 
 
 def test_evaluate_of_adjusted_alone_has_no_table_of_single_sightings(
@@ -216,9 +253,43 @@ def test_along_and_across_are_those_of_the_car(opened: Store, sample: Path) -> N
         east, north = way / np.hypot(*way)
         moved.append(replace(truth, east_m=truth.east_m + east, north_m=truth.north_m + north))
     for one, other in zip(before, evaluate(opened, moved, by="id").methods[0].each, strict=True):
-        assert one.error_along_m is not None
         assert other.error_along_m == pytest.approx(one.error_along_m - 1.0, abs=0.01)
         assert other.error_across_m == pytest.approx(one.error_across_m, abs=0.12)
+
+
+def test_a_standing_car_tells_along_and_across_too(tmp_path: Path) -> None:
+    """Of a car that stopped before the poles, along is the way that it points."""
+    trial, path = tmp_path / "trial", tmp_path / "twin.db"
+    simulate(trial, name="still", cameras=("C3_tricam120",))
+    truths = read_truth(trial / "truth.csv")
+    with Store.open(path) as store:
+        ingest_drive(store, trial)
+        before = evaluate(store, truths).methods[0].each
+        poses = poses_from_blob(store.rows(sa.select(schema.drive.c.poses))[0]["poses"])
+        grid = np.radians(
+            poses.heading_deg[-1] - grid_convergence_deg(poses.latitude_deg[-1], poses.longitude_deg[-1])
+        )
+        ahead = [replace(t, east_m=t.east_m + np.sin(grid), north_m=t.north_m + np.cos(grid)) for t in truths]
+        after = evaluate(store, ahead).methods[0].each
+    for one, other in zip(before, after, strict=True):
+        assert other.error_along_m == pytest.approx(one.error_along_m - 1.0, abs=0.01)
+        assert other.error_across_m == pytest.approx(one.error_across_m, abs=0.03)
+
+
+def test_evaluate_prints_each_object(twin: Twin, store: Path, sample: Path, tmp_path: Path) -> None:
+    """A table a method, the largest error first, in both languages; the figures in the format asked for."""
+    options = ("--store", store, "--objects", "--plots", tmp_path / "plots", "--plots-as", "pdf")
+    answer = twin("evaluate", sample / "truth.csv", *options)
+    assert answer.code == 0
+    table = answer.out[answer.out.index("Error of each object by adjusted") :]
+    errors = [float(line.split("│")[3]) for line in table.splitlines() if line.startswith("│")][:15]
+    assert errors == sorted(errors, reverse=True)
+    assert sorted(path.name for path in (tmp_path / "plots").iterdir()) == [
+        "error_distance.pdf",
+        "error_speed.pdf",
+    ]
+    norwegian = twin("evaluate", sample / "truth.csv", "--store", store, "--objects", "--lang", "nb")
+    assert "Avvik for hvert objekt med adjusted" in norwegian.out
 
 
 def test_heights_that_are_not_known_are_not_told(opened: Store, sample: Path, tmp_path: Path) -> None:

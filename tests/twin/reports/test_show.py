@@ -244,10 +244,10 @@ def test_show_picture_shows_the_rejected_line_of_sight_in_red(
     assert red.sum() > 50
 
 
-def test_show_picture_must_be_called_png(opened: Store, tmp_path: Path) -> None:
+def test_show_picture_of_another_format_is_refused(opened: Store, tmp_path: Path) -> None:
     """Another format is refused by name before anything is written."""
-    with pytest.raises(ConfigError, match=r"name it a\.png"):
-        draw_estimate(explain_estimate(opened, "P01"), tmp_path / "a.svg")
+    with pytest.raises(ConfigError, match="neither PNG, SVG nor PDF"):
+        draw_estimate(explain_estimate(opened, "P01"), tmp_path / "a.jpg")
     assert list(tmp_path.glob("a.*")) == []
 
 

@@ -10,10 +10,7 @@ import numpy as np
 
 from twin.calibrate.drives.history import AXES, DriveTurn, Histories
 from twin.calibrate.drives.verify import Verification
-from twin.errors import ConfigError
-from twin.figures import png
-from twin.store.atomic_files import replace_file
-from twin.store.folders import make_folder
+from twin.store.figure_files import check_figure_name, write_figure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +31,7 @@ def draw_verification(found: Verification, path: Path) -> None:
     Raises
     ------
     ConfigError
-        If the name is not that of a PNG.
+        If the name ends in none of ``.png``, ``.svg`` and ``.pdf``.
     """
     figure, n = _figure(path, len(found.errors_at))
     grid = figure.subplots(1, n, squeeze=False, sharey=True)[0]
@@ -55,7 +52,7 @@ def draw_verification(found: Verification, path: Path) -> None:
     grid[0].set(ylabel="horizontal error [m]", yscale="log", ylim=(_FLOOR_M, 4.0 * max(largest, 0.1)))
     grid[0].yaxis.set_major_formatter("{x:g}")
     grid[0].legend(frameon=False, title="medians")
-    _save(figure, path)
+    write_figure(figure, path)
 
 
 def draw_histories(found: Histories, path: Path) -> None:
@@ -64,7 +61,7 @@ def draw_histories(found: Histories, path: Path) -> None:
     Raises
     ------
     ConfigError
-        If the name is not that of a PNG.
+        If the name ends in none of ``.png``, ``.svg`` and ``.pdf``.
     """
     figure, n = _figure(path, len(found.cameras))
     grid = figure.subplots(1, n, squeeze=False, sharey=True)[0]
@@ -84,7 +81,7 @@ def draw_histories(found: Histories, path: Path) -> None:
         axes.grid(color="#eeeeee")
     grid[0].set(ylabel="against the newest rig file [°]")
     grid[0].legend(frameon=False)
-    _save(figure, path)
+    write_figure(figure, path)
 
 
 def tick_labels(drives: Sequence[DriveTurn]) -> list[str]:
@@ -96,12 +93,6 @@ def tick_labels(drives: Sequence[DriveTurn]) -> list[str]:
 def _figure(path: Path, n: int) -> tuple[Figure, int]:
     from matplotlib.figure import Figure
 
-    if Path(path).suffix.lower() != ".png":
-        raise ConfigError(f"The picture is a PNG, and {path} is not called one: name it {path}.png.")
+    check_figure_name(path)
     figure = Figure(figsize=(4.2 * max(n, 1), 4.2), dpi=120, facecolor="white", layout="constrained")
     return figure, max(n, 1)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    make_folder(Path(path).parent)
-    replace_file(Path(path), png(figure))

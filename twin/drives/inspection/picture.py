@@ -13,9 +13,7 @@ from twin.drives.epochs import utc_text
 from twin.drives.inspection.inspect import Inspection
 from twin.drives.inspection.sensors import SensorSpan
 from twin.errors import ConfigError
-from twin.figures import png
-from twin.store.atomic_files import replace_file
-from twin.store.folders import make_folder
+from twin.store.figure_files import check_figure_name, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,25 +35,20 @@ def text_timeline(sensors: Sequence[SensorSpan], columns: int = 40) -> list[str]
 
 
 def draw_timeline(inspection: Inspection, path: Path | str) -> Path:
-    """Draw the timeline as a PNG: a bar a sensor, gaps in red, annotations as ticks.
+    """Draw the timeline as a PNG, SVG or PDF: a bar a sensor, gaps in red, annotations as ticks.
 
     Raises
     ------
     ConfigError
-        If the name is not that of a PNG, or there is nothing to draw.
+        If the name has another ending, or there is nothing to draw.
     RefusedError
         If it cannot be written.
     """
     from matplotlib.figure import Figure
 
-    path = Path(path)
-    if path.suffix.lower() != ".png":
-        raise ConfigError(
-            f"The picture is a PNG, and {path.name} is not called one: name it {path.stem}.png."
-        )
+    path = check_figure_name(path)
     if not inspection.sensors:
         raise ConfigError(f"Nothing in {inspection.path} has a time, so there is no timeline to draw.")
-    make_folder(path.parent)
     height = 1.4 + 0.42 * len(inspection.sensors)
     figure = Figure(figsize=(11.0, height), dpi=120, facecolor="white", layout="constrained")
     axes = figure.subplots()
@@ -71,8 +64,7 @@ def draw_timeline(inspection: Inspection, path: Path | str) -> Path:
     axes.tick_params(left=False)
     axes.grid(axis="x", color="#e6e6e6")
     axes.set_axisbelow(True)
-    replace_file(path, png(figure))
-    return path
+    return write_figure(figure, path)
 
 
 def told(sensor: SensorSpan) -> str:

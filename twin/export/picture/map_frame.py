@@ -38,15 +38,13 @@ def frame_map(axes: Axes, window: Window) -> None:
 
 def draw_scale_bar(axes: Axes, window: Window) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten metres, about a fifth of the width."""
-    from matplotlib.patheffects import withStroke
-
     wanted = 0.45 * window.half_width_m
     power = 10.0 ** np.floor(np.log10(wanted))
     length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted)
     east = window.east_m - 0.92 * window.half_width_m
     north = window.north_m - 0.92 * window.half_height_m
     axes.plot(
-        [east, east + length], [north, north], color="#222222", lw=2.5, solid_capstyle="butt", zorder=15
+        [east, east + length], [north, north], color="#222222", lw=2.5, solid_capstyle="butt", zorder=16
     )
     text = f"{length:g} m" if length < 1000 else f"{length / 1000:g} km"
     axes.annotate(
@@ -57,7 +55,8 @@ def draw_scale_bar(axes: Axes, window: Window) -> None:
         ha="center",
         fontsize=8,
         zorder=15,
-        path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        # What runs below the bar must not run through its number.
+        bbox={"boxstyle": "square,pad=0.15", "fc": "#fbfbf9", "ec": "none", "alpha": 0.85},
     )
 
 

@@ -12,8 +12,10 @@ from twin.export.layers import ExportLayers, normalised
 from twin.export.picture.ellipses import ELLIPSE_FILL, draw_ellipses, enlarge_ellipse
 from twin.export.picture.labels import place_labels
 from twin.export.picture.map_frame import Window, draw_north, draw_scale_bar, east_north, frame_map
-from twin.figures import png
+from twin.export.picture.road_names import draw_road_names
+from twin.figures import FORMATS
 from twin.store.atomic_files import replace_file
+from twin.store.figure_files import check_figure_name
 from twin.store.kinds import QUIET, Verdict
 
 if TYPE_CHECKING:
@@ -44,8 +46,8 @@ _SOMEWHERE = (270_000.0, 7_041_000.0, 270_100.0, 7_041_060.0)
 """What an empty map shows, EPSG:25833: Trondheim."""
 
 
-def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: int = 150) -> Path:
-    """Draw a map of all changes, with close-ups of up to four of them.
+def render_map(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: int = 150) -> Path:
+    """Draw a map of all changes with the names of the roads, and close-ups of up to four changes.
 
     Filled marks are changes in the colours of the QGIS style, hollow ones are NVDB's signs, ellipses hold
     the estimate with 95 % probability. North is up along the grid of EPSG:25833; the arrow shows true north.
@@ -54,8 +56,9 @@ def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: 
     ----------
     layers : ExportLayers
     path : Path
-        The PNG; replaced atomically. Its folder must exist.
+        PNG, SVG or PDF, by its ending; replaced atomically. Its folder must exist.
     title : str
+        Default: which drives, and the day of NVDB's data.
     dpi : int
         The picture is 12 by 7 inches.
 
@@ -66,22 +69,24 @@ def render_png(layers: ExportLayers, path: Path | str, *, title: str = "", dpi: 
 
     Raises
     ------
+    ConfigError
+        The name has another ending.
     ExportRefusedError
         The layers are not as they must be, or the file cannot be written.
     """
     from matplotlib.figure import Figure
 
-    path = Path(path)
+    path = check_figure_name(path)
     checked = normalised(layers)
     figure = Figure(figsize=SIZE_IN, dpi=dpi, facecolor="white")
     west, south, east, north = _extent(checked)
     overview, *panels = _BELOW if east - west > 1.6 * (north - south) else _BESIDE
     chosen = _worth_a_look(checked.changes).head(len(panels))
     letters = dict(zip(chosen["change_id"], "ABCD", strict=False))
-    _draw_overview(figure.add_axes(overview), checked, letters, title)
+    _draw_overview(figure.add_axes(overview), checked, letters, title or _title(checked))
     for place, (_, change) in zip(panels, chosen.iterrows(), strict=False):
         _draw_close_up(figure.add_axes(place), checked, change, letters[change["change_id"]])
-    replace_file(path, png(figure))
+    replace_file(path, FORMATS[path.suffix.lower()](figure))
     return path
 
 
@@ -89,17 +94,27 @@ def _draw_overview(axes: Axes, layers: ExportLayers, letters: Mapping[str, str],
     window = _around(_extent(layers), axes)
     frame_map(axes, window)
     _draw_layers(axes, layers, mark_scale=1.0, sign_scale=1.0)
+    draw_road_names(axes, window, layers)
     _draw_legend(axes, layers)
     draw_scale_bar(axes, window)
     draw_north(axes, window)
-    if title:
-        axes.set_title(title, loc="left", fontsize=11)
+    axes.set_title(title, loc="left", fontsize=11)
     changes = layers.changes
     loud = changes[~changes["verdict"].isin(QUIET) & changes.geometry.notna()]
     texts = [
         f"{letters.get(change['change_id'], '')} {_code(change)}".strip() for _, change in loud.iterrows()
     ]
     place_labels(axes, east_north(loud), texts)
+
+
+def _title(layers: ExportLayers) -> str:
+    """``What trip_1 and trip_2 say of NVDB's signs of 2026-06-10``, as far as it is known."""
+    drives = sorted(layers.drives["name"])
+    who = " and ".join(drives) if 0 < len(drives) <= 2 else f"{len(drives)} drives"
+    day = layers.nvdb_signs["synced_at"].max() if len(layers.nvdb_signs) else ""
+    return (
+        f"What {who} say{'s' if len(drives) == 1 else ''} of NVDB's signs{f' of {day[:10]}' if day else ''}"
+    )
 
 
 def _draw_close_up(axes: Axes, layers: ExportLayers, change: pd.Series[Any], letter: str) -> None:

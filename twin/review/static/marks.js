@@ -4,7 +4,7 @@
 import { svg } from "./dom.js";
 
 export const MARKS = {
-  unchanged: { colour: "#a9adb2", shape: "o" },
+  unchanged: { colour: "#8f93a0", shape: "o" },
   not_observable: { colour: "#56b4e9", shape: "o" },
   review: { colour: "#0072b2", shape: "s" },
   moved: { colour: "#e69f00", shape: "^" },

@@ -17,7 +17,7 @@ const LAYERS = [
     maxzoom: SHAPES_FROM,
     layout: { "circle-sort-key": ["get", "rank"] },
     paint: {
-      "circle-color": ["match", ["get", "verdict"], ...Object.entries(MARKS).flatMap(([verdict, { colour }]) => [verdict, colour]), "#a9adb2"],
+      "circle-color": ["match", ["get", "verdict"], ...Object.entries(MARKS).flatMap(([verdict, { colour }]) => [verdict, colour]), "#8f93a0"],
       "circle-radius": ["interpolate", ["linear"], ["zoom"], 6, 2.5, SHAPES_FROM, 5],
       "circle-opacity": shade,
     },

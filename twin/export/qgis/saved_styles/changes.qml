@@ -232,7 +232,7 @@
     <layer class="SimpleMarker" enabled="1" locked="0" pass="0">
      <Option type="Map">
       <Option name="name" type="QString" value="circle" />
-      <Option name="color" type="QString" value="169,173,178,255" />
+      <Option name="color" type="QString" value="143,147,160,255" />
       <Option name="size" type="QString" value="2" />
       <Option name="size_unit" type="QString" value="MM" />
       <Option name="outline_color" type="QString" value="255,255,255,255" />
@@ -242,7 +242,7 @@
       <Option name="angle" type="QString" value="0" />
      </Option>
      <prop k="name" v="circle" />
-     <prop k="color" v="169,173,178,255" />
+     <prop k="color" v="143,147,160,255" />
      <prop k="size" v="2" />
      <prop k="size_unit" v="MM" />
      <prop k="outline_color" v="255,255,255,255" />

@@ -122,14 +122,14 @@
    <symbol type="line" name="6" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleLine" enabled="1" locked="0" pass="0">
      <Option type="Map">
-      <Option name="line_color" type="QString" value="169,173,178,255" />
+      <Option name="line_color" type="QString" value="143,147,160,255" />
       <Option name="line_style" type="QString" value="solid" />
       <Option name="line_width" type="QString" value="0.4" />
       <Option name="line_width_unit" type="QString" value="MM" />
       <Option name="capstyle" type="QString" value="round" />
       <Option name="joinstyle" type="QString" value="round" />
      </Option>
-     <prop k="line_color" v="169,173,178,255" />
+     <prop k="line_color" v="143,147,160,255" />
      <prop k="line_style" v="solid" />
      <prop k="line_width" v="0.4" />
      <prop k="line_width_unit" v="MM" />
