@@ -166,8 +166,8 @@ def test_figure_of_another_kind_is_refused(tmp_path: Path) -> None:
     """One sentence with the cure."""
     with kept(tmp_path / "small.db", []) as store:
         report = confidences_against_decisions(store)
-    with pytest.raises(ConfigError, match=r"end in \.png or \.svg"):
-        draw_confidences(report, tmp_path / "figure.pdf")
+    with pytest.raises(ConfigError, match=r"neither PNG, SVG nor PDF"):
+        draw_confidences(report, tmp_path / "figure.jpg")
 
 
 def test_same_decisions_give_the_same_bytes(tmp_path: Path) -> None:
