@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def unannotated(folder: Path, every: int = 3, *, with_track: bool = True) -> Pat
     for file in sorted((DATA / TRIP).iterdir()):
         if file.suffix != ".xml" and (with_track or file.suffix != ".bin"):
             shutil.copyfile(file, folder / file.name)
-    drive = sample_drives()[TRIP]
+    drive = sample()
     toml = (folder / "drive.toml").open("a")
     with toml:
         for camera in drive.scenario.cameras:
@@ -161,6 +162,7 @@ class Person:
         return n
 
 
+@cache
 def sample() -> SimulatedDrive:
-    """The drive that the sample was simulated as."""
+    """The drive that the sample was simulated as; never changed."""
     return sample_drives()[TRIP]

@@ -41,6 +41,13 @@ class _Edges(NamedTuple):
     down: FloatArray
 
 
+class _Grid(NamedTuple):
+    """Middles to try: every one of these columns in every one of these rows."""
+
+    u: FloatArray
+    v: FloatArray
+
+
 def find_faces(
     image: Image, window_px: FloatArray, codes: Sequence[str], metre_px: FloatArray
 ) -> tuple[FloatArray, ...]:
@@ -166,15 +173,15 @@ def _best(
 
 
 def _tried(
-    edges: _Edges, outline: FloatArray, candidates: Iterator[tuple[float, FloatArray]], n_points: int
+    edges: _Edges, outline: FloatArray, candidates: Iterator[tuple[float, _Grid]], n_points: int
 ) -> list[tuple[float, float, float, float]]:
     """Score, width and middle of the best place of each width."""
     point, normal = _around(outline, n_points)
     tried = []
-    for width, centres in candidates:
-        score = _score(edges, centres, width * point, normal)
-        k = int(np.argmax(score))
-        tried.append((float(score[k]), width, *centres[k].tolist()))
+    for width, grid in candidates:
+        score = _score(edges, grid, width * point, normal)
+        row, column = np.unravel_index(np.argmax(score), score.shape)
+        tried.append((float(score[row, column]), width, float(grid.u[column]), float(grid.v[row])))
     return tried
 
 
@@ -184,34 +191,30 @@ def _wider(outline: FloatArray) -> FloatArray:
     return np.asarray(outline * (_GROWN + _GROWN_PX / length))
 
 
-def _everywhere(outline: FloatArray, window_px: FloatArray) -> Iterator[tuple[float, FloatArray]]:
-    """Widths [m], and the middles (n, 2) of faces of that width that fit into the window."""
+def _everywhere(outline: FloatArray, window_px: FloatArray) -> Iterator[tuple[float, _Grid]]:
+    """Widths [m], and the middles of faces of that width that fit into the window."""
     (_, top), (_, low) = window_px.min(axis=0), window_px.max(axis=0)
     middle, reach = float(window_px[:, 0].mean()), _AXIS_M * float(np.ptp(outline[:, 0]))
     for width in _widths(*_SIZES_M, 1.06):
         wide, tall = width * np.ptp(outline, axis=0)
         v = np.arange(top + tall / 2, low - tall / 2 + 1e-9, 1.0)
         if wide >= _SMALLEST_PX and v.size:
-            yield width, _grid(np.arange(middle - reach, middle + reach + 1e-9, 1.0), v)
+            yield width, _Grid(np.arange(middle - reach, middle + reach + 1e-9, 1.0), v)
 
 
 def _about(
     middle: FloatArray, width: float, outline: FloatArray, reach: float
-) -> Iterator[tuple[float, FloatArray]]:
+) -> Iterator[tuple[float, _Grid]]:
     """The same near a place and a width that were found."""
     step = max(width * float(np.ptp(outline[:, 0])) / 60.0, 0.5)
     steps = np.arange(-reach, reach + 1e-9, step)
     for one in _widths(0.85 * width, 1.5 * width, 1.03):
-        yield one, _grid(middle[0] + steps, middle[1] + steps)
+        yield one, _Grid(middle[0] + steps, middle[1] + steps)
 
 
 def _widths(narrowest: float, widest: float, factor: float) -> list[float]:
     n = round(math.log(widest / narrowest) / math.log(factor)) + 1
     return [float(width) for width in np.geomspace(narrowest, widest, n)]
-
-
-def _grid(u: FloatArray, v: FloatArray) -> FloatArray:
-    return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
 def _around(outline: FloatArray, n_points: int) -> tuple[FloatArray, FloatArray]:
@@ -228,11 +231,17 @@ def _around(outline: FloatArray, n_points: int) -> tuple[FloatArray, FloatArray]
     return np.concatenate(points), normal / np.linalg.norm(normal, axis=1, keepdims=True)
 
 
-def _score(edges: _Edges, centres: FloatArray, points: FloatArray, normal: FloatArray) -> FloatArray:
-    """Share of the points (k, 2) around each middle (n, 2) that lie on edges which cross the outline."""
-    at = np.round(centres[:, None, :] + points[None]).astype(np.int64)
-    rows, columns = edges.across.shape
-    inside = (at[..., 0] >= 0) & (at[..., 0] < columns) & (at[..., 1] >= 0) & (at[..., 1] < rows)
-    column, row = np.clip(at[..., 0], 0, columns - 1), np.clip(at[..., 1], 0, rows - 1)
-    along = np.abs(edges.across[row, column] * normal[:, 0] + edges.down[row, column] * normal[:, 1])
-    return np.asarray(np.mean(np.minimum(along / _EDGE, 1.0) * inside, axis=1))
+def _score(edges: _Edges, grid: _Grid, points: FloatArray, normal: FloatArray) -> FloatArray:
+    """Share of the points (k, 2) around each middle (rows, columns) on edges which cross the outline."""
+    n_rows, n_columns = edges.across.shape
+    column, row = (np.round(one[:, None] + points[:, k]).astype(np.int64) for k, one in enumerate(grid))
+    inside_u, inside_v = (column >= 0) & (column < n_columns), (row >= 0) & (row < n_rows)
+    column, row = np.clip(column, 0, n_columns - 1), np.clip(row, 0, n_rows - 1)
+    at = (row * n_columns)[:, None] + column[None]
+    along = edges.across.ravel().take(at) * normal[:, 0]
+    along += edges.down.ravel().take(at) * normal[:, 1]
+    np.abs(along, out=along)
+    along /= _EDGE
+    np.minimum(along, 1.0, out=along)
+    along *= inside_v[:, None] & inside_u[None]
+    return np.asarray(along.mean(axis=2))

@@ -111,8 +111,10 @@ def masked(image: Image, regions: Regions, limits: Limits, focal_px: float, px_p
     shown = _greyed(rest) if limits.is_grey else _veiled(rest)
     hidden = regions.found & ~regions.faces
     window = regions.window & ~hidden & ~regions.faces
-    shown[window] = _veiled(_averaged(image, window_cell))[window]
-    shown[hidden] = _greyed(_averaged(image, hidden_cell))[hidden]
+    if window.any():
+        shown[window] = _veiled(_averaged(image, window_cell))[window]
+    if hidden.any():
+        shown[hidden] = _greyed(_averaged(image, hidden_cell))[hidden]
     shown[regions.faces] = image[regions.faces]
     softened = ~hidden & ~regions.faces
     if limits.is_grey:

@@ -25,9 +25,15 @@ def drive() -> Any:
     return sample_drives()[TRIP]
 
 
-def test_poles_stand_where_the_annotator_saw_their_feet(drive: Any) -> None:
+@pytest.fixture(scope="module")
+def studio(drive: Any) -> Studio:
+    """Its world; painting changes nothing in it."""
+    return Studio(drive)
+
+
+def test_poles_stand_where_the_annotator_saw_their_feet(drive: Any, studio: Studio) -> None:
     """Just above a true foot the picture shows the pole, just below it the ground: two projections agree."""
-    studio, seen = Studio(drive), drive.sightings
+    seen = drive.sightings
     camera, frame = "C2_tricam60", 672
     rows = (seen.camera == camera) & (seen.frame == frame) & (seen.range_m < 15.0)
     picture = studio.picture(camera, frame).rgb.astype(int)
@@ -39,16 +45,16 @@ def test_poles_stand_where_the_annotator_saw_their_feet(drive: Any) -> None:
     assert np.abs(below - POLE_RGB).max() > 30
 
 
-def test_mask_tells_people_vehicles_and_faces(drive: Any) -> None:
+def test_mask_tells_people_vehicles_and_faces(studio: Studio) -> None:
     """Behind the obstacle marker P08 a person and a car stand: all three are seen, each in its own pixels."""
-    picture = Studio(drive).picture("C2_tricam60", 672)
+    picture = studio.picture("C2_tricam60", 672)
     counts = {kind: int(np.count_nonzero(picture.mask == kind)) for kind in Kind}
     assert min(counts.values()) > 4000
     yellow = picture.rgb[picture.mask == Kind.SIGN].astype(int) - np.array([255, 207, 0])
     assert np.count_nonzero(np.abs(yellow).max(axis=-1) < 30) > 2000
 
 
-def test_pictures_are_the_same_each_time_and_read_as_frames(drive: Any, tmp_path: Path) -> None:
+def test_pictures_are_the_same_each_time_and_read_as_frames(studio: Studio, tmp_path: Path) -> None:
     """A copy with every 240th frame reads as the drive itself; its pictures have their frames' numbers."""
     made = [with_pictures(DATA / TRIP, tmp_path / name, every=240) for name in ("a", "b")]
     files = [
@@ -61,7 +67,7 @@ def test_pictures_are_the_same_each_time_and_read_as_frames(drive: Any, tmp_path
     pictures = copy.pictures["C3_tricam120"]
     assert [frame for frame in range(1440) if pictures.has(frame)] == list(range(0, 1440, 240))
     image = cv2.imread(str(tmp_path / "a" / "C3_tricam120" / "000480.jpg"))[..., ::-1].astype(int)
-    assert np.abs(image - Studio(drive).picture("C3_tricam120", 480).rgb).mean() < 3.0
+    assert np.abs(image - studio.picture("C3_tricam120", 480).rgb).mean() < 3.0
 
 
 def test_other_drives_are_refused(tmp_path: Path) -> None:
