@@ -21,7 +21,7 @@ from twin.store.store import Row, Snapshot
 from twin.words import sign_titles
 
 _MAX_RAYS = 24
-_TRACK_M = 2.0
+_TRACK_M = 0.3
 """How far a simplified track may lie from where the car was: less than a mark covers."""
 _CORNERS = 48
 _SEEN_FROM_M = 20.0
