@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
+SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review pictures soak fuzz clean
 
@@ -15,10 +17,10 @@ demo: $(VENV)/.installed          ## the whole job on the sample, into demo-out/
 	$(BIN)/twin demo --out demo-out
 
 test: $(VENV)/.installed          ## the whole suite
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest $(SPREAD)
 
 coverage: $(VENV)/.installed      ## the same, and which lines it runs: half as long again
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile --cov --cov-report=term
+	$(BIN)/python -m pytest $(SPREAD) --cov --cov-report=term
 
 lint: $(VENV)/.installed          ## style, types and the walls between the packages
 	$(BIN)/ruff check .

@@ -303,19 +303,19 @@ def test_answers_outlive_the_server(plain: BrowserContext, store: Path) -> None:
     assert set(given) <= set(findings)
 
 
-def test_kept_answers_stay_their_givers(context: BrowserContext, store: Path) -> None:
+def test_kept_answers_stay_their_givers(plain: BrowserContext, store: Path) -> None:
     """What one left at a stopped server is sent by that one's name; who comes next answers by their own."""
     put_findings(store, 4)
     port = free_port()
     with running(store, port) as (process, url):
-        page = open_page(context, url, "Kari")
+        page = open_page(plain, url, "Kari")
         process.kill()
         process.wait()
         press(page, "a")
         expect(page.locator(".notice.lost")).to_have_attribute("data-pending", "1")
         page.close()
     with running(store, port, "--by", "Ola") as (_, url):
-        again = open_page(context, url)
+        again = open_page(plain, url)
         wait_until_sent(again)
         expect(again.locator("#progress .numbers")).to_contain_text("1 of ")
         press(again, "d")
@@ -331,11 +331,11 @@ def test_kept_answers_stay_their_givers(context: BrowserContext, store: Path) ->
 
 
 def test_the_list_counts_what_was_answered(
-    address: Callable[..., str], context: BrowserContext, store: Path
+    address: Callable[..., str], plain: BrowserContext, store: Path
 ) -> None:
     """After all are answered the list says how many there were."""
     put_findings(store, 3)
-    page = open_page(context, address(), "Kari")
+    page = open_page(plain, address(), "Kari")
     total = page.evaluate("window.twinReview.queue.total")
     for _ in range(total):
         press(page, "a")
