@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review pictures soak fuzz clean
+.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review pictures soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -65,6 +65,9 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 
 bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium
 	$(BIN)/python benchmarks/review.py
+
+reference: $(VENV)/.installed     ## docs/reference anew from the code
+	$(BIN)/python tools/make_reference.py
 
 docs: $(VENV)/.installed          ## the documentation as a site, by both builders, into site/
 	$(BIN)/python -m pip install --quiet --editable ".[docs]"

@@ -65,7 +65,7 @@ def _option_sentence(option: str, context: Any) -> str:
         return f"`{path}` has no option {option}{_perhaps(option, options)}: see `{path} --help`."
     if options[option].is_flag:
         return f"{option} takes no value: write it alone."
-    return f"{option} needs a value: write {_wanted(options[option], command)}."
+    return f"{option} needs a value: write {wanted(options[option], command)}."
 
 
 def _value_sentence(parameter: Any, context: Any, given: Sequence[str]) -> str:
@@ -79,10 +79,10 @@ def _value_sentence(parameter: Any, context: Any, given: Sequence[str]) -> str:
     if isinstance(value, list | tuple):
         choices = _choices(_declared(parameter, context.command)[0])
         value = next((one for one in value if one not in choices), value[0])
-    return f"{name} is {value or 'empty'}: write {_wanted(parameter, context.command)}."
+    return f"{name} is {value or 'empty'}: write {wanted(parameter, context.command)}."
 
 
-def _wanted(parameter: Any, command: Any) -> str:
+def wanted(parameter: Any, command: Any) -> str:
     """What a parameter takes: ``one of new, moved``, ``a number from 1 to 130``."""
     kind, info = _declared(parameter, command)
     if choices := _choices(kind):

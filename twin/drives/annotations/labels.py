@@ -27,6 +27,7 @@ from importlib.resources import files
 from typing import Any
 
 from nvdb.datakatalog import SKILTNUMMER, sign_code, snapshot
+from twin.drives.folder.keys import LABEL_KEYS
 from twin.errors import DriveError
 
 LABELS_FILE = "labels.toml"
@@ -143,7 +144,7 @@ def read_label_map(content: bytes, where: str = LABELS_FILE) -> LabelMap:
         If it is not TOML, or a label is mapped to what is no sign code and no type.
     """
     document = _document(content, where)
-    unknown = sorted(set(document) - {"labels", "foot_keypoints"})
+    unknown = sorted(set(document) - set(LABEL_KEYS))
     if unknown:
         raise DriveError(f"{where} has the unknown key {unknown[0]:.60}: labels belong under [labels].")
     feet = document.get("foot_keypoints", [])

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from geoloc.adjustment.adjust import POLE_RADIUS_M
 from twin.drives.epochs import credible
+from twin.drives.folder.keys import CAMERA_KEYS, FRAME_KEYS, GNSS_KEYS, POSE_KEYS, POSE_TOPIC_KEYS, ROOT_KEYS
 from twin.drives.folder.stated_errors import TERMS, can_be, wanted
 from twin.drives.folder.toml_values import (
     SETTINGS_FILE,
@@ -45,34 +46,8 @@ POSE_SIGMAS: Mapping[str, float] = {
 }
 """One sigma of poses whose file states none, and the largest that locates anything."""
 
-_TABLES: Mapping[str, tuple[str, ...]] = {
-    "gnss": ("files", "lever_arms", "topics", "sigma_m", "heading_offset_deg", "heading_sigma_deg"),
-    "poses": ("file", "lever_arm", "topics", *POSE_SIGMAS),
-}
-_POSE_TOPICS = ("position", "attitude")
-_KEYS = (
-    "name",
-    "rig",
-    "cameras",
-    "annotations_complete",
-    "detections_complete",
-    "frames_by_number",
-    "first_frame",
-    "datum",
-    "camera_offset_ms",
-    "rolling_shutter_ms",
-    "pole_radius_m",
-    "pitch_positive",
-    "gnss",
-    "poses",
-    "timestamps",
-    "frames",
-    "annotations",
-    "errors",
-)
+_TABLES = {"gnss": GNSS_KEYS, "poses": POSE_KEYS}
 _INSTANT = 'an instant with its zone, "2026-06-10T07:59:59.123Z"'
-_CAMERA_KEYS = ("intrinsics", "position", "roll_pitch_yaw", "mask")
-_FRAME_KEYS = ("file", "start", "utc_offset_hours", "numbered")
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +180,7 @@ def read_settings(content: bytes) -> DriveSettings:
         names both GNSS files and a pose file.
     """
     document = document_of(content)
-    refuse_unknown(document, _KEYS, "")
+    refuse_unknown(document, ROOT_KEYS, "")
     gnss, poses = table_of(document, "gnss"), table_of(document, "poses")
     for key, table in (("gnss", gnss), ("poses", poses)):
         refuse_unknown(table, _TABLES[key], f"[{key}] ")
@@ -218,7 +193,7 @@ def read_settings(content: bytes) -> DriveSettings:
         )
     annotations = table_of(document, "annotations")
     pose_topics = names_of(poses, "topics", "poses.topics")
-    refuse_unknown(pose_topics, _POSE_TOPICS, "[poses] topics.")
+    refuse_unknown(pose_topics, POSE_TOPIC_KEYS, "[poses] topics.")
     return DriveSettings(
         name=text_of(document, "name"),
         rig=text_of(document, "rig"),
@@ -329,7 +304,7 @@ def _cameras(table: Mapping[str, Any]) -> dict[str, CameraSettings]:
     for camera in table:
         name = f"cameras.{camera}"
         entry = table_of(table, camera, name)
-        refuse_unknown(entry, _CAMERA_KEYS, f"[{name}] ")
+        refuse_unknown(entry, CAMERA_KEYS, f"[{name}] ")
         if ("position" in entry) != ("roll_pitch_yaw" in entry):
             raise DriveError(
                 f"{SETTINGS_FILE} gives only one of position and roll_pitch_yaw under [{name}]: give both."
@@ -353,12 +328,12 @@ def _angles(value: object, name: str) -> tuple[float, float, float]:
 
 
 def _frames(table: Mapping[str, Any]) -> dict[str, FrameSettings]:
-    """Pictures by camera: ``front = "front.mp4"``, or a table with `_FRAME_KEYS`."""
+    """Pictures by camera: ``front = "front.mp4"``, or a table with `FRAME_KEYS`."""
     frames = {}
     for camera, value in table.items():
         name = f"frames.{camera}"
         entry = value if isinstance(value, dict) else {"file": value}
-        refuse_unknown(entry, _FRAME_KEYS, f"[{name}] ")
+        refuse_unknown(entry, FRAME_KEYS, f"[{name}] ")
         file, offset = text_of(entry, "file", name), entry.get("utc_offset_hours")
         if file is None:
             raise wrong_value(name, value, "a video or a folder of images, or a table with file = …")

@@ -1,0 +1,1 @@
+"""docs/reference/: pages that the code itself writes. ``python tools/make_reference.py`` makes them anew."""

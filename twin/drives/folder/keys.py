@@ -1,0 +1,136 @@
+"""The keys of ``drive.toml`` and ``labels.toml``: what each takes, what holds without it, what it means.
+
+The readers know these keys and no others. ``make reference`` writes docs/reference/ from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from geoloc.adjustment.adjust import POLE_RADIUS_M
+
+
+class Key(NamedTuple):
+    """One key.
+
+    Attributes
+    ----------
+    takes : str
+        Kind and unit of its value.
+    default : str
+        What holds where the file does not have it; "" where it must.
+    meaning : str
+    """
+
+    takes: str
+    default: str
+    meaning: str
+
+
+_FOUND = "found in the folder"
+_FROM_RIG = "the rig file's"
+
+ROOT_KEYS: Mapping[str, Key] = {
+    "name": Key("text", "the folder's name", "what the drive is called"),
+    "rig": Key("file", _FOUND, "the rig file; not needed where [cameras] says all"),
+    "datum": Key(
+        "EUREF89, ITRF2014 or ITRF2020",
+        "EUREF89",
+        "of the positions; an ITRF is brought to EUREF89 at the epoch of each fix",
+    ),
+    "annotations_complete": Key(
+        "true or false",
+        "false",
+        "whether every sign pole in view is annotated, also if it faces away; else no sign is missing",
+    ),
+    "detections_complete": Key("true or false", "false", "the same of what a detector finds"),
+    "camera_offset_ms": Key(
+        "milliseconds", "0", "added to the frame stamps, to give the exposure of the middle row"
+    ),
+    "rolling_shutter_ms": Key(
+        "milliseconds", "estimated", "from the exposure of the first row to the last; 0 for a global shutter"
+    ),
+    "first_frame": Key(
+        "0 or 1", "0", "number of the first frame in a CSV of annotations and in names of images"
+    ),
+    "frames_by_number": Key(
+        "true or false", "false", "whether frame 0 has stamp 0 and so on, even if there are more of one"
+    ),
+    "pole_radius_m": Key("metres", f"{POLE_RADIUS_M:g}", "from the visible foot to the middle of the pole"),
+    "pitch_positive": Key("nose_down or nose_up", "nose_down", "which pitch of poses.csv is positive"),
+    "cameras": Key("a table for each camera", _FROM_RIG, "lens and place, instead of the rig file's"),
+    "gnss": Key("table", _FOUND, "GNSS recordings; not together with [poses]"),
+    "poses": Key("table", _FOUND, "full poses: position and attitude"),
+    "timestamps": Key("camera = file", _FOUND, "when each frame was taken"),
+    "frames": Key("camera = file, folder or table", _FOUND, "the pictures: a video or a folder of images"),
+    "annotations": Key(
+        "camera = file, folder or a list of them", _FOUND, "what was annotated in its pictures"
+    ),
+    "errors": Key(
+        "term = one sigma", "the error budget's", "terms of the error budget that are better known"
+    ),
+}
+CAMERA_KEYS: Mapping[str, Key] = {
+    "intrinsics": Key(
+        "file, or file#camera", _FROM_RIG, "a calibration file; #camera where it holds several"
+    ),
+    "position": Key(
+        "[x, y, z], metres", _FROM_RIG, "where the camera sits in the rig frame; together with roll_pitch_yaw"
+    ),
+    "roll_pitch_yaw": Key(
+        "[roll, pitch, yaw], degrees",
+        _FROM_RIG,
+        "how it looks: right side down, nose down and left are positive; together with position",
+    ),
+    "mask": Key("picture", _FROM_RIG, "black on the car itself, white elsewhere"),
+}
+GNSS_KEYS: Mapping[str, Key] = {
+    "files": Key("antenna = file", _FOUND, "the recording of each antenna"),
+    "lever_arms": Key("antenna = [x, y, z], metres", _FROM_RIG, "where each antenna sits in the rig frame"),
+    "topics": Key("antenna = topic", "the only one", "of ROS recordings with several topics of positions"),
+    "sigma_m": Key(
+        "metres", "by quality of the fix", "horizontal one sigma of fixes whose recording states none"
+    ),
+    "heading_offset_deg": Key(
+        "degrees", "as written", "the car's nose, clockwise from the heading that its receiver writes"
+    ),
+    "heading_sigma_deg": Key(
+        "degrees", "0.5; 3 of SBP without fixed ambiguities", "one sigma of that heading"
+    ),
+}
+POSE_KEYS: Mapping[str, Key] = {
+    "file": Key("file", _FOUND, "poses.csv, SBP with attitude, or a ROS recording"),
+    "lever_arm": Key(
+        "[x, y, z], metres",
+        "the rig's origin",
+        "where the point sits in the rig frame whose positions they are",
+    ),
+    "topics": Key("position = topic, attitude = topic", "the only ones", "of a ROS recording with several"),
+    "sigma_m": Key("metres", "estimated", "one sigma, a horizontal axis, of poses whose file states none"),
+    "sigma_height_m": Key("metres", "1.7 times sigma_m", "likewise, of the height"),
+    "sigma_roll_pitch_deg": Key("degrees", "estimated", "likewise, of roll and pitch"),
+    "sigma_heading_deg": Key("degrees", "estimated", "likewise, of the heading"),
+}
+POSE_TOPIC_KEYS: Mapping[str, Key] = {
+    "position": Key("topic", "the only one", "NavSatFix or Odometry"),
+    "attitude": Key("topic", "the only one", "Imu"),
+}
+FRAME_KEYS: Mapping[str, Key] = {
+    "file": Key("video, or folder of images", "", 'the pictures; front = "front.mp4" says the same in short'),
+    "start": Key(
+        "instant with its zone",
+        "what the video says",
+        "of the first frame of a video: 2026-06-10T07:59:59.123Z",
+    ),
+    "utc_offset_hours": Key(
+        "hours", "what the images say", "zone of the times in names or tags of images: 2 in Norwegian summer"
+    ),
+    "numbered": Key(
+        "true or false", "false", "whether the folder holds some of the frames, named after their numbers"
+    ),
+}
+LABEL_KEYS: Mapping[str, Key] = {
+    "foot_keypoints": Key("list of names", "none", "further names of key points that are the foot of a pole"),
+    "labels": Key("label = meaning", "none", "what each label is; * in a label stands for anything"),
+}
