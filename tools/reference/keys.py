@@ -77,8 +77,8 @@ def _errors() -> str:
         if isinstance(field.default, float)
     ]
     return (
-        "## [errors]\nOne sigma of each; the end of a name is its unit. [Error budget](../error-budget.md) says"
-        " where the defaults are from.\n\n" + table(["term", "default", "meaning"], rows)
+        "## [errors]\nOne sigma of each; the end of a name is its unit. [Error budget](../error-budget.md)"
+        " says where the defaults are from.\n\n" + table(["term", "default", "meaning"], rows)
     )
 
 

@@ -50,7 +50,8 @@ def store_page() -> str:
     return page(
         "Tables of the store",
         f"A store is one SQLite file; this is version {schema.VERSION} of its tables. Read it with any tool,"
-        " but write to it with `twin` alone. The tables may change with twin; [layers](layers.md) change less.",
+        " but write to it with `twin` alone. The tables may change with twin;"
+        " [layers](layers.md) change less.",
         *(_store_table(one) for one in tables if one not in copies),
         "## Copies\nThese have the columns of the table that they name.\n\n"
         + table(["table", "what", "one more column"], [_copy(one) for one in copies]),

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 from make_reference import FOLDER, PAGES
 
 from geoloc.locate.error_budget import ErrorBudget
 from reference.commands import HELP_OPTION, commands
+from reference.json_shapes import SHAPES
 from reference.keys import DRIVE_TABLES, error_terms
 from reference.tables import exit_code_meanings
 from twin.cli import exit_codes
@@ -24,14 +28,14 @@ from twin.store import schema
 @pytest.mark.parametrize("name", PAGES)
 def test_page_is_what_the_code_says(name: str) -> None:
     """A page of docs/reference that no longer fits the code is made anew by `make reference`."""
-    page = FOLDER / f"{name}.md"
+    page = FOLDER / name
     fresh = page.exists() and page.read_text(encoding="utf-8") == PAGES[name]()
-    assert fresh, f"docs/reference/{name}.md is stale: make reference, then commit it"
+    assert fresh, f"docs/reference/{name} is stale: make reference, then commit it"
 
 
 def test_no_page_is_left_over() -> None:
     """Each page of docs/reference is made."""
-    assert {page.stem for page in FOLDER.glob("*.md")} == set(PAGES)
+    assert {page.name for page in FOLDER.iterdir()} == set(PAGES)
 
 
 @pytest.mark.parametrize(("name", "command"), commands().items())
@@ -80,3 +84,56 @@ def test_every_exit_code_is_explained() -> None:
     codes = {value for name, value in vars(exit_codes).items() if name.startswith("EXIT_")}
     assert set(exit_code_meanings()) == codes
     assert all(exit_code_meanings().values())
+
+
+def test_every_json_document_has_a_type() -> None:
+    """A command that takes --json has its document in the reference."""
+    typed = {command.partition(" --")[0] for command in SHAPES}
+    with_json = {name for name, one in commands().items() if any("--json" in p.opts for p in one.params)}
+    assert with_json - typed == set()
+    assert {
+        " ".join(command.split()[:2]) if command.startswith("calibrate") else command.split()[0]
+        for command in typed
+    } == with_json
+
+
+def _as_text(kind: type, text: str) -> Path:
+    assert kind is Path
+    return Path(text)
+
+
+def _reads(command: str, document: Any) -> None:
+    """A document has every key that its type names, and at the top no other."""
+    msgspec.convert(document, SHAPES[command], str_keys=True, dec_hook=_as_text)
+
+
+def test_json_documents_are_of_their_types(
+    twin: Twin, store: Path, sample: Path, trip: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What commands print on the sample is what the reference says that they print."""
+    monkeypatch.setenv("TWIN_STORE", str(store))
+    out = tmp_path / "out"
+    asked = {
+        "ingest-drive": ["ingest-drive", trip],
+        "match": ["match"],
+        "drives": ["drives"],
+        "status": ["status"],
+        "confidence": ["confidence"],
+        "inspect": ["inspect", trip],
+        "trajectory": ["trajectory", trip, "--out", tmp_path / "poses.csv"],
+        "evaluate": ["evaluate", sample / "truth.csv"],
+        "show": ["show", "P01"],
+        "decide --dry-run": ["decide", "accept", "--verdict", "moved", "--dry-run"],
+        "decide": ["decide", "accept", "--verdict", "moved"],
+        "decide undo": ["decide", "undo"],
+        "evidence": ["evidence"],
+        "export": ["export", out],
+        "qgis": ["qgis", out],
+        "simulate": ["simulate", tmp_path / "still", "--scenario", "still"],
+    }
+    for command, words in asked.items():
+        answer = twin(*words, "--json")
+        assert answer.code == 0, answer.err
+        _reads(command, answer.json)
+    finding = next(one for one in twin("match", "--json").json["changes"] if one["verdict"] == "moved")
+    _reads("explain", twin("explain", finding["change_id"], "--json").json)

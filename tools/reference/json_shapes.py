@@ -1,0 +1,265 @@
+"""What each command prints under ``--json``, as types: msgspec makes schemas of them, tests read with them.
+
+Most outputs are a record of the library, some with a few keys more: `_shape` puts these together.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import fields
+from inspect import getdoc
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import msgspec
+import sqlalchemy as sa
+
+from twin.calibrate.drives.history import Histories
+from twin.calibrate.drives.verify import Verification
+from twin.calibrate.extrinsics.calibrate import ExtrinsicsReport
+from twin.calibrate.intrinsics.report import IntrinsicsReport
+from twin.changesets.submit import Submitted
+from twin.decisions.evidence import Evidence
+from twin.decisions.explain import DriveOfFinding
+from twin.decisions.record import Decided
+from twin.drives.inspection.inspect import Inspection
+from twin.drives.inspection.sensors import SensorSpan
+from twin.evidence.forgetting import Forgotten
+from twin.evidence.make import EvidenceReport
+from twin.ingest.ingest import IngestReport
+from twin.matching.match_store import MatchReport
+from twin.mirror.sync import SyncPlan, SyncResult
+from twin.reports.confidences import ConfidenceReport
+from twin.reports.estimate import EstimateExplained
+from twin.reports.evaluation import MethodResult
+from twin.reports.store_status import Status
+from twin.samples.simulation import SimulateReport
+from twin.store import schema
+from twin.store.annotation_sets import AnnotationSet
+
+Field = tuple[str, Any] | tuple[str, Any, Any]
+SAID: dict[str, dict[str, str]] = {}
+"""Type → key → what its docstring says of it."""
+
+_OF_COLUMN: Mapping[type, Any] = {
+    sa.String: str,
+    sa.Float: float,
+    sa.Boolean: bool,
+    sa.JSON: Any,
+}
+
+
+def attributes_said(kind: type) -> dict[str, str]:
+    """Return attribute → meaning, of the section Attributes of a docstring."""
+    _, _, section = (getdoc(kind) or "").partition("Attributes\n----------\n")
+    found: dict[str, str] = {}
+    for names, text in re.findall(
+        r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)*)", section + "\n", flags=re.MULTILINE
+    ):
+        meaning = re.sub(r":\w+:`~?([^`]*)`", r"`\1`", " ".join(text.split())).replace("``", "`")
+        for name in names.partition(" : ")[0].split(","):
+            found[name.strip()] = meaning
+    return found
+
+
+def _shape(called: str, /, *sources: type, leave: tuple[str, ...] = (), **more: tuple[Any, str]) -> type:
+    """Make the type of a document: the fields of records, less some, and further keys with their meanings."""
+    members: list[Field] = []
+    said: dict[str, str] = {}
+    for source in sources:
+        kinds = get_type_hints(source)
+        members += [(one.name, kinds[one.name]) for one in fields(source) if one.name not in {*leave, *more}]
+        said |= attributes_said(source)
+    members += [(key, kind) for key, (kind, _) in more.items()]
+    SAID[called] = said | {key: text for key, (_, text) in more.items()}
+    return msgspec.defstruct(called, members, forbid_unknown_fields=True, kw_only=True)
+
+
+def _of_table(called: str, table: sa.Table, /, leave: tuple[str, ...] = (), **more: tuple[Any, str]) -> type:
+    """Make the type of a table's row, its columns explained as in the store."""
+    keys: dict[str, tuple[Any, str]] = {}
+    for column in table.columns:
+        if column.name not in {*leave, *more}:
+            kind = _OF_COLUMN.get(type(column.type), int)
+            keys[str(column.name)] = (
+                kind | None if column.nullable and kind is not Any else kind,
+                column.comment or "",
+            )
+    return _shape(called, **keys, **more)
+
+
+_PICTURE = (str | None, "the picture that was written")
+_FILES = (list[str], "what was written")
+_CHANGE_IDS = (list[str], "the findings")
+Finding = _of_table("Finding", schema.change, decision=(str, "open, accept, dismiss or defer"))
+FindingExplained = _of_table(
+    "FindingExplained", schema.change, leave=("terms",), decision=(str, "open, accept, dismiss or defer")
+)
+LogEntry = _of_table("LogEntry", schema.decision_log, evidence=(Evidence, "what the decision rested on"))
+Gap = _shape(
+    "Gap", first_ns=(int, "epoch, UTC"), last_ns=(int, "epoch, UTC"), seconds=(float, "how long it is")
+)
+Sensor = _shape(
+    "Sensor",
+    SensorSpan,
+    leave=("epoch_ns",),
+    gaps=(list[Gap], "steps longer than 2.5 usual ones, the first 100"),  # type: ignore[valid-type]
+    first_ns=(int, "epoch of the first sample, UTC"),
+    last_ns=(int, "epoch of the last sample, UTC"),
+)
+LeftOut = _shape(
+    "LeftOut",
+    what=(str, "annotations, frames, …"),
+    where=(str, "file or sensor"),
+    reason=(str, "why"),
+    count=(int, "how many"),
+)
+NoPicture = _shape(
+    "NoPicture",
+    change_id=(str, "the finding"),
+    drive_id=(str, "the drive"),
+    kind=(str, "what kind of reason"),
+    sentence=(str, "the reason, in English"),
+)
+Layer = _shape("Layer", name=(str, ""), rows=(int, ""), what=(str, "what it shows"))
+DriveSet = _shape("DriveSet", AnnotationSet, drive=(str, "the drive's name"))
+
+SHAPES: Mapping[str, Any] = {
+    "sync-nvdb": SyncResult,
+    "sync-nvdb --dry-run": SyncPlan,
+    "ingest-drive": IngestReport,
+    "drives": list[DriveSet],  # type: ignore[valid-type]
+    "inspect": _shape(
+        "Inspected",
+        Inspection,
+        skipped=(list[LeftOut], "what is left out"),  # type: ignore[valid-type]
+        sensors=(list[Sensor], "GNSS or poses first, then frames and annotations by camera"),  # type: ignore[valid-type]
+        picture=_PICTURE,
+    ),
+    "trajectory": _shape(
+        "Trajectory",
+        file=(str, "what was written"),
+        poses=(int, "how many"),
+        first_ns=(int, "epoch, UTC"),
+        last_ns=(int, "epoch, UTC"),
+        median=(dict[str, float], "sigma → its median: metres or degrees, as its name says"),
+        warnings=(list[str], "sentences for a person"),
+    ),
+    "match": _shape(
+        "Matched",
+        MatchReport,
+        n_open=(int, "findings that somebody has to decide"),
+        changes=(list[Finding], "every finding"),  # type: ignore[valid-type]
+    ),
+    "explain": _shape(
+        "Explained",
+        sentence=(str, "verdict, confidence, reason and decision, in English"),
+        change=(FindingExplained, "the finding"),
+        terms=(dict[str, Any] | None, "what verdict and confidence rest on: twin help matching"),
+        drives=(list[DriveOfFinding], "that it rests on, in time order"),
+        history=(list[LogEntry], "what was decided, oldest first"),  # type: ignore[valid-type]
+    ),
+    "decide": _shape("Decided", Decided, decided=(str, "accept, dismiss, defer or open")),
+    "decide --dry-run": _shape("WouldDecide", Decided, would_decide=(str, "likewise")),
+    "decide --from": _shape("FromQgis", change_ids=_CHANGE_IDS, **{"from": (str, "the GeoPackage")}),
+    "decide undo": _shape("Undone", change_ids=_CHANGE_IDS, undone=(bool, "true")),
+    "evidence --forget": Forgotten,
+    "evidence": _shape(
+        "Pictures",
+        EvidenceReport,
+        gaps=(list[NoPicture], "why pictures are missing"),  # type: ignore[valid-type]
+    ),
+    "export": _shape(
+        "Exported",
+        files=_FILES,
+        matched=(bool, "whether the store had findings; else only positions went out"),
+        errors=(list[str], "why a change set cannot be sent, a sentence each"),
+        left_out=(dict[str, str], "accepted finding → why it is in no change set"),
+        sent_before=(dict[str, str | None], "finding → set at API Skriv that has it already"),
+    ),
+    "qgis": _shape(
+        "Qgis",
+        file=(str, "the GeoPackage"),
+        project=(str | None, "how QGIS calls the project; null without one"),
+        command=(list[str], "what opens it"),
+        layers=(list[Layer], "the layers"),  # type: ignore[valid-type]
+        decisions=(dict[str, int], "decision → findings"),
+        decided_in_qgis=(dict[str, str], "finding → decision made there since the export"),
+    ),
+    "submit": _shape(
+        "Sent",
+        sent=(bool, "whether --go was given"),
+        sets=(list[Submitted], "what became of each set"),
+    ),
+    "evaluate": _shape(
+        "Evaluated",
+        methods=(list[MethodResult], "errors by method"),
+        plots=_FILES,
+        csv=(str | None, "the table that was written"),
+    ),
+    "show": _shape(
+        "Estimate",
+        EstimateExplained,
+        leave=("line_m", "misfits", "absence_gap"),
+        height_m=(float | None, "ellipsoidal, metres; null where unknown"),
+        sigma_height_m=(float | None, "one sigma, metres"),
+        height_nn2000_m=(float | None, "NN2000, metres"),
+        covariance_m2=(list[list[float]], "grid east and grid north"),
+        frames=(list[dict[str, Any]], "each frame that it was seen in"),
+        corrections=(dict[str, Any], "what the drive's adjustment found; what speaks against the drive"),
+        neighbours=(list[dict[str, Any]], "NVDB's signs within 15 m"),
+        picture=_PICTURE,
+    ),
+    "status": Status,
+    "confidence": _shape("Confidence", ConfidenceReport, picture=_PICTURE),
+    "simulate": SimulateReport,
+    "demo": _shape(
+        "Demo",
+        signs_synced=(dict[str, int], "skiltpunkt and skiltplate"),
+        drives=(int, "drives read"),
+        pictures=(int, "pictures painted"),
+        crops=(int, "cut out of them"),
+        sightings=(int, "annotated pixels"),
+        estimates=(int, "objects with a position"),
+        verdicts=(dict[str, int], "verdict → findings"),
+        verdicts_expected=(dict[str, int], "verdict → how many the sample was made to hold"),
+        median_error_m=(dict[str, float], "method → median error, metres"),
+        coverage95=(dict[str, float], "method → share of truths inside their 95 % ellipses"),
+        files=_FILES,
+    ),
+    "calibrate intrinsics": _shape(
+        "Intrinsics",
+        IntrinsicsReport,
+        # The kinds of doubts are open: a package adds its own.
+        faults=(list[dict[str, Any]], "what is wrong with the views"),
+        files=_FILES,
+    ),
+    "calibrate example": _shape(
+        "Example", board=(str, "for --board"), camera=(str, "its name"), files=_FILES
+    ),
+    "calibrate extrinsics": ExtrinsicsReport,
+    "calibrate example-yard": _shape("ExampleYard", files=_FILES),
+    "calibrate verify": _shape("Verified", Verification, leave=("errors_at",), plot=_PICTURE),
+    "calibrate from-drives": _shape("FromDrives", Histories, plot=_PICTURE),
+}
+"""Command → type of its document."""
+
+
+def schemas() -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return command → JSON schema, and the types that these refer to, explained by their docstrings."""
+    kinds = list(SHAPES.values())
+    found, parts = msgspec.json.schema_components(kinds, ref_template="#/$defs/{name}", schema_hook=_other)
+    said = SAID | {kind.__name__: attributes_said(kind) for kind in kinds if isinstance(kind, type)}
+    for name, part in parts.items():
+        part.pop("description", None)
+        for key, entry in part.get("properties", {}).items():
+            if text := said.get(name, {}).get(key):
+                entry["description"] = text
+    return dict(zip(SHAPES, found, strict=True)), parts
+
+
+def _other(kind: type) -> dict[str, Any]:
+    if issubclass(kind, Path):
+        return {"type": "string"}
+    raise NotImplementedError
