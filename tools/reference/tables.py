@@ -85,7 +85,10 @@ def _copy(one: sa.Table) -> list[str]:
 
 
 def exit_code_meanings() -> dict[int, str]:
-    """Return exit code → meaning, from the table at the head of :mod:`twin.cli.exit_codes`."""
+    """Return exit code → meaning: of its list, or of the table at the head of :mod:`twin.cli.exit_codes`."""
+    listed = getattr(exit_codes, "EXIT_CODES", ())
+    if listed:
+        return {one.code: one.meaning for one in listed}
     found: dict[int, str] = {}
     _, rows, _ = re.split(r"^=+ =+$", inspect.getdoc(exit_codes) or "", flags=re.MULTILINE)[1:]
     for line in rows.strip("\n").splitlines():

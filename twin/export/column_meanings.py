@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-_CHANGE_ID = "the finding's id: the same in every match"
+_CHANGE_ID = "the finding: the same one has the same id in every run"
 _VERDICT = "unchanged, moved, wrong_type, new, missing, not_observable or review"
 _DISTANCE = "from NVDB's position to the measured one"
 _SYNCED = "when NVDB's word on it was fetched, UTC"
@@ -18,26 +18,26 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "change_id": _CHANGE_ID,
         "verdict": _VERDICT,
         "reason": "one sentence, in the export's language",
-        "confidence": "probability that the verdict is right",
+        "confidence": "probability that the verdict is right: twin help matching",
         "nvdb_type": "95 Skiltpunkt or 96 Skiltplate",
         "nvdb_id": "NVDB's object; null where NVDB has none",
-        "nvdb_version": "its version when it was matched",
+        "nvdb_version": "the version that was compared; null likewise",
         "skiltnummer_nvdb": "codes in NVDB, top down, joined by ;",
         "skiltnummer_seen": "codes as seen, likewise",
         "distance_m": _DISTANCE,
-        "distance_sigma_m": "one sigma of that distance",
+        "distance_sigma_m": "our one sigma along it",
         "drive_ids": "drives that saw it, or looked for it, joined by ,",
-        "n_sightings": "sightings that it rests on",
+        "n_sightings": "how often it was seen",
         "decision": "open, accept, dismiss or defer: decide here, or with twin review",
-        "cameras": "that saw it, or looked for it, joined by ,",
-        "synced_at": _SYNCED,
+        "cameras": "that saw it, joined by ,; of what was not seen, those of the drives that looked for it",
+        "synced_at": f"{_SYNCED}; where NVDB has none, the newest fetch of the mirror",
         "software": "version of twin that matched",
-        "config_sha256": "of the settings of the match",
-        "sign": "the sign by code and name",
-        "road": "where it stands: vegsystemreferanse and street",
-        "comment": "why it was decided so: write here",
-        "author": "who decided: write here",
-        "crop_face": "masked picture of the sign, a path in the export's folder",
+        "config_sha256": "of everything that findings depend on but NVDB: settings, drives, estimates",
+        "sign": "the sign by code and name: 142 – Barn",
+        "road": "where it stands: vegsystemreferanse and street, where they are known",
+        "comment": "why it was decided so: write here; empty where nobody has decided",
+        "author": "who decided: likewise",
+        "crop_face": "masked picture of the sign in its best view, a path beside the file; empty where there is none",
         "crop_wide": "masked picture of its surroundings, likewise",
     },
     "moves": {
