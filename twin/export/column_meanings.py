@@ -37,7 +37,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "road": "where it stands: vegsystemreferanse and street, where they are known",
         "comment": "why it was decided so: write here; empty where nobody has decided",
         "author": "who decided: likewise",
-        "crop_face": "masked picture of the sign in its best view, a path beside the file; empty where there is none",
+        "crop_face": "masked picture of its best view, a path beside the file; empty where there is none",
         "crop_wide": "masked picture of its surroundings, likewise",
     },
     "moves": {
