@@ -11,13 +11,16 @@ from pathlib import Path
 from reference.commands import commands_page
 from reference.json_page import SCHEMAS, json_page, schema_document
 from reference.keys import drive_toml_page, labels_toml_page
+from reference.root_pages import conventions_page, glossary_page
 from reference.tables import exit_codes_page, layers_page, store_page
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "reference"
 PAGES: Mapping[str, Callable[[], str]] = {
     "commands.md": commands_page,
+    "conventions.md": conventions_page,
     "drive-toml.md": drive_toml_page,
     "exit-codes.md": exit_codes_page,
+    "glossary.md": glossary_page,
     "json.md": json_page,
     SCHEMAS: schema_document,
     "labels-toml.md": labels_toml_page,

@@ -36,8 +36,8 @@ def commands_page() -> str:
     found = commands()
     return page(
         "Commands",
-        "`twin --help` lists them, and `twin COMMAND --help` says the same as this page. Where a name of the"
-        " environment is given, its value holds unless the option says otherwise.",
+        "`twin --help` lists them, and `twin COMMAND --help` says the same as this page. Where a variable of"
+        " the environment is named, it holds unless the option says otherwise.",
         " · ".join(f"[{name}](#twin-{name.replace(' ', '-')})" for name in found),
         *(_section(name, command) for name, command in found.items()),
     )
@@ -50,7 +50,6 @@ def _section(name: str, command: Any) -> str:
             " ".join(code(text) for text in _names(parameter)),
             _takes(parameter, command),
             _default(parameter),
-            code(parameter.envvar or ""),
             _meaning(parameter),
         ]
         for parameter in parameters
@@ -61,7 +60,7 @@ def _section(name: str, command: Any) -> str:
         [
             f"## twin {name}",
             about,
-            table(["option", "takes", "default", "environment", "meaning"], rows),
+            table(["option", "takes", "default", "meaning"], rows),
             example,
         ]
     )
@@ -93,4 +92,5 @@ def _default(parameter: Any) -> str:
 
 
 def _meaning(parameter: Any) -> str:
-    return _STATED_DEFAULT.sub("", " ".join((parameter.help or "").split()))
+    variable = f" Environment: {code(parameter.envvar)}." if parameter.envvar else ""
+    return _STATED_DEFAULT.sub("", " ".join((parameter.help or "").split())) + variable
