@@ -6,6 +6,7 @@
     ├── DriveError          a recorded drive that cannot be read (what, where, cure)
     ├── StoreError          the store is missing, locked, or written by a newer version
     ├── ConfigError         a setting that cannot be
+    ├── FileError           a file or folder that a command names, and that is not there or not readable
     ├── LayoutError         a ``layout.toml`` for ``calibrate extrinsics`` that cannot be read
     ├── TruthError          a truth file for ``evaluate`` that cannot be read
     ├── TerrainError        a ground raster that cannot be read or used
@@ -32,6 +33,10 @@ class StoreError(TwinError):
 
 class ConfigError(TwinError):
     """A setting that is out of its range."""
+
+
+class FileError(TwinError):
+    """A file or folder that is not there or not readable; the message names it and the cure."""
 
 
 class LayoutError(TwinError):

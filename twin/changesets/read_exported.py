@@ -13,7 +13,7 @@ from nvdb.endringssett import Endringssett, from_json, from_xml, to_xml
 from twin.changesets.files import PREVIEW, PROVENANCE, is_change_set_file
 from twin.changesets.kontekst import groups_in, object_key, with_findings
 from twin.changesets.operations import Group
-from twin.errors import ConfigError, RefusedError
+from twin.errors import FileError, RefusedError
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def exported_sets(path: Path, *, may_be_empty: bool = False) -> list[ExportedSet
 
     Raises
     ------
-    ConfigError
+    FileError
         There is no such file or folder.
     RefusedError
         It is a preview, holds no set, or a file is not as the export wrote it.
@@ -83,7 +83,7 @@ def exported_sets(path: Path, *, may_be_empty: bool = False) -> list[ExportedSet
             )
         return [_read(path / name, entry) for name, entry in listed.items()]
     if not path.exists():
-        raise ConfigError(f"There is no {path}: name an export's folder, or one change set in it.")
+        raise FileError(f"There is no {path}: name an export's folder, or one change set in it.")
     if path.name.startswith(PREVIEW):
         raise RefusedError(f"{path} is a preview of findings that nobody has accepted: accept them first.")
     listed = _listed(path.parent)

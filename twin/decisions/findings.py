@@ -14,7 +14,7 @@ import sqlalchemy as sa
 
 from twin.decisions.evidence import Ask, Row
 from twin.decisions.log import REOPENED
-from twin.errors import ConfigError
+from twin.errors import ConfigError, FileError
 from twin.store import schema
 from twin.store.kinds import QUIET, Decision
 from twin.store.records import Finding
@@ -190,8 +190,10 @@ def read_area(path: Path) -> BaseGeometry:
 
     Raises
     ------
+    FileError
+        It cannot be read.
     ConfigError
-        It cannot be read, is no GeoJSON, has no polygon, or its coordinates are no longitude and latitude.
+        It is no GeoJSON, has no polygon, or its coordinates are no longitude and latitude.
     """
     import shapely
 
@@ -200,9 +202,7 @@ def read_area(path: Path) -> BaseGeometry:
         json.loads(text)
         area = shapely.from_geojson(text)
     except OSError as error:
-        raise ConfigError(
-            f"The area {path} cannot be read ({error.strerror}): name a GeoJSON file."
-        ) from error
+        raise FileError(f"The area {path} cannot be read ({error.strerror}): name a GeoJSON file.") from error
     except (ValueError, shapely.errors.GEOSException) as error:
         raise ConfigError(f"The area {path} is not GeoJSON: give a file with polygons.") from error
     polygons = [part for part in shapely.get_parts(shapely.get_parts(area)) if part.geom_type == "Polygon"]

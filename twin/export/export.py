@@ -11,7 +11,7 @@ from twin.changesets import ChangeSets, files_of, groups_from_store
 from twin.decisions.evidence import Evidence
 from twin.decisions.log import position
 from twin.decisions.record import Edit, keep_edits
-from twin.errors import ExportRefusedError, RefusedError, StoreError
+from twin.errors import ExportRefusedError, FileError, RefusedError, StoreError
 from twin.evidence import n_unmasked_crops
 from twin.export.folder import GEOPACKAGES, export_all
 from twin.export.from_store import layers_from_store
@@ -176,12 +176,14 @@ def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -
 
     Raises
     ------
+    FileError
+        There is no such file.
     ExportRefusedError
         It is open in QGIS, not an export, or holds a decision that is none.
     """
     path = Path(path)
     if not path.exists():
-        raise ExportRefusedError(f"there is no file {path}: name a GeoPackage that `twin export` wrote")
+        raise FileError(f"There is no file {path}: name a GeoPackage that `twin export` wrote.")
     store.matched()
     refuse_if_open(path)
     answers = edited_answers(path)

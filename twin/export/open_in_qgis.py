@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from twin.errors import ExportRefusedError, RefusedError
+from twin.errors import FileError, RefusedError
 from twin.export.folder import UTM33
 from twin.export.geopackage import contents_of, edited_answers
 from twin.export.layers import description
@@ -73,12 +73,14 @@ def qgis_export(folder: Path, lang: Lang = Lang.EN) -> QgisExport:
 
     Raises
     ------
+    FileError
+        There is none.
     ExportRefusedError
-        There is none, or it is not an export of twin.
+        It is not an export of twin.
     """
     file = folder / UTM33
     if not file.exists():
-        raise ExportRefusedError(f"There is no {file}: run `twin export {folder} --project` first.")
+        raise FileError(f"There is no {file}: run `twin export {folder} --project` first.")
     found = contents_of(file)
     return QgisExport(
         file=file,

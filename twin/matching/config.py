@@ -7,7 +7,7 @@ import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from twin.errors import ConfigError
+from twin.errors import ConfigError, FileError
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,14 +114,16 @@ def settings_from(path: Path) -> MatchConfig:
 
     Raises
     ------
+    FileError
+        It cannot be read.
     ConfigError
-        It cannot be read, has no such table, or a setting in it is unknown or none that there can be.
+        It has no such table, or a setting in it is unknown or none that there can be.
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8")).get("matching")
     except OSError as error:
         told = f"The settings {path} cannot be read ({error.strerror}): name a TOML file."
-        raise ConfigError(told) from error
+        raise FileError(told) from error
     except ValueError as error:
         raise ConfigError(f"The settings {path} are no TOML ({error}): mend that line.") from error
     if not isinstance(table, dict):
