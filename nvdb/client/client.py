@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, NamedTuple, TypeVar
-from urllib.parse import SplitResult, urlsplit
+from urllib.parse import SplitResult, unquote_plus, urlsplit
 
 import requests
 import tenacity
@@ -61,6 +61,7 @@ LOW_BUDGET = 1
 """At this many requests left (``x-ratelimit-remaining``) the client pauses before the next."""
 LOW_BUDGET_PAUSE_S = 1.0
 
+_CONTACT = re.compile(r"[^@\s]+@[^@\s.]+(\.[^@\s.]+)+|https?://[^\s/]+\S*")
 _CHUNK_BYTES = 2**16
 LOOPBACK = {"localhost", "127.0.0.1", "::1"}
 _REDIRECTS = {301, 302, 303, 307, 308}
@@ -76,7 +77,8 @@ class NvdbClient:
     client_name : str
         Sent as ``X-Client``, which V4 demands.
     contact : str, optional
-        E-mail sent as ``X-Kontaktperson``, so that the road authority can reach whoever runs this.
+        E-mail or web address, sent as ``X-Kontaktperson``, so that the road authority can reach whoever
+        runs this.
     timeout_s : float
         Longest silence: for the connection, and between two bytes of an answer.
     deadline_s : float
@@ -270,16 +272,19 @@ class NvdbClient:
             )
             request.hooks["response"].append(hide_location)
             settings = self._session.merge_environment_settings(request.url, {}, True, None, None)
+            began = time.monotonic()
             with self._session.send(
                 request, timeout=timeout_s, allow_redirects=False, **settings
             ) as response:
                 self._note_budget(response)
-                return response, self._read(response, where, deadline)
+                content = self._read(response, where, deadline)
         except (requests.exceptions.InvalidSchema, requests.exceptions.InvalidURL) as error:
             msg = f"{where} is not an address that can be asked: check the API URL and the proxy."
             raise RequestError(msg) from error
         except (requests.RequestException, urllib3.exceptions.HTTPError, OSError) as error:
             raise _named(error, where) from error
+        _tell_request(request, where, response.status_code, len(content), time.monotonic() - began)
+        return response, content
 
     def _read(self, response: requests.Response, where: str, deadline: float) -> bytes:
         """Read the body as it comes. ``read1`` returns after one socket read, so a drip cannot hide here."""
@@ -304,6 +309,17 @@ class NvdbClient:
 
 def _unchanged(request: requests.PreparedRequest) -> requests.PreparedRequest:
     return request
+
+
+def _tell_request(
+    request: requests.PreparedRequest, where: str, status: int, n_bytes: int, seconds: float
+) -> None:
+    """Say what was asked and how long it took; of questions to API Les alone also with what parameters."""
+    query = urlsplit(request.url or "").query if "Authorization" not in request.headers else ""
+    if request.method != "GET":
+        query = ""
+    asked = f"{where}?{unquote_plus(query)}" if query else where
+    log.debug("%s %s: %d, %s bytes in %.2f s", request.method, asked, status, f"{n_bytes:,}", seconds)
 
 
 def _tell(state: tenacity.RetryCallState) -> None:
@@ -363,7 +379,9 @@ def _checked_base(api_url: str) -> SplitResult:
     except ValueError:
         usable = False
     if not usable:
-        msg = f"The API URL {api_url!r} is not an http(s) address: give one such as {API_URL}."
+        # A password in it is not to end up on the screen or in a log.
+        shown_url = re.sub(r"(?<=//)[^/]*@", "…@", api_url)
+        msg = f"The API URL {shown_url!r} is not an http(s) address: give one such as {API_URL}."
         raise RequestError(msg)
     return parts
 
@@ -376,6 +394,12 @@ def _checked_headers(client_name: str, contact: str | None) -> dict[str, str]:
         if not value.strip() or not value.isprintable() or not value.isascii():
             msg = f"The header {name} is {value!r}: API Les V4 wants printable ASCII text."
             raise RequestError(msg)
+    if contact and not _CONTACT.fullmatch(contact):
+        msg = (
+            f"The contact {contact!r} is neither an e-mail address nor a web address: give one at which the "
+            "road authority can reach you, such as kari@kommune.no."
+        )
+        raise RequestError(msg)
     return headers
 
 

@@ -110,6 +110,11 @@ class ReplaySource:
         """How many objects there are of each type."""
         return {type_id: len(self._records.get(type_id, ())) for type_id in sorted(self.types)}
 
+    def areas(self, kind: str) -> list[int]:
+        """Numbers of the kommuner or fylker that the objects lie in (`kind`: a filter of `PLACES`)."""
+        records = (record for records in self._records.values() for record in records)
+        return sorted({int(text) for record in records for name, text in record.places if name == kind})
+
     def select(self, type_id: int, query: Mapping[str, str]) -> list[Record]:
         """Objects that pass ``ider``, ``kartutsnitt`` and the filters of `PLACES`, ordered by id."""
         records = self._records.get(type_id, [])

@@ -68,6 +68,8 @@ class Routes:
             (re.compile(rf"{UBERIKET}/hendelser/vegobjekter/(?P<type_id>\d{{1,9}})/?"), self._hendelser),
             (re.compile(rf"{UBERIKET}/hendelser/vegobjekter/(?P<type_id>\d{{1,9}})/siste/?"), self._siste),
             (re.compile(r"/vegnett(?:/api/v4)?/veglenkesekvenser/segmentert/?"), self._segmentert),
+            (re.compile(r"/omrader(?:/api/v4)?/kommuner/?"), self._kommuner),
+            (re.compile(r"/omrader(?:/api/v4)?/fylker/?"), self._fylker),
             (re.compile(rf"{KATALOG}/versjon/?"), self._versjon),
             (re.compile(rf"{KATALOG}/vegobjekttyper/(?P<type_id>\d{{1,9}})/?"), self._vegobjekttype),
         ]
@@ -185,6 +187,20 @@ class Routes:
         if cursor is not None:
             metadata["neste"] = neste(url, query, cursor)
         return json_answer(200, {"objekter": page, "metadata": metadata})
+
+    def _kommuner(self, query: Mapping[str, str], url: str) -> Answer:
+        return self._omrader("kommune", query, url)
+
+    def _fylker(self, query: Mapping[str, str], url: str) -> Answer:
+        return self._omrader("fylke", query, url)
+
+    def _omrader(self, kind: str, query: Mapping[str, str], url: str) -> Answer:
+        """The numbers that the objects name: recordings do not hold the areas' own list, with names."""
+        del query  # all are shown, whatever is asked
+        numbers = self.source.areas(kind)
+        if not numbers:
+            return problem(404, "Not Found", f"Ingen vegobjekter sier {kind}", url.partition("://")[2])
+        return json_answer(200, [{"nummer": number} for number in numbers])
 
     def _versjon(self, query: Mapping[str, str], url: str) -> Answer:  # noqa: ARG002 (as all)
         return json_answer(200, {"id": 1, "dato": self.katalog.date, "versjon": self.katalog.version})

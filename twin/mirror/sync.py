@@ -26,6 +26,7 @@ from nvdb.mirror import (
     reaches,
     sync,
 )
+from nvdb.mirror.areas import refuse_unknown
 from twin.errors import RefusedError
 from twin.mirror.counts import Counts, by_accuracy, by_capture_method, without_own_geometry
 from twin.mirror.mirror_tables import StoreMirror
@@ -201,6 +202,8 @@ def sync_nvdb(
 
     Raises
     ------
+    AreaError
+        NVDB has no such kommune or fylke.
     NvdbError
         The API did not answer as it should; the mirror is unchanged, a backfill can be resumed.
     RefusedError
@@ -246,6 +249,7 @@ def dry_run(
     with NvdbClient(api_url=api_url, contact=contact) as client, _Asking(api_url) as asking:
         followed = _source(source, client, snapshot())
         followed.check(area)
+        refuse_unknown(client, area)
         mode, position, cursor = _plan(followed, area, store, fresh)
         asked = _source(source, asking, snapshot())
         if mode == "changes":
@@ -334,8 +338,11 @@ def _sync(
         if progress is not None:
             progress(now.what, now.done, now.expected)
 
-    katalog, news = _katalog(client, store)
     mirror = StoreMirror(store)
+    following = mirror.following()
+    if following is None or following.area != area.text():
+        refuse_unknown(client, area)
+    katalog, news = _katalog(client, store)
     report = sync(
         _source(source, client, katalog),
         mirror,
@@ -371,8 +378,15 @@ def _katalog(client: NvdbClient, store: Store) -> tuple[Datakatalog, list[str]]:
 
 
 def _check_area(store: Store, area: Area, replace: bool) -> None:
-    following = StoreMirror(store).following()
-    if following is not None and following.area != area.text() and not replace:
+    mirror = StoreMirror(store)
+    following = mirror.following()
+    # A mirror without a sign is of an area that was named wrongly: nothing is lost with it.
+    if (
+        following is not None
+        and following.area != area.text()
+        and not replace
+        and any(mirror.count(t) for t in SKILT_TYPES)
+    ):
         raise RefusedError(
             f"The store {store.path} mirrors {following.area}, not {area.text()}: name another --store, "
             "or let --replace throw the old mirror away."

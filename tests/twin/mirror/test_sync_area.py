@@ -23,6 +23,7 @@ from twin.store.store import Store
 
 CONTRACT = {"id": 17, "nummer": 9503, "navn": "9503 Midtre Hålogaland 2021-2026"}
 ELSEWHERE = {"kommuner": [301], "fylker": [3]}
+BOX = "box 0, 6500000, 1000, 6501000 (UTM33)"
 LINE = "270000 7040000 1, 270050 7040070 1"
 
 
@@ -152,15 +153,32 @@ def test_unfinished_backfill_is_shown_and_remembers_its_area(
 
 
 def test_area_without_signs_is_pointed_out(twin: Twin, url: str, tmp_path: Path) -> None:
-    """A fylke that does not exist looks like an empty one to the API: the command says so."""
-    answer = twin("sync-nvdb", "--api-url", url, "--store", tmp_path / "a.db", "--fylke", "99")
-    assert answer.code == 0
-    assert (
-        "NVDB has no sign in fylke 99: check the area, and name the right one with --replace." in answer.err
-    )
-    dry = twin("sync-nvdb", "--api-url", url, "--store", tmp_path / "b.db", "--fylke", "99", "--dry-run")
-    assert (dry.code, "NVDB has no sign in fylke 99: check the area." in dry.err) == (0, True)
-    assert not (tmp_path / "b.db").exists()
+    """A box without signs is said to be one, and can be left for the right area without --replace."""
+    sync = ("sync-nvdb", "--api-url", url, "--store", tmp_path / "a.db")
+    box = ("--bbox", "0,6500000,1000,6501000")
+    dry = twin(*sync, *box, "--dry-run")
+    assert (dry.code, f"NVDB has no sign in {BOX}: check the area." in dry.err) == (0, True)
+    assert not (tmp_path / "a.db").exists()
+    answer = twin(*sync, *box)
+    assert (answer.code, f"NVDB has no sign in {BOX}: check the area." in answer.err) == (0, True)
+    assert twin(*sync, "--fylke", "50").code == 0
+
+
+@pytest.mark.parametrize("dry", [(), ("--dry-run",)])
+@pytest.mark.parametrize(
+    ("area", "told"),
+    [
+        (("--kommune", "5001,5051"), "NVDB has no kommune 5051 (perhaps 5501, 5001, 5006)"),
+        (("--fylke", "99"), "NVDB has no fylke 99: give a number that is in use today."),
+    ],
+)
+def test_area_that_nvdb_does_not_have_is_refused(
+    twin: Twin, url: str, tmp_path: Path, area: tuple[str, str], told: str, dry: tuple[str, ...]
+) -> None:
+    """A wrong number is looked up in NVDB's own list before a store is made that would be bound to it."""
+    answer = twin("sync-nvdb", "--api-url", url, "--store", tmp_path / "a.db", *area, *dry)
+    assert (answer.code, told in answer.err, answer.err.count("\n")) == (2, True, 1), answer.err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("source", ["les-v4", "uberiket"])
