@@ -21,6 +21,11 @@ class Answer:
         """Standard output as one JSON document."""
         return json.loads(self.out)
 
+    @property
+    def error(self) -> Any:
+        """What the last line of standard error says is wrong, of a command with ``--json``."""
+        return json.loads(self.err.splitlines()[-1])["error"]
+
 
 Twin = Callable[..., Answer]
 """The fixture `twin`: the command line, run in this process."""

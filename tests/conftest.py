@@ -11,6 +11,9 @@ from hypothesis import settings
 # for one another, up to eight times as long.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# What the person who runs the tests has set in a twin.toml of their own is none of the tests' business.
+os.environ["XDG_CONFIG_HOME"] = "/nonexistent"
+
 # A process that a test starts has the bytecode of those before it, also where the environment keeps none:
 # compiling our modules is a third of what a short command costs.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

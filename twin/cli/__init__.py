@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import NoReturn
@@ -21,6 +22,7 @@ from twin.cli.exit_codes import (
     EXIT_USAGE,
     exit_code,
 )
+from twin.cli.journal import end, json_message, session, wants_json
 from twin.cli.machine import refusal, watch_memory
 from twin.cli.streams import OutputError, watch_streams
 
@@ -29,6 +31,7 @@ __all__ = ["main", "run"]
 _INTERRUPTED = (
     "Interrupted: the store shows the old state or the whole new one; run the command again to go on."
 )
+_BUG = "An error in twin itself ({kind}): please report it, with the lines above."
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -42,11 +45,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave_uninterrupted()
         code = _interrupted()
     except Exception as error:
-        refused = refusal(error)
-        if refused is None:
+        as_json, refused = wants_json(_words(arguments)), refusal(error)
+        if refused is None and not as_json:
             raise
-        code, sentence = refused
-        sys.stderr.write(f"twin: {sentence}\n")  # what colours it may be what there is no memory for
+        if refused is None:
+            traceback.print_exc()
+        code, sentence = refused or (EXIT_BUG, _BUG.format(kind=type(error).__name__))
+        # What colours a sentence may be what there is no memory for.
+        sys.stderr.write(json_message("error", sentence, code) if as_json else f"twin: {sentence}\n")
     if code == EXIT_INTERRUPTED:
         _leave_at_once(code)
     sys.exit(code)
@@ -76,12 +82,28 @@ def _leave_uninterrupted() -> None:
 def _interrupted() -> int:
     from twin.cli.output import error_line
 
-    error_line(_INTERRUPTED)
+    error_line(_INTERRUPTED, EXIT_INTERRUPTED)
     return EXIT_INTERRUPTED
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run `twin` with the given arguments (default: the process's own) and return the exit code."""
+    words = _words(arguments)
+    with session(words):
+        try:
+            code = _run(words)
+        except Exception as error:
+            end(EXIT_BUG, error)
+            raise
+        end(code)
+    return code
+
+
+def _words(arguments: Sequence[str] | None) -> Sequence[str]:
+    return sys.argv[1:] if arguments is None else arguments
+
+
+def _run(words: Sequence[str]) -> int:
     from typer.main import get_command
 
     from twin.cli.app import app
@@ -90,25 +112,25 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
     twin = get_command(app)
     try:
-        code = twin.main(arguments, prog_name="twin", standalone_mode=False) or EXIT_OK
+        code = twin.main(words, prog_name="twin", standalone_mode=False) or EXIT_OK
         sys.stdout.flush()
     except UsageError as error:
-        sentence = usage_sentence(error, twin, sys.argv[1:] if arguments is None else arguments)
+        sentence = usage_sentence(error, twin, words)
         if sentence:
-            error_line(sentence)
+            error_line(sentence, EXIT_USAGE)
         return EXIT_USAGE
     except KeyboardInterrupt:
         return _interrupted()
     except OutputError as error:
         if error.nobody_reads:
             return EXIT_NO_READER
-        error_line(str(error))
+        error_line(str(error), EXIT_MACHINE)
         return EXIT_MACHINE
     except Exception as error:
         code = exit_code(error)
         if code == EXIT_BUG:
             raise
-        error_line(_with_option(error))
+        error_line(_with_option(error), code)
         return code
     return _interrupted() if code == EXIT_INTERRUPTED else code
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib import import_module
 from inspect import getdoc
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, get_args, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 from typer.models import ParameterInfo
+
+from twin.cli.journal import set_manner
 
 _SETTINGS: Any = {
     "no_args_is_help": True,
@@ -24,15 +27,25 @@ class _LazyGroup(TyperGroup):
 
     modules: ClassVar[Mapping[str, str]]
     """Command → module, in the order of the help."""
+    above: ClassVar[str] = ""
+    """Words between `twin` and the command's name, with a blank after them."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return [*self.modules, *(name for name in super().list_commands(ctx) if name not in self.modules)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in self.modules and cmd_name not in self.commands:
+            from twin.cli.command import Command
+
             declared = _declared(self.modules[cmd_name])
             _leave_reading_to_readers(declared)
-            self.commands = {**self.commands, **get_group(declared).commands}
+            for info in declared.registered_commands:
+                info.cls = Command
+            found = get_group(declared).commands
+            for name, command in found.items():
+                if isinstance(command, Command):
+                    command.take_settings(f"{self.above}{name}")
+            self.commands = {**self.commands, **found}
         return super().get_command(ctx, cmd_name)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
@@ -76,6 +89,7 @@ class _Commands(_LazyGroup):
         "evaluate": "reports",
         "show": "show",
         "status": "reports",
+        "config": "config",
         "confidence": "reports",
         "simulate": "samples",
         "demo": "samples",
@@ -84,6 +98,7 @@ class _Commands(_LazyGroup):
 
 
 class _CalibrateCommands(_LazyGroup):
+    above: ClassVar[str] = "calibrate "
     modules: ClassVar[Mapping[str, str]] = {
         "intrinsics": "calibrate",
         "example": "calibrate",
@@ -128,5 +143,23 @@ def _root(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
     ] = False,
+    verbose: Annotated[
+        bool,
+        typer.Option("--verbose", "-v", help="Say what is done when, and what is asked of NVDB."),
+    ] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option(
+            "--quiet",
+            "-q",
+            help="Say only what was asked for, what has changed, warnings and errors: for cron.",
+        ),
+    ] = False,
+    log_file: Annotated[
+        Path | None,
+        typer.Option(envvar="TWIN_LOG_FILE", help="Add to this log, one JSON object a line.", metavar="FILE"),
+    ] = None,
 ) -> None:
-    """Take what holds for every command."""
+    """Take what holds for every command, and stands before it."""
+    del version  # its callback has done it
+    set_manner(quiet=quiet, verbose=verbose, log_file=log_file)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,35 +9,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.cli.exit_codes import EXIT_DATA
+from twin.cli.journal import manner
+from twin.cli.made_store import made_store
 from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
-from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
+from twin.cli.output import note, print_json, print_line, print_pairs, print_table, steps, warn
 from twin.store.kinds import Method
 
 if TYPE_CHECKING:
     from twin.drives.inspection.inspect import CameraSeen, Inspection
     from twin.ingest.ingest import IngestReport
     from twin.store.annotation_sets import AnnotationSet, NamedSet
-    from twin.store.store import Store
 
 app = typer.Typer()
 _MOST_FILES = 40
 _MOST_SKIPPED = 20
-
-
-@contextmanager
-def _made_store(path: Path) -> Iterator[Store]:
-    """Open a store, making it; one that was only made for a command that failed is taken away again."""
-    from twin.store.store import Store
-
-    existed = path.exists()
-    try:
-        with Store.open(path) as opened:
-            yield opened
-    except BaseException:
-        if not existed:
-            for name in (path.name, f"{path.name}-wal", f"{path.name}-shm"):
-                path.with_name(name).unlink(missing_ok=True)
-        raise
 
 
 MethodOption = Annotated[
@@ -101,7 +84,7 @@ def ingest_drive(
     from twin.drives.detection.run import DetectorOptions
     from twin.ingest.ingest import ingest_drive as ingest
 
-    with _made_store(store) as opened, steps(quiet=json_output) as progress:
+    with made_store(store) as opened, steps(quiet=json_output) as progress:
         report = ingest(
             opened,
             drive,
@@ -119,6 +102,10 @@ def ingest_drive(
         warn(warning)
     if json_output:
         print_json(report)
+        return
+    if manner.quiet:
+        told = f"{report.n_estimates:,} of {report.n_objects:,} objects located"
+        print_line(f"Drive {report.name} ({report.drive_id}): {told}")
         return
     print_pairs(f"Drive {report.name}", _ingest_pairs(report))
     if report.skipped:

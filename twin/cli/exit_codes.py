@@ -1,30 +1,67 @@
-"""Exit codes, here and nowhere else.
-
-==== =========================================================
-code meaning
-==== =========================================================
-0    done
-1    an error in twin itself (please report it); ``match
-     --exit-code`` alone says so that findings are open
-2    usage: unknown command or option, wrong value
-3    network: the API did not answer as it should
-4    bad data: a drive, a store, a truth file, an API's objects,
-     a file that cannot be read or written
-5    refused: doing it would lose or overwrite something
-6    the machine: too little memory, or standard output cannot
-     be written; what was done so far is kept
-130  interrupted
-141  the reader of standard output has left (``| head``), as of
-     programs that SIGPIPE ends
-==== =========================================================
-"""
+"""Exit codes, here and nowhere else."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 EXIT_OK, EXIT_BUG, EXIT_USAGE, EXIT_NETWORK, EXIT_DATA, EXIT_REFUSED, EXIT_MACHINE = range(7)
 EXIT_INTERRUPTED, EXIT_NO_READER = 130, 141
 EXIT_OPEN_FINDINGS = 1
 """As of ``git diff --exit-code``, and only where it was asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExitCode:
+    """One exit code of `twin`.
+
+    Attributes
+    ----------
+    code : int
+    kind : str
+        One word, as ``kind`` of the error that ``--json`` prints on stderr.
+    meaning : str
+        For people; what the documentation says.
+    """
+
+    code: int
+    kind: str
+    meaning: str
+
+
+EXIT_CODES = (
+    ExitCode(EXIT_OK, "ok", "Done."),
+    ExitCode(
+        EXIT_BUG,
+        "bug",
+        "An error in twin itself: please report it. Of `twin match --exit-code` alone: findings are open.",
+    ),
+    ExitCode(EXIT_USAGE, "usage", "An unknown command or option, a wrong value, a wrong setting in a file."),
+    ExitCode(EXIT_NETWORK, "network", "The network: NVDB did not answer as it should."),
+    ExitCode(
+        EXIT_DATA,
+        "data",
+        "Bad data: a file or folder that is missing, damaged, or cannot be read or written; an answer of "
+        "NVDB that is not as documented; a drive that is not ready; a change set that is refused.",
+    ),
+    ExitCode(EXIT_REFUSED, "refused", "Refused: doing it would lose or overwrite something."),
+    ExitCode(
+        EXIT_MACHINE,
+        "machine",
+        "The machine: too little memory, or standard output cannot be written. What was done so far is kept.",
+    ),
+    ExitCode(EXIT_INTERRUPTED, "interrupted", "Interrupted by Ctrl-C. Run the command again to go on."),
+    ExitCode(
+        EXIT_NO_READER,
+        "no_reader",
+        "The reader of standard output has left, as in `twin match | head -1`. No message, and no fault.",
+    ),
+)
+"""All of them, in order."""
+
+
+def kind_of(code: int) -> str:
+    """Return the word for an exit code."""
+    return next(one.kind for one in EXIT_CODES if one.code == code)
 
 
 def exit_code(error: BaseException) -> int:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twin.cli.exit_codes import EXIT_DATA
+from twin.cli.journal import manner
 from twin.cli.options import (
     DEFAULT_SKRIV_API,
     DEFAULT_STORE,
@@ -49,7 +50,8 @@ def export(
         SetDecision, typer.Option(help="accept: change sets to send. open: previews, of what is undecided.")
     ] = SetDecision.ACCEPT,
     project: Annotated[
-        bool, typer.Option("--project", help="With a QGIS project in twin_utm33.gpkg: see twin qgis.")
+        bool,
+        typer.Option("--project/--no-project", help="With a QGIS project in twin_utm33.gpkg: see twin qgis."),
     ] = False,
     api_url: SkrivApiOption = DEFAULT_SKRIV_API,
     lang: LangOption = Lang.EN,
@@ -100,7 +102,8 @@ def export(
 def _print_export(files: Sequence[Path], folder: Path) -> None:
     from geoloc.earth.heights import nn2000_from_ellipsoidal
 
-    print_paths("Written:", files)
+    if not manner.quiet:
+        print_paths("Written:", files)
     note(f"How to open them in QGIS, and decide there: twin qgis {folder}")
     geoid = nn2000_from_ellipsoidal([], [], [])
     if math.isnan(geoid.sigma_m):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.cli.exit_codes import EXIT_OPEN_FINDINGS
+from twin.cli.journal import manner
 from twin.cli.options import DEFAULT_STORE, ByOption, JsonOption, LangOption, StoreOption, person
 from twin.cli.output import note, print_json, print_table, steps, warn
 from twin.cli.told import Told, told_in
@@ -77,7 +78,7 @@ def match(
     map_aided: Annotated[
         bool,
         typer.Option(
-            "--map-aided",
+            "--map-aided/--no-map-aided",
             help="Let signs that NVDB has measured to 10 cm tie drives to the ground, where they agree.",
         ),
     ] = False,
@@ -99,6 +100,7 @@ def match(
         config, tolerance_m=config.tolerance_m if tolerance is None else tolerance, map_aided=map_aided
     )
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
+        before = {change.change_id for change in latest_findings(opened.rows) if change.is_open}
         report = run(opened, method=method, config=config, progress=progress)
         changes = latest_findings(opened.rows)
         shown = _news_of(report, changes)
@@ -109,6 +111,10 @@ def match(
     if json_output:
         document = {"n_open": n_open, "changes": [change.as_json() for change in changes]}
         print_json({**asdict(report), **document})
+    elif manner.quiet:
+        news = [change for change in changes if change.is_open and change.change_id not in before]
+        if news:
+            _print_findings(news, told)
     else:
         _print_summary(report, changes, lang)
         _print_news(report, shown, told)

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
-from twin.cli.output import bar, log_notes, note, print_json, print_pairs, warn
+from twin.cli.journal import manner
+from twin.cli.made_store import made_store
+from twin.cli.options import DEFAULT_STORE, ContactOption, JsonOption, StoreOption
+from twin.cli.output import bar, note, print_json, print_line, print_pairs, warn
 
 if TYPE_CHECKING:
     from nvdb.area import Area
@@ -50,10 +52,6 @@ SourceOption = Annotated[
     SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box).")
 ]
 ApiOption = Annotated[str, typer.Option(envvar="TWIN_API_URL", help="Address of NVDB's APIs.")]
-ContactOption = Annotated[
-    str | None,
-    typer.Option(envvar="TWIN_CONTACT", help="Your e-mail address, sent along so that NVDB can reach you."),
-]
 ReplaceOption = Annotated[
     bool, typer.Option("--replace", help="Replace a mirror of another area in this store.")
 ]
@@ -62,7 +60,8 @@ ConfirmDeletionsOption = Annotated[
     bool, typer.Option("--confirm-deletions", help="Allow more than 5 % of the mirror to be deleted.")
 ]
 VegnettOption = Annotated[
-    bool, typer.Option("--vegnett", help="Also fetch the road network, for stedfesting and facing.")
+    bool,
+    typer.Option("--vegnett/--no-vegnett", help="Also fetch the road network, for stedfesting and facing."),
 ]
 DryRunOption = Annotated[
     bool, typer.Option("--dry-run", help="Only say what would be asked, and how many objects there are.")
@@ -93,7 +92,6 @@ def sync_nvdb(
     that was interrupted goes on where it stopped.
     """
     from twin.mirror.sync import area_from_options
-    from twin.store.store import Store
 
     gc.set_threshold(*COLLECT_AFTER)
     area = area_from_options(
@@ -108,8 +106,7 @@ def sync_nvdb(
     if dry_run:
         _print_plan(_planned(order, store), json_output)
         return
-    # A store is kept also if the sync fails: a backfill goes on where it stopped.
-    with Store.open(store) as opened, log_notes("nvdb", quiet=json_output):
+    with made_store(store) as opened:
         result = _synced(order, opened)
         # Before the network is asked for: what the signs' sync did is not hidden by what comes after it.
         _print_sync(result, json_output)
@@ -137,7 +134,7 @@ def _planned(order: _Order, store: Path) -> SyncPlan:
     from twin.store.store import Store
 
     existing = Store.open(store, create=False) if store.exists() else nullcontext()
-    with existing as opened, log_notes("nvdb", quiet=order.quiet):
+    with existing as opened:
         return sync.dry_run(
             order.area,
             store=opened,
@@ -188,9 +185,13 @@ def _print_sync(result: SyncResult, json_output: bool) -> None:
     if json_output:
         print_json(result)
         return
-    print_pairs(f"NVDB: {result.area}", _sync_pairs(result))
+    if not manner.quiet:
+        print_pairs(f"NVDB: {result.area}", _sync_pairs(result))
+    elif result.created or result.changed or result.deleted:
+        numbers = f"{result.created:,} new, {result.changed:,} changed, {result.deleted:,} deleted"
+        print_line(f"NVDB, {result.area}: {numbers}")
     if not result.skiltpunkt and not result.skiltplate:
-        warn(f"NVDB has no sign in {result.area}: check the area, and name the right one with --replace.")
+        warn(f"NVDB has no sign in {result.area}: check the area.")
     for news in result.datakatalog_news[:10]:
         note(f"datakatalog: {news}")
     for problem in result.problems[:10]:

@@ -29,6 +29,11 @@ ByOption = Annotated[
     typer.Option(envvar="TWIN_USER", help="Who decides.  [default: the login name]", show_default=False),
 ]
 
+ContactOption = Annotated[
+    str | None,
+    typer.Option(envvar="TWIN_CONTACT", help="Your e-mail address, sent along so that NVDB can reach you."),
+]
+
 LangOption = Annotated[
     Lang, typer.Option("--lang", envvar="TWIN_LANG", help="Language: English or Norwegian.")
 ]

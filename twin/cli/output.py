@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import logging
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from typing import TYPE_CHECKING, Any
+
+from twin.cli.journal import manner, say
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,19 +29,19 @@ def console(*, stderr: bool = False) -> Console:
     return terminal
 
 
-def error_line(text: str) -> None:
-    """Print one error sentence on stderr."""
-    console(stderr=True).print(f"[bold red]twin:[/] {_escape(text)}", soft_wrap=True)
+def error_line(text: str, code: int) -> None:
+    """Say on stderr why the command ends with an exit code other than 0."""
+    say("error", text, code=code)
 
 
 def note(text: str) -> None:
-    """Print one line of progress or advice on stderr."""
-    console(stderr=True).print(_escape(text), soft_wrap=True)
+    """Print one line of advice on stderr; not with ``--quiet``."""
+    say("note", text)
 
 
 def warn(text: str) -> None:
     """Print a warning on stderr."""
-    console(stderr=True).print(f"[yellow]warning:[/] {_escape(text)}", soft_wrap=True)
+    say("warning", text)
 
 
 def _escape(text: str) -> str:
@@ -93,6 +94,11 @@ def print_paths(title: str, paths: Sequence[object]) -> None:
     sys.stdout.write(f"{title}\n" + "".join(f"  {path}\n" for path in paths))
 
 
+def print_line(text: str) -> None:
+    """Print one line on stdout: what has changed, where ``--quiet`` leaves the tables out."""
+    sys.stdout.write(f"{text}\n")
+
+
 def print_pairs(title: str, pairs: Mapping[str, object]) -> None:
     """Print a table of two columns without a header."""
     print_table(title, ["", ""], [(key, value) for key, value in pairs.items()], header=False)
@@ -100,15 +106,21 @@ def print_pairs(title: str, pairs: Mapping[str, object]) -> None:
 
 @contextmanager
 def steps(*, quiet: bool = False) -> Iterator[Callable[[str], None]]:
-    """Give a function that shows what is being done now: a spinner on a terminal, lines on a pipe."""
+    """Give a function that shows what is being done now: a spinner where somebody watches.
+
+    With ``--verbose`` each step is a line with the seconds since the start.
+    """
     err = console(stderr=True)
-    if quiet:
-        yield lambda _text: None
-    elif err.is_terminal:
-        with err.status("…") as status:
-            yield lambda text: status.update(_escape(text))
-    else:
-        yield lambda text: err.print(_escape(text))
+    if quiet or manner.quiet or manner.verbose or not err.is_terminal:
+        yield lambda text: say("step", text)
+        return
+    with err.status("…") as status:
+
+        def show(text: str) -> None:
+            say("step", text)
+            status.update(_escape(text))
+
+        yield show
 
 
 @contextmanager
@@ -126,7 +138,7 @@ def bar(*, quiet: bool = False) -> Iterator[Callable[[str, int, int | None], Non
             return shown if task.finished or not shown.plain.strip("-: ") else shown + Text(" left")
 
     err = console(stderr=True)
-    if quiet or not err.is_terminal:
+    if quiet or manner.quiet or manner.verbose or not err.is_terminal:
         yield lambda _what, _done, _total: None
         return
     texts = (TextColumn("{task.fields[count]}"), TextColumn("{task.fields[rate]}"))
@@ -166,25 +178,3 @@ class _Bars:
         for line in self._lines.values():
             if line.total is None:
                 self._progress.update(line.id, total=line.completed)
-
-
-@contextmanager
-def log_notes(name: str, *, quiet: bool = False) -> Iterator[None]:
-    """Show what a library logs (retries, for one) as notes on stderr while the block runs."""
-
-    class _Notes(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            note(record.getMessage())
-
-    if quiet:
-        yield
-        return
-    logger, handler = logging.getLogger(name), _Notes(logging.INFO)
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)

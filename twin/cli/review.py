@@ -28,7 +28,9 @@ def review(
     ] = False,
     base_map: Annotated[
         bool,
-        typer.Option("--base-map", help="Show Kartverket's map, which the browser asks the internet for."),
+        typer.Option(
+            "--base-map/--no-base-map", help="Show Kartverket's map, which the browser asks the internet for."
+        ),
     ] = False,
     lang: PageLangOption = None,
     open_browser: OpenOption = None,

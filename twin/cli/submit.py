@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twin.cli.exit_codes import EXIT_DATA
-from twin.cli.options import DEFAULT_SKRIV_API, DEFAULT_STORE, JsonOption, SkrivApiOption, StoreOption
+from twin.cli.journal import PASSWORD
+from twin.cli.options import (
+    DEFAULT_SKRIV_API,
+    DEFAULT_STORE,
+    ContactOption,
+    JsonOption,
+    SkrivApiOption,
+    StoreOption,
+)
 from twin.cli.output import note, print_json, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
 
@@ -24,9 +32,7 @@ if TYPE_CHECKING:
     from twin.changesets.submit import Submitted
 
 app = typer.Typer()
-PASSWORD = "TWIN_SKRIV_PASSWORD"  # noqa: S105  (the name of a variable)
 _KEYRING = "twin API Skriv"
-_CONTACT = "TWIN_CONTACT"
 
 Credentials = Callable[[], tuple[str, str]]
 
@@ -48,6 +54,7 @@ def submit(
         bool, typer.Option("--go", help="Send and start them; without it they are checked.")
     ] = False,
     api_url: SkrivApiOption = DEFAULT_SKRIV_API,
+    contact: ContactOption = None,
     user: Annotated[
         str | None,
         typer.Option(envvar="TWIN_SKRIV_USER", help="User name; the password is TWIN_SKRIV_PASSWORD's."),
@@ -73,14 +80,17 @@ def submit(
         )
     done: list[Submitted] = []
     try:
-        api = _Api(api_url, realm, wait)
+        api = _Api(api_url, contact, realm, wait)
         for item in _results(path, store if go else None, credentials, api, quiet=json_output):
             done.append(item)  # noqa: PERF402  # what has ended is kept where a later one fails
-    except LoginError as error:
-        raise RefusedError(str(error)) from error
-    finally:
+    except BaseException as error:
         # What was carried out is told, whatever went wrong after it.
-        _print(done, go, credentials is not None, json_output)
+        if done:
+            _print(done, go, credentials is not None, json_output)
+        if isinstance(error, LoginError):
+            raise RefusedError(str(error)) from error
+        raise
+    _print(done, go, credentials is not None, json_output)
     if not all(item.accepted for item in done):
         raise typer.Exit(EXIT_DATA)
 
@@ -90,6 +100,7 @@ class _Api:
     """Which API Skriv, as what kind of user, and how long to wait for a set."""
 
     url: str
+    contact: str | None
     realm: Realm
     wait_s: float
 
@@ -127,7 +138,7 @@ def _client(api: _Api, credentials: Credentials, say: Callable[[str], None]) -> 
         say(f"the set is being worked on: asking again in {seconds:.0f} s")
         time.sleep(seconds)
 
-    with NvdbClient(api.url, contact=os.environ.get(_CONTACT)) as http:
+    with NvdbClient(api.url, contact=api.contact) as http:
         yield SkrivClient(http, OidcLogin(http, credentials, realm=api.realm.value), sleep=wait)
 
 

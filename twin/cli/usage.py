@@ -62,6 +62,12 @@ def _option_sentence(option: str, context: Any) -> str:
     command, path = context.command, context.command_path
     options = {name: each for each in command.params for name in (*each.opts, *each.secondary_opts)}
     if option not in options:
+        above = context.find_root()
+        for each in above.command.params:
+            if option in (*each.opts, *each.secondary_opts):
+                written = option if each.is_flag else f"{option} {each.metavar}"
+                rest = path.removeprefix(f"{above.command_path} ")
+                return f"{option} stands before the command: `{above.command_path} {written} {rest}`."
         return f"`{path}` has no option {option}{_perhaps(option, options)}: see `{path} --help`."
     if options[option].is_flag:
         return f"{option} takes no value: write it alone."

@@ -105,7 +105,7 @@ def test_set_that_was_not_waited_for_is_taken_up_again(
     answer = twin("export", out, "--store", store)
     assert answer.code == 5
     assert "was sent and is not finished" in answer.err
-    answer = twin("submit", out, "--go", "--api-url", server.url)
+    answer = twin("--verbose", "submit", out, "--go", "--api-url", server.url)
     assert answer.code == 0
     assert "was registered before" in answer.err
     assert posts(server) == 1
@@ -199,13 +199,13 @@ def test_network_and_login_have_their_exit_codes(
 def test_submit_refuses_what_was_not_accepted_or_was_changed(
     twin: Twin, accepted: tuple[Path, Path], matched_road: Path, tmp_path: Path
 ) -> None:
-    """A preview, a set or its earlier states edited since, a set of an earlier export: 5; no file: 2."""
+    """A preview, a set or its earlier states edited since, a set of an earlier export: 5; no file: 4."""
     _, out = accepted
     store, preview = Path(shutil.copy(matched_road, tmp_path / "open.db")), tmp_path / "preview"
     assert twin("export", preview, "--decision", "open", "--store", store).code == 0
     assert twin("submit", preview).code == 5
     assert twin("submit", preview / "preview-endringssett-1.xml").code == 5
-    assert twin("submit", tmp_path / "nothing").code == 2
+    assert twin("submit", tmp_path / "nothing").code == 4
     for name in ("endringssett-1.xml", "endringssett-1-before.json"):
         path = out / name
         content = path.read_bytes()

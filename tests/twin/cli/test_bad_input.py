@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +14,7 @@ import sqlalchemy as sa
 from command_line import Twin
 
 from nvdb.replay import Fault, ReplayServer
+from twin.mirror.mirror_tables import StoreMirror
 from twin.store import schema
 from twin.store.store import Store
 
@@ -36,11 +41,135 @@ def test_an_empty_file_is_no_store_to_read(twin: Twin, tmp_path: Path, command: 
     assert path.stat().st_size == 0
 
 
-def test_missing_drive_folder_is_said(twin: Twin, store: Path, tmp_path: Path) -> None:
-    """A folder that is not there is named."""
-    answer = twin("ingest-drive", tmp_path / "nowhere", "--store", store)
-    assert answer.code == 4
-    assert "nowhere" in answer.err
+MISSING = [
+    "ingest-drive nowhere",
+    "ingest-drive TRIP --terrain nowhere.tif",
+    "ingest-drive TRIP --labels nowhere.toml",
+    "inspect nowhere",
+    "trajectory nowhere --out x.csv",
+    "match --settings nowhere.toml",
+    "decide --from nowhere.gpkg",
+    "decide accept --area nowhere.geojson",
+    "evidence --masker nowhere.onnx",
+    "annotate nowhere --no-open",
+    "qgis nowhere",
+    "submit nowhere",
+    "submit nowhere/set.xml",
+    "evaluate nowhere.csv",
+    "calibrate intrinsics nowhere --board checkerboard:9x6:0.08",
+    "calibrate intrinsics TRIP --board checkerboard:9x6:0.08 --rig nowhere.json",
+    "calibrate extrinsics nowhere --tags nowhere.toml --rig nowhere.json",
+    "calibrate verify nowhere --known nowhere.csv",
+    "calibrate verify TRIP --known nowhere.csv",
+    "calibrate from-drives --store nowhere.db",
+    "status --store nowhere.db",
+    "review --store nowhere.db --no-open",
+    "sync-nvdb --kommune 5001 --store nowhere/twin.db",
+    "--log-file nowhere/twin.log status",
+]
+
+
+@pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["text", "json"])
+@pytest.mark.parametrize("line", MISSING)
+def test_a_missing_file_or_folder_is_bad_data_everywhere(
+    twin: Twin,
+    store: Path,
+    sample: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    line: str,
+    as_json: tuple[str, ...],
+) -> None:
+    """One exit code and one sentence that names it, whichever command asks; with --json it is JSON."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TWIN_STORE", str(store))
+    words = [str(sample / "trip_trondheim") if word == "TRIP" else word for word in line.split()]
+    if as_json and {"annotate", "review"} & set(words):
+        pytest.skip("has no --json")
+    before = sorted(tmp_path.iterdir())
+    answer = twin(*words, *as_json)
+    assert (answer.code, answer.out) == (4, ""), answer.err
+    told = answer.error["message"] if as_json else answer.err
+    assert "nowhere" in told
+    assert answer.err.count("\n") == 1
+    assert not as_json or (answer.error["code"], answer.error["kind"]) == (4, "data")
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "kind"),
+    [
+        ("status --json --frobnicate", 2, "usage"),
+        ("match --json --method magic", 2, "usage"),
+        ("explain nothing --json", 2, "usage"),
+        ("sync-nvdb --kommune 5001 --json --api-url http://127.0.0.1:9", 3, "network"),
+        ("sync-nvdb --fylke 50 --json", 5, "refused"),
+        ("calibrate wheels --json", 2, "usage"),
+    ],
+)
+@pytest.mark.usefixtures("no_waiting")
+def test_errors_under_json_are_json(
+    twin: Twin, store: Path, nvdb_url: str, monkeypatch: pytest.MonkeyPatch, line: str, code: int, kind: str
+) -> None:
+    """One line on stderr: code, kind and sentence. Nothing on stdout, where only results belong."""
+    monkeypatch.setenv("TWIN_STORE", str(store))
+    monkeypatch.setenv("TWIN_API_URL", nvdb_url)
+    answer = twin(*line.split())
+    assert (answer.code, answer.out) == (code, "")
+    assert (answer.error["code"], answer.error["kind"]) == (code, kind)
+    assert answer.err.count("\n") == 1
+
+
+def test_a_fault_in_twin_is_json_too() -> None:
+    """After the traceback, which a report needs, comes the line that programs read."""
+    code = (
+        "import sys, twin.cli\n"
+        "import twin.reports.store_status as held\n"
+        "held.status = lambda store: 1 / 0\n"
+        "twin.cli.main(['status', '--store', sys.argv[1], '--json'])"
+    )
+    path = Path(tempfile.mkdtemp()) / "twin.db"
+    Store.open(path).close()
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path)], check=False, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    told = json.loads(done.stderr.splitlines()[-1])["error"]
+    assert (told["code"], told["kind"]) == (1, "bug")
+    assert "ZeroDivisionError" in done.stderr.splitlines()[-2]
+
+
+@pytest.mark.usefixtures("no_waiting")
+@pytest.mark.parametrize("fault", ["start", "second page"])
+def test_a_first_sync_that_fails_leaves_a_store_only_if_it_kept_something(
+    twin: Twin, sample: Path, tmp_path: Path, fault: str
+) -> None:
+    """No empty store is left; where pages have come, the next sync goes on with them."""
+    store = tmp_path / "twin.db"
+    late = lambda r: "start" in r.query or r.path.endswith("/96")  # noqa: E731
+    bad = Fault("status", status=503)
+    with ReplayServer(
+        sample / "nvdb", faults=lambda r: bad if fault == "start" or late(r) else None
+    ) as server:
+        answer = twin("sync-nvdb", "--kommune", "5001", "--api-url", server.url, "--store", store)
+    assert answer.code == 3
+    if fault == "start":
+        assert not list(tmp_path.iterdir())
+    else:
+        with Store.open(store, create=False) as opened:
+            assert StoreMirror(opened).backfill() is not None
+
+
+@pytest.mark.parametrize("contact", ["kari", "kari@", "@kommune.no", "kari@kommune", "kari nordmann@x.no"])
+@pytest.mark.parametrize("command", ["sync-nvdb --kommune 5001", "sync-nvdb --kommune 5001 --dry-run"])
+def test_a_contact_that_reaches_nobody_is_refused(
+    twin: Twin, nvdb_url: str, tmp_path: Path, command: str, contact: str
+) -> None:
+    """NVDB's staff need an address; nothing is asked, and no store is made."""
+    options = ["--contact", contact, "--api-url", nvdb_url, "--store", tmp_path / "twin.db"]
+    answer = twin(*command.split(), *options)
+    assert (answer.code, "is neither an e-mail address nor a web address" in answer.err) == (2, True)
+    assert not list(tmp_path.iterdir())
 
 
 NETWORK_FAULTS = [
@@ -92,7 +221,7 @@ def test_unreachable_api_names_the_address(twin: Twin, store: Path) -> None:
 def test_another_area_is_refused_unless_replaced(twin: Twin, store: Path, nvdb_url: str) -> None:
     """A mirror of another area is not thrown away by accident."""
     before = contents(store)
-    arguments = ["sync-nvdb", "--kommune", "301", "--api-url", nvdb_url, "--store", store]
+    arguments = ["sync-nvdb", "--bbox", "0,6500000,1000,6501000", "--api-url", nvdb_url, "--store", store]
     answer = twin(*arguments)
     assert answer.code == 5
     assert "kommune 5001" in answer.err

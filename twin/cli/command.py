@@ -1,0 +1,73 @@
+"""What every command does before its own work: take settings from files, open the log."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from typer.core import TyperCommand
+
+from twin.cli import journal
+from twin.cli.settings import AREA_KEYS, BY_KEY, Held, Setting, chosen_store, held_settings, settings_of
+from twin.errors import ConfigError
+
+
+class Command(TyperCommand):
+    """A command whose options have the values of ``twin.toml`` where nothing else gives one."""
+
+    settings: Mapping[str, Setting] = MappingProxyType({})
+    """Keys of ``twin.toml`` by the parameter that they stand for."""
+
+    def take_settings(self, path: str) -> None:
+        """Take the settings of the command that has this name below `twin`: ``calibrate verify``."""
+        self.settings = settings_of(path)
+        for parameter in self.params:
+            setting = self.settings.get(parameter.name or "")
+            if setting is not None and parameter.envvar is None:
+                parameter.envvar = setting.variable
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put what files hold between environment and built-in defaults."""
+        if not ctx.resilient_parsing and not set(args) & set(ctx.help_option_names):
+            given = self.make_parser(ctx).parse_args(list(args))[0]
+            journal.manner.command = ctx.command_path.removeprefix("twin ")
+            held = held_settings(chosen_store(given.get("store")))
+            ctx.default_map = self._defaults(held, given, ctx)
+            _open_log(held, journal.manner.command)
+        return super().parse_args(ctx, args)
+
+    def _defaults(self, held: Mapping[str, Held], given: Mapping[str, Any], ctx: Any) -> dict[str, Any]:
+        """Values of files by parameter; ConfigError for one that the option does not take."""
+        from twin.cli.usage import UsageError, wanted
+
+        defaults: dict[str, Any] = {}
+        for parameter in self.params:
+            name = str(parameter.name)
+            setting = self.settings.get(name)
+            one = held.get(setting.key) if setting is not None else None
+            if setting is None or one is None:
+                continue
+            if setting.key in AREA_KEYS and self._names_an_area(given):
+                continue
+            try:
+                parameter.process_value(ctx, one.value)
+            except UsageError as error:
+                told = wanted(parameter, self)
+                raise ConfigError(f"{one.file} sets {setting.key} to {one.value}: write {told}.") from error
+            defaults[name] = one.value
+        return defaults
+
+    def _names_an_area(self, given: Mapping[str, Any]) -> bool:
+        """Whether options or the environment say which area."""
+        asked = any(given.get(name) for name in (*AREA_KEYS, "everything"))
+        return asked or any(os.environ.get(BY_KEY[key].variable) for key in AREA_KEYS)
+
+
+def _open_log(held: Mapping[str, Held], command: str) -> None:
+    path = journal.manner.log_file
+    if path is None and "log_file" in held:
+        path = Path(str(held["log_file"].value))
+    journal.begin(command, path)

@@ -1,0 +1,120 @@
+"""``twin config``: which settings hold, and where each comes from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from twin.cli.journal import PASSWORD, without_secrets
+from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
+from twin.cli.output import print_json, print_table
+from twin.cli.settings import SETTINGS, Held, Setting, held_settings, store_file, user_file
+
+app = typer.Typer()
+
+
+@dataclass(frozen=True, slots=True)
+class SettingInForce:
+    """One line of ``twin config``, and of the list ``settings`` of its ``--json``.
+
+    Attributes
+    ----------
+    key : str
+    value : str, bool, int, float or None
+        None where nothing is set and there is no default.
+    source : str
+        ``option``, ``environment``, ``file`` or ``default``.
+    where : str or None
+        Name of the option or of the environment variable, or path of the file.
+    what : str
+        What the key means.
+    """
+
+    key: str
+    value: str | float | bool | None
+    source: str
+    where: str | None
+    what: str
+
+
+@app.command("config", epilog="Example: twin config --store my-area/twin.db")
+def config(ctx: typer.Context, store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False) -> None:
+    """Say which settings hold, where each comes from, and where twin.toml is looked for.
+
+    An option stands above the environment, that above twin.toml beside the store, that above your own.
+    Passwords stay out of both: keep API Skriv's in the environment, or in the keyring.
+    """
+    held = held_settings(store)
+    settings = [_in_force(ctx, setting, held) for setting in SETTINGS]
+    files = {"beside the store": store_file(store), "your own": user_file()}
+    password = bool(os.environ.get(PASSWORD))
+    if json_output:
+        print_json(
+            {
+                "files": [
+                    {"what": what, "path": str(path.absolute()), "exists": path.is_file()}
+                    for what, path in files.items()
+                ],
+                "settings": [asdict(one) for one in settings],
+                "password": {"variable": PASSWORD, "is_set": password},
+            }
+        )
+        return
+    found = [(what, path.absolute(), "yes" if path.is_file() else "no") for what, path in files.items()]
+    print_table("Files, the upper above the lower", ["twin.toml", "path", "exists"], found, right_from=3)
+    rows = [(one.key, _shown(one.value), _source(one), one.what) for one in settings]
+    rows.append(
+        ("", "set, not shown" if password else None, f"environment {PASSWORD}", "password of API Skriv")
+    )
+    print_table("Settings", ["key", "value", "from", "meaning"], rows, right_from=4)
+
+
+def _in_force(ctx: Any, setting: Setting, held: Mapping[str, Held]) -> SettingInForce:
+    value, source = _told(ctx, setting, held.get(setting.key))
+    kind, where = {
+        "COMMANDLINE": ("option", f"--{setting.key.replace('_', '-')}"),
+        "ENVIRONMENT": ("environment", setting.variable),
+        "DEFAULT_MAP": ("file", str(held[setting.key].file.absolute()) if setting.key in held else None),
+    }.get(source, ("default", None))
+    return SettingInForce(setting.key, _plain(value), kind, where, setting.what)
+
+
+def _told(ctx: Any, setting: Setting, held: Held | None) -> tuple[Any, str]:
+    """A setting's value and the parser's name for its source, asked of the option that it stands for."""
+    if not setting.commands:
+        root = ctx.find_root()
+        value, source = root.params[setting.key], root.get_parameter_source(setting.key).name
+        return (held.value, "DEFAULT_MAP") if value is None and held is not None else (value, source)
+    if setting.parameter in ctx.params:
+        return ctx.params[setting.parameter], ctx.get_parameter_source(setting.parameter).name
+    command, context = ctx.find_root().command, ctx.find_root()
+    for word in setting.commands[0].split():
+        command = command.get_command(context, word)
+        context = command.make_context(word, [], parent=context, resilient_parsing=True)
+    if held is not None:
+        context.default_map = {setting.parameter: held.value}
+    option = next(one for one in command.params if one.name == setting.parameter)
+    value, source = option.consume_value(context, {})
+    return value, source.name
+
+
+def _plain(value: Any) -> str | float | bool | None:
+    """A value for JSON, without what is secret in an address."""
+    if isinstance(value, str | Path):
+        return without_secrets(str(value))
+    return value if isinstance(value, int | float) else None
+
+
+def _shown(value: str | float | bool | None) -> str | None:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return None if value is None else str(value)
+
+
+def _source(one: SettingInForce) -> str:
+    return one.source if one.where is None else f"{one.source} {one.where}"
