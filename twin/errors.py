@@ -6,6 +6,7 @@
     ├── DriveError          a recorded drive that cannot be read (what, where, cure)
     ├── StoreError          the store is missing, locked, or written by a newer version
     ├── ConfigError         a setting that cannot be
+    │   └── MissingExtraError   … without an extra of the package; a DriveError as well
     ├── FileError           a file or folder that a command names, and that is not there or not readable
     ├── LayoutError         a ``layout.toml`` for ``calibrate extrinsics`` that cannot be read
     ├── TruthError          a truth file for ``evaluate`` that cannot be read
@@ -37,6 +38,19 @@ class ConfigError(TwinError):
 
 class FileError(TwinError):
     """A file or folder that is not there or not readable; the message names it and the cure."""
+
+
+class MissingExtraError(DriveError, ConfigError):
+    """What was asked for needs a library that comes with an extra of the package, which is not installed.
+
+    Nothing is wrong with the drive, but whoever goes on without an unreadable file goes on here too.
+    """
+
+    def __init__(self, what: str, library: str, extra: str) -> None:
+        super().__init__(
+            f'{what} needs {library}, which is not installed: pip install "nvdb-twin[{extra}]" '
+            "(pipx, uv: twin help install)."
+        )
 
 
 class LayoutError(TwinError):

@@ -6,11 +6,15 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 from checkout import ROOT
 from command_line import Twin
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from twin.export.layers import COLUMNS
 
@@ -30,13 +34,37 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, twin: Twin, tmp_path: Path) -> None:
-    """The sample travels with the wheel: `twin demo` needs nothing but itself.
+def _needed() -> set[str]:
+    """Distributions that `pip install nvdb-twin` brings, without extras, as pyproject.toml says."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    needed: set[tuple[str, str]] = set()
+    open_ends = [(Requirement(text), "") for text in project["dependencies"]]
+    while open_ends:
+        requirement, of_extra = open_ends.pop()
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": of_extra}):
+            continue
+        for extra in ("", *requirement.extras):
+            one = (canonicalize_name(requirement.name), extra)
+            if one not in needed:
+                needed.add(one)
+                said = metadata.requires(requirement.name) or []
+                open_ends += [(Requirement(text), extra) for text in said]
+    return {name for name, _ in needed}
 
-    Again in the same folder, here without the wheel, its table shows all of it.
+
+def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, twin: Twin, tmp_path: Path) -> None:
+    """The sample travels with the wheel: `twin demo` needs nothing but itself and its dependencies.
+
+    Packages of the extras and of development are hidden from it. Again in the same folder, here without the
+    wheel, its table shows all of it.
     """
+    needed = _needed()
+    owners = metadata.packages_distributions()
+    hidden = [name for name, of in owners.items() if not {canonicalize_name(one) for one in of} & needed]
+    hidden = sorted(set(hidden) - {"twin", "nvdb", "geoloc"})
+    assert {"av", "pytest", "rasterio", "onnxruntime"} <= set(hidden)
     code = (
-        "import twin, sys; from twin.cli import run; "
+        f"import sys; sys.modules.update(dict.fromkeys({hidden})); import twin; from twin.cli import run; "
         "assert 'site' in twin.__file__, twin.__file__; sys.exit(run(['demo', '--json']))"
     )
     environment = {**os.environ, "PYTHONPATH": str(installed)}

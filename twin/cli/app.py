@@ -112,7 +112,6 @@ class _CalibrateCommands(_LazyGroup):
 app = typer.Typer(
     cls=_Commands,
     name="twin",
-    add_completion=False,
     pretty_exceptions_enable=False,
     help="Keep the road-sign layer of Norway's digital twin true: "
     "a recorded drive and NVDB in, change sets for QGIS and the road database out.",

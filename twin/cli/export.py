@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+import subprocess
 import sys
 from collections.abc import Sequence
 from enum import StrEnum
@@ -182,7 +183,8 @@ def _print(exported: QgisExport, folder: Path, lang: Lang) -> None:
     from twin.export.qgis.project import PROJECT
 
     how = say(lang, "opening.how")
-    sys.stdout.write(f"{how}\n  {shlex.join(['qgis', *exported.arguments])}\n")
+    join = subprocess.list2cmdline if sys.platform == "win32" else shlex.join
+    sys.stdout.write(f"{how}\n  {join(['qgis', *exported.arguments])}\n")
     if exported.uri is None:
         note(say(lang, "opening.no_project", folder=str(folder)))
     else:

@@ -57,8 +57,10 @@ class NetworkMasker:
 
     Raises
     ------
+    MissingExtraError
+        The extra `detect` is not installed.
     ConfigError
-        The extra `detect` is not installed, or no class of the network is a person or a vehicle.
+        No class of the network is a person or a vehicle.
     DriveError
         The file cannot be read, or is no network of the contract.
     """

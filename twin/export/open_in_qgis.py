@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +19,28 @@ from twin.export.layers import description
 from twin.export.qgis.project import PROJECT
 from twin.words import Lang
 
-# As the packages of Linux, of OSGeo4W and of macOS name it; the last is where macOS keeps programs.
-_PROGRAMS = ("qgis", "qgis-ltr", "qgis-bin", "/Applications/QGIS.app/Contents/MacOS/QGIS")
+# As the packages of Linux and of OSGeo4W name it on the search path.
+_PROGRAMS = ("qgis", "qgis-ltr", "qgis-bin")
+# Elsewhere its installers put it beside the search path. Windows: its own installer, OSGeo4W for all and for
+# one user; macOS: both folders of programs; Linux: Flatpak. ``{NAME}`` is a variable of the environment.
+_PLACES: Mapping[str, tuple[str, ...]] = {
+    "win32": (
+        "{ProgramW6432}/QGIS*/bin/qgis*.bat",
+        "{ProgramFiles}/QGIS*/bin/qgis*.bat",
+        "{SystemDrive}/OSGeo4W*/bin/qgis*.bat",
+        "{LOCALAPPDATA}/Programs/OSGeo4W*/bin/qgis*.bat",
+    ),
+    "darwin": (
+        "/Applications/QGIS*.app/Contents/MacOS/QGIS*",
+        "{HOME}/Applications/QGIS*.app/Contents/MacOS/QGIS*",
+    ),
+    "linux": (
+        "/var/lib/flatpak/exports/bin/org.qgis.qgis",
+        "{HOME}/.local/share/flatpak/exports/bin/org.qgis.qgis",
+    ),
+}
+# Not ``qgis_process`` nor ``qgis-ltr-grass8.bat``, which stand beside it.
+_DESKTOP = re.compile(r"(org\.qgis\.)?qgis(-ltr|-qt\d)?(\.bat)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,13 +122,45 @@ def qgis_program() -> str:
         It is not installed, or not where programs are looked for.
     """
     found = next(filter(None, map(shutil.which, _PROGRAMS)), None)
+    found = found or next(iter(installed_qgis(sys.platform, os.environ)), None)
     if found is None:
         raise RefusedError(
-            "QGIS is not installed here, or not on the search path: get it from https://qgis.org/download "
-            "(Debian and Ubuntu: apt install qgis), 3.22 or later; or open the"
+            "QGIS is neither on the search path nor in its usual places: get it from"
+            " https://qgis.org/download (Debian and Ubuntu: apt install qgis), 3.22 or later; or open the"
             " export from a QGIS elsewhere."
         )
     return found
+
+
+def installed_qgis(system: str, variables: Mapping[str, str]) -> list[str]:
+    """Programs of QGIS in the places that its installers choose, the newest version first.
+
+    Parameters
+    ----------
+    system : str
+        As ``sys.platform`` names it.
+    variables : mapping of str to str
+        The environment, which says where programs and the user's files are.
+    """
+    # Windows spells some of its variables in its own way, and looks them up in any.
+    spelt = {name.upper(): value for name, value in variables.items()}
+    found: set[Path] = set()
+    for place in _PLACES.get(system, ()):
+        variable = re.match(r"\{(\w+)\}/", place)
+        if variable is None:
+            root, pattern = Path("/"), place[1:]
+        elif value := spelt.get(variable[1].upper()):
+            root, pattern = Path(f"{value}/"), place[variable.end() :]
+        else:
+            continue
+        found.update(path for path in root.glob(pattern) if _DESKTOP.fullmatch(path.name))
+    return [str(path) for path in sorted(found, key=_version, reverse=True)]
+
+
+def _version(program: Path) -> tuple[tuple[int, ...], str]:
+    """Sort key: the version that a folder above the program names, as in ``QGIS 3.40.1``."""
+    named = re.search(r"QGIS[- ]?(\d+(?:\.\d+)*)", str(program))
+    return tuple(int(part) for part in named[1].split(".")) if named else (), str(program)
 
 
 _PYTHON_VARIABLES = ("PYTHONHOME", "PYTHONPATH", "PYTHONEXECUTABLE", "__PYVENV_LAUNCHER__", "VIRTUAL_ENV")
@@ -127,6 +181,10 @@ def environment_for_qgis(ours: Mapping[str, str]) -> dict[str, str]:
     return environment
 
 
+# On Windows Ctrl-C in our terminal would reach it; elsewhere a session of its own keeps it away.
+_OWN_GROUP: int = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+
+
 def start_qgis(program: str, export: QgisExport) -> None:
     """Start QGIS with an export, and leave it running on its own, outside any Python environment."""
     process = subprocess.Popen(  # noqa: S603 - the program that the user's own search path names
@@ -135,6 +193,7 @@ def start_qgis(program: str, export: QgisExport) -> None:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
+        creationflags=_OWN_GROUP,
         env=environment_for_qgis(os.environ),
     )
     # It is to outlive us: else Python warns that nobody waited for it.

@@ -14,7 +14,7 @@ from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.earth.heights import ellipsoidal_from_nn2000
 from geoloc.earth.terrain import Terrain
-from twin.errors import TerrainError
+from twin.errors import MissingExtraError, TerrainError
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -66,9 +66,11 @@ def read_terrain(
 
     Raises
     ------
+    MissingExtraError
+        The extra `terrain` is not installed.
     TerrainError
-        rasterio is not installed; the raster cannot be read, has no CRS, does not say what its heights are,
-        or lies elsewhere; NN2000 cannot be turned into ellipsoidal heights; or the part is too large.
+        The raster cannot be read, has no CRS, does not say what its heights are, or lies elsewhere; NN2000
+        cannot be turned into ellipsoidal heights; or the part is too large.
     """
     path = Path(path)
     if heights is not None and heights not in HEIGHT_SYSTEMS:
@@ -97,9 +99,7 @@ def _part(
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     except ImportError as error:
-        raise TerrainError(
-            "A ground raster needs rasterio, which is not installed: pip install 'nvdb-twin[terrain]'."
-        ) from error
+        raise MissingExtraError(f"The ground raster {path}", "rasterio", "terrain") from error
     try:
         # A raster without georeference is told so below, in a sentence.
         with warnings.catch_warnings(action="ignore", category=NotGeoreferencedWarning):

@@ -11,6 +11,7 @@ from command_line import Twin
 from qgis_edits import opened_as_qgis_does
 
 from twin.export import COLUMNS
+from twin.export.open_in_qgis import installed_qgis
 
 
 @pytest.fixture
@@ -135,3 +136,37 @@ def test_qgis_open_without_qgis_says_how_to_get_it(
     assert answer.code == 5
     assert "Layers of" in answer.out
     assert "https://qgis.org/download" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("system", "variables", "programs"),
+    [
+        (
+            "win32",
+            {
+                "ProgramFiles": "Programs",
+                "PROGRAMW6432": "Programs",
+                "LOCALAPPDATA": "AppData/Local",
+            },
+            [
+                "Programs/QGIS 3.40.1/bin/qgis-ltr.bat",
+                "Programs/QGIS 3.4.15/bin/qgis.bat",
+                "AppData/Local/Programs/OSGeo4W/bin/qgis.bat",
+            ],
+        ),
+        ("win32", {"SystemDrive": "."}, ["OSGeo4W64/bin/qgis.bat", "OSGeo4W/bin/qgis-qt6.bat"]),
+        ("darwin", {"HOME": "."}, ["Applications/QGIS-LTR.app/Contents/MacOS/QGIS"]),
+        ("linux", {"HOME": "."}, [".local/share/flatpak/exports/bin/org.qgis.qgis"]),
+    ],
+)
+def test_qgis_is_found_where_its_installers_put_it(
+    tmp_path: Path, system: str, variables: dict[str, str], programs: list[str]
+) -> None:
+    """The newest first; what only shares the name's beginning is not the program."""
+    for name in programs:
+        program = tmp_path / name
+        program.parent.mkdir(parents=True, exist_ok=True)
+        for file in (program.name, "qgis_process-qgis.bat", "qgis-ltr-grass8.bat", "QGIS_helper"):
+            program.with_name(file).touch()
+    there = {name: str(tmp_path / folder) for name, folder in variables.items()}
+    assert installed_qgis(system, there) == [str(tmp_path / name) for name in programs]

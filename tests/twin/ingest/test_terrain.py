@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -139,18 +136,3 @@ def test_terrain_larger_than_memory_is_refused(tmp_path: Path, monkeypatch: pyte
     path = write(tmp_path / "dtm.tif", "EPSG:25833", 1.0, 300)
     with pytest.raises(TerrainError, match=r"nodes around the drive, more than 10,000: give a coarser one"):
         read_terrain(path, *DRIVE, heights="ellipsoidal")
-
-
-def test_terrain_without_rasterio_names_the_extra(tmp_path: Path) -> None:
-    """The optional dependency's absence is one sentence, with what to install."""
-    code = (
-        "import sys; sys.modules['rasterio'] = None\n"
-        "from twin.ingest.terrain import read_terrain\n"
-        "from twin.errors import TerrainError\n"
-        "try: read_terrain('dtm.tif', [1.0], [1.0])\n"
-        "except TerrainError as error: print(error)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env={**os.environ}
-    )
-    assert "pip install 'nvdb-twin[terrain]'" in done.stdout

@@ -12,7 +12,7 @@ import numpy as np
 
 from geoloc.arrays import ByteArray
 from geoloc.errors import CalibrationError
-from twin.errors import DriveError
+from twin.errors import DriveError, MissingExtraError
 
 if TYPE_CHECKING:
     from twin.drives.frames.video import VideoIndex
@@ -140,6 +140,8 @@ def _index(file: Path) -> VideoIndex:
     try:
         with file.open("rb") as stream:
             return index_video(stream, file.name)
+    except MissingExtraError:
+        raise
     except DriveError as error:
         raise CalibrationError(str(error)) from error
 

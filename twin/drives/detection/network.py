@@ -20,7 +20,7 @@ from twin.drives.detection.yolo_output import (
     letterboxed,
     strong,
 )
-from twin.errors import ConfigError, DriveError
+from twin.errors import DriveError, MissingExtraError
 
 DEFAULT_SIZE_PX = 640
 """Input of a network that leaves its size open: the family's own default."""
@@ -51,7 +51,7 @@ class Detector:
 
     Raises
     ------
-    ConfigError
+    MissingExtraError
         If the extra `detect` is not installed.
     DriveError
         If the file cannot be read, or is no network of the contract.
@@ -132,9 +132,7 @@ def _session(content: bytes, where: str) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise ConfigError(
-            "A detector needs ONNX's runtime, which is not installed: pip install 'nvdb-twin[detect]'."
-        ) from error
+        raise MissingExtraError(f"The detector {where}", "ONNX's runtime", "detect") from error
     options = onnxruntime.SessionOptions()
     options.log_severity_level = _ONLY_FATAL
     try:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from geoloc.arrays import IntArray
 from twin.drives.epochs import credible
 from twin.drives.frames.stamp_files import MAX_FRAME
-from twin.errors import DriveError
+from twin.errors import DriveError, MissingExtraError
 
 if TYPE_CHECKING:
     from av.container import InputContainer
@@ -92,6 +92,8 @@ def index_video(file: BinaryIO, where: str) -> VideoIndex:
 
     Raises
     ------
+    MissingExtraError
+        If the extra `video` is not installed.
     DriveError
         If it is no video, holds no frame, or declares pictures of more than `MAX_PIXELS`.
     """
@@ -176,8 +178,10 @@ _NO_PTS = np.iinfo(np.int64).min
 @contextmanager
 def _opened(file: BinaryIO, where: str) -> Iterator[tuple[InputContainer, VideoStream]]:
     """Open a video; what FFmpeg says against it becomes one sentence."""
-    import av
-
+    try:
+        import av
+    except ImportError as error:
+        raise MissingExtraError(f"The video {where}", "PyAV", "video") from error
     try:
         container = av.open(
             file,
