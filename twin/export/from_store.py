@@ -10,9 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sqlalchemy as sa
 
-from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
-from geoloc.earth.heights import nn2000_from_ellipsoidal
-from geoloc.locate.combine import cep95_m, ellipse
 from nvdb.datakatalog import SKILTPUNKT
 from twin.decisions.findings import findings_statement, latest_findings
 from twin.decisions.log import BY_TWIN
@@ -20,7 +17,7 @@ from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
 from twin.export.pictures import NO_PICTURES, Pictures
 from twin.mirror.names import sign_names
 from twin.mirror.roads import roads_of
-from twin.store import schema
+from twin.store import frames, schema
 from twin.store.kinds import Verdict
 from twin.store.records import Finding
 from twin.store.store import Snapshot, Store
@@ -33,7 +30,6 @@ if TYPE_CHECKING:
 Columns = Mapping[str, Any]
 
 _PLACE = ("east_m", "north_m")
-_COVARIANCE = ("cov_ee_m2", "cov_en_m2", "cov_nn_m2")
 
 
 def layers_from_store(
@@ -136,26 +132,12 @@ def _last_match(view: Snapshot) -> Mapping[str, Any]:
 
 
 def _estimates(view: Snapshot, method: str) -> gpd.GeoDataFrame:
-    table = schema.estimate
-    wanted = _names("estimates", *_PLACE, *_COVARIANCE, "first_ns", "last_ns")
-    own = [column for column in table.columns if column.name in wanted]
-    found = view.columns(sa.select(*own).where(table.c.method == method))
-    ee, en, nn = (np.array(found[name], dtype=np.float64) for name in _COVARIANCE)
-    covariance = np.stack([ee, en, en, nn], axis=-1).reshape(-1, 2, 2)
-    major, minor, grid_azimuth = ellipse(covariance)
-    lat, lon = geographic_from_utm33(*(np.array(found[axis], dtype=np.float64) for axis in _PLACE))
-    derived = {
-        "first_seen": _utc(found["first_ns"]),
-        "last_seen": _utc(found["last_ns"]),
-        "sigma_major_m": major,
-        "sigma_minor_m": minor,
-        "sigma_azimuth_deg": (grid_azimuth + grid_convergence_deg(lat, lon)) % 180.0,
-        "cep95_m": cep95_m(covariance),
-        "height_nn2000_m": nn2000_from_ellipsoidal(lat, lon, np.array(found["height_m"])).height_m,
-    }
+    found = frames.estimates(view, method)
+    # A GeoPackage keeps milliseconds.
+    times = {name: found[name].dt.round("ms") for name in ("first_seen", "last_seen")}
     # The foot of a sign is that of a Skiltpunkt.
-    types = [SKILTPUNKT if kind is None else kind for kind in found["nvdb_type"]]
-    return _frame("estimates", {**found, "nvdb_type": types, **derived})
+    types = {"nvdb_type": found["nvdb_type"].fillna(SKILTPUNKT)}
+    return _frame("estimates", {**found, **times, **types}, found.geometry.to_numpy())
 
 
 def _signs(view: Snapshot) -> gpd.GeoDataFrame:

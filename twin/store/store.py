@@ -19,6 +19,7 @@ import sqlalchemy as sa
 
 from twin.errors import RefusedError, StoreError
 from twin.store import schema
+from twin.store.tables import Tables
 from twin.store.upgrades import UPGRADES
 
 Row = Mapping[str, Any]
@@ -82,74 +83,31 @@ class Snapshot:
         return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
 
-class Store:
-    """An open store. Use :meth:`open`; close it or use it as a context manager.
+class Store(Tables):
+    """An open store, to be closed or used as a context manager: ``with Store("twin.db") as store: ...``.
 
     Parameters
     ----------
-    engine : sqlalchemy.Engine
-        Connected to a database that has the tables of :mod:`twin.store.schema`.
-    path : Path
-        For messages.
-    read_only : StoreError, optional
-        Why nothing can be written.
-    frozen : bool
-        Whether the engine takes the file as nobody writes it.
+    path : Path or str
+        The SQLite file.
+    create : bool
+        Whether a missing file is made, which :meth:`open` does. Without it, a store that cannot be written,
+        for want of rights or of space, opens all the same: to be read.
+
+    Raises
+    ------
+    StoreError
+        Missing, not a store, unreadable, or written by a newer version.
     """
 
-    def __init__(
-        self, engine: sa.Engine, path: Path, *, read_only: StoreError | None = None, frozen: bool = False
-    ) -> None:
-        self._engine = engine
-        self.path = path
-        self._read_only = read_only
-        self._frozen_as = _written(path) if frozen else None
+    def __init__(self, path: Path | str, *, create: bool = False) -> None:
+        self.path = Path(path)
+        self._engine, self._read_only, self._frozen_as = _opened(self.path, create=create)
 
     @classmethod
     def open(cls, path: Path | str, *, create: bool = True) -> Store:
-        """Open a store, making a new one where there is none.
-
-        Parameters
-        ----------
-        path : Path or str
-            The SQLite file.
-        create : bool
-            Whether a missing file is made. False for commands that may only read: a store that cannot be
-            written, for want of rights or of space, opens for them all the same.
-
-        Raises
-        ------
-        StoreError
-            Missing (with ``create=False``), not a store, unreadable, or written by a newer version.
-        """
-        path = Path(path)
-        try:
-            existed = path.exists()
-        except OSError as error:
-            raise StoreError(f"The store {path} could not be used ({error.strerror}): {_ALLOW}.") from error
-        if not existed and not create:
-            raise StoreError(
-                f"There is no store at {path}: run `twin sync-nvdb` or `twin ingest-drive` first, "
-                "or name another with --store."
-            )
-        if not path.parent.is_dir():
-            raise StoreError(
-                f"The folder of the store {path} does not exist: make it, or name another --store."
-            )
-        if create or _may_write(path):
-            try:
-                return cls(_checked(_engine(path), path, create=create), path)
-            except StoreError as error:
-                # SQLite's log and the log's index need room, also to read.
-                if create or _has_log(path) or _code(error.__cause__) not in _NOT_WRITTEN:
-                    raise
-                refused = error
-        else:
-            refused = StoreError(f"The store {path} cannot be written: {_ALLOW}.")
-        # What others are writing stands in the log.
-        frozen = not _has_log(path)
-        engine = _checked(_engine(path, frozen=frozen), path)
-        return cls(engine, path, read_only=refused, frozen=frozen)
+        """Open a store, making a new one where there is none."""
+        return cls(path, create=create)
 
     def close(self) -> None:
         """Close every connection."""
@@ -249,6 +207,38 @@ class Store:
         connection.execute(sa.delete(schema.meta).where(schema.meta.c.key == key))
 
 
+_Written = tuple[int, int, bool]
+
+
+def _opened(path: Path, *, create: bool) -> tuple[sa.Engine, StoreError | None, _Written | None]:
+    """Connect to a store; and say why it cannot be written, and as what the engine takes it to be frozen."""
+    try:
+        existed = path.exists()
+    except OSError as error:
+        raise StoreError(f"The store {path} could not be used ({error.strerror}): {_ALLOW}.") from error
+    if not existed and not create:
+        raise StoreError(
+            f"There is no store at {path}: run `twin sync-nvdb` or `twin ingest-drive` first, "
+            "or name another with --store."
+        )
+    if not path.parent.is_dir():
+        raise StoreError(f"The folder of the store {path} does not exist: make it, or name another --store.")
+    if create or _may_write(path):
+        try:
+            return _checked(_engine(path), path, create=create), None, None
+        except StoreError as error:
+            # SQLite's log and the log's index need room, also to read.
+            if create or _has_log(path) or _code(error.__cause__) not in _NOT_WRITTEN:
+                raise
+            refused = error
+    else:
+        refused = StoreError(f"The store {path} cannot be written: {_ALLOW}.")
+    # What others are writing stands in the log.
+    frozen = not _has_log(path)
+    engine = _checked(_engine(path, frozen=frozen), path)
+    return engine, refused, _written(path) if frozen else None
+
+
 def _engine(path: Path, *, frozen: bool = False) -> sa.Engine:
     """Connect to a file; a frozen one is taken as nobody writes it: no locks, and no log beside it."""
     url = sa.URL.create("sqlite", database=str(path))
@@ -323,7 +313,7 @@ def _has_log(path: Path) -> bool:
     return log.exists() and log.stat().st_size > 0
 
 
-def _written(path: Path) -> tuple[int, int, bool]:
+def _written(path: Path) -> _Written:
     """When the file was written last, its length, and whether there is a log."""
     status = path.stat()
     return status.st_mtime_ns, status.st_size, _has_log(path)

@@ -23,14 +23,14 @@ from twin.cli import run
 from twin.decisions.log import history
 from twin.decisions.record import decide
 from twin.errors import ExportRefusedError, RefusedError, StoreError
-from twin.export import FILES, edited_decisions, export_findings, from_store
+from twin.export import FILES, edited_decisions, export_findings
 from twin.export.export import decisions_made_in
 from twin.export.folder import GEOJSON, UTM33, WGS84
 from twin.export.from_store import layers_from_store
 from twin.export.geopackage import Answer
 from twin.export.layers import COLUMNS
 from twin.ingest.ingest import ingest_drive
-from twin.store import schema
+from twin.store import frames, schema
 from twin.store.store import Store
 
 EAST, NORTH = 270_000.0, 7_041_000.0
@@ -308,7 +308,7 @@ def test_decision_made_while_the_export_runs_is_not_lost(store: Store, out: Path
 
 def test_layers_from_store_are_of_one_moment(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """What another process commits between the reading of two layers is in neither."""
-    real = from_store.cep95_m
+    real = frames.cep95_m
 
     def meanwhile(covariance: Any) -> Any:
         with Store.open(store.path) as other:
@@ -316,7 +316,7 @@ def test_layers_from_store_are_of_one_moment(store: Store, monkeypatch: pytest.M
         return real(covariance)
 
     # Called once, after the changes and the estimates were read and before the drives are.
-    monkeypatch.setattr(from_store, "cep95_m", meanwhile)
+    monkeypatch.setattr(frames, "cep95_m", meanwhile)
     assert list(layers_from_store(store, METHOD).drives["drive_id"]) == ["d"]
     monkeypatch.undo()
     assert len(layers_from_store(store, METHOD).drives) == 2
@@ -329,7 +329,7 @@ def test_export_findings_of_a_store_that_moves_on_is_refused(
     store: Store, out: Path, monkeypatch: pytest.MonkeyPatch, again: str, wanted: str
 ) -> None:
     """An ingest or a match while the layers are read: no file mixes a match with what it did not see."""
-    real = from_store.cep95_m
+    real = frames.cep95_m
 
     def meanwhile(covariance: Any) -> Any:
         with Store.open(store.path) as other:
@@ -339,7 +339,7 @@ def test_export_findings_of_a_store_that_moves_on_is_refused(
                 _matched(other, ["c-3"], method="paper")
         return real(covariance)
 
-    monkeypatch.setattr(from_store, "cep95_m", meanwhile)
+    monkeypatch.setattr(frames, "cep95_m", meanwhile)
     with pytest.raises(RefusedError, match=wanted):
         export_findings(store, out)
     assert not out.exists()
