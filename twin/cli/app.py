@@ -73,6 +73,7 @@ def _leave_reading_to_readers(declared: typer.Typer) -> None:
 class _Commands(_LazyGroup):
     modules: ClassVar[Mapping[str, str]] = {
         "sync-nvdb": "mirror",
+        "init": "init",
         "ingest-drive": "drives",
         "drives": "drives",
         "inspect": "drives",

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from geoloc.adjustment.adjust import POLE_RADIUS_M
 from twin.drives.epochs import credible
 from twin.drives.folder.keys import CAMERA_KEYS, FRAME_KEYS, GNSS_KEYS, POSE_KEYS, POSE_TOPIC_KEYS, ROOT_KEYS
+from twin.drives.folder.nominal_lens import NominalCamera, nominal_camera
 from twin.drives.folder.stated_errors import TERMS, can_be, wanted
 from twin.drives.folder.toml_values import (
     SETTINGS_FILE,
@@ -86,12 +87,20 @@ class CameraSettings:
         Where there is a position.
     mask : str or None
         A picture that is black on the car itself.
+    nominal : NominalCamera or None
+        In place of `intrinsics`, of a camera that nobody calibrated: ``lens`` or ``fov_deg``.
     """
 
     intrinsics: str | None = None
     position_m: tuple[float, float, float] | None = None
     roll_pitch_yaw_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     mask: str | None = None
+    nominal: NominalCamera | None = None
+
+    @property
+    def has_intrinsics(self) -> bool:
+        """Whether the lens is said here."""
+        return self.intrinsics is not None or self.nominal is not None
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,7 +322,8 @@ def _cameras(table: Mapping[str, Any]) -> dict[str, CameraSettings]:
         position = _lever_arm(entry["position"], f"{name}.position") if posed else None
         angles = _angles(entry["roll_pitch_yaw"], f"{name}.roll_pitch_yaw") if posed else (0.0, 0.0, 0.0)
         intrinsics, mask = (text_of(entry, key, f"{name}.{key}") for key in ("intrinsics", "mask"))
-        cameras[camera] = CameraSettings(intrinsics, position, angles, mask)
+        nominal = nominal_camera(entry, name)
+        cameras[camera] = CameraSettings(intrinsics, position, angles, mask, nominal)
     return cameras
 
 

@@ -129,6 +129,19 @@ def video_size(file: BinaryIO, where: str) -> tuple[int, int]:
         return stream.codec_context.width, stream.codec_context.height
 
 
+def video_tags(file: BinaryIO, where: str) -> dict[str, str]:
+    """Tags of a video and of its streams, by name: maker, model, what wrote it.
+
+    Raises
+    ------
+    DriveError
+        As :func:`index_video`.
+    """
+    with _opened(file, where) as (container, _):
+        tags = {key: value for one in container.streams for key, value in one.metadata.items()}
+        return tags | dict(container.metadata)
+
+
 def decoded(
     file: BinaryIO, index: VideoIndex, wanted: NDArray[np.bool_], faults: Counter[str]
 ) -> Iterator[tuple[int, Image]]:

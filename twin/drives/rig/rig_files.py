@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.calibration_files import CalibratedCamera, read_cameras
+from geoloc.cameras.nominal import LensSigmas
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import model_properties
-from geoloc.rig.rig import Rig, looks_like_rig, rig_from_document, without_template_masks
+from geoloc.rig.rig import Rig, lens_properties, looks_like_rig, rig_from_document, without_template_masks
 from geoloc.rig.sensor_entry import mask_document
 from twin.drives.folder.drive_toml import SETTINGS_FILE, CameraSettings, DriveSettings
 from twin.drives.folder.files import DriveFolder
@@ -85,7 +86,7 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
 def _rig_file(folder: DriveFolder, cameras: Mapping[str, CameraSettings]) -> str | None:
     """Name of the folder's rig file; None where ``[cameras]`` says all, or all but intrinsics without one."""
     posed = bool(cameras) and all(camera.position_m for camera in cameras.values())
-    if posed and (all(camera.intrinsics for camera in cameras.values()) or not unused_rigs(folder)):
+    if posed and (all(camera.has_intrinsics for camera in cameras.values()) or not unused_rigs(folder)):
         return None
     return find_rig(folder)
 
@@ -129,12 +130,12 @@ def _with_cameras(
     place = {sensor["name"].strip(): i for i, sensor in enumerate(sensors) if _named(sensor)}
     for name, camera in cameras.items():
         if name not in place:
-            if camera.intrinsics is None or camera.position_m is None:
+            if not camera.has_intrinsics or camera.position_m is None:
                 there = [other for other, i in place.items() if _is_camera(sensors[i])]
                 raise DriveError(
                     f"{SETTINGS_FILE} names the camera {name}, which no rig file has"
-                    f" ({which_camera(name, there)}): correct the name, or give [cameras.{name}] intrinsics,"
-                    " position and roll_pitch_yaw."
+                    f" ({which_camera(name, there)}): correct the name, or give [cameras.{name}] intrinsics"
+                    " (or lens, or fov_deg), position and roll_pitch_yaw."
                 )
             place[name] = len(sensors)
             sensors.append({"name": name, "protocol": "camera.virtual"})
@@ -143,6 +144,10 @@ def _with_cameras(
             calibrated = _calibrated(name, camera.intrinsics, folder, files)
             sensor["properties"] = model_properties(name, calibrated.model)
             notes.warn(DriveDoubt.RIG, *filter(None, [calibrated.warning]))
+        if camera.nominal is not None:
+            lens = camera.nominal.sigmas
+            sensor["properties"] = model_properties(name, camera.nominal.model) | lens_properties(lens)
+            notes.warn(DriveDoubt.RIG, _nominal(name, camera.nominal.lens.name, lens))
         if camera.position_m is not None:
             sensor = {key: value for key, value in sensor.items() if key not in _POSE_KEYS}
             angles = list(camera.roll_pitch_yaw_deg)
@@ -151,6 +156,14 @@ def _with_cameras(
             sensor["car-mask"] = mask_document(_read_mask(folder.content(camera.mask), camera.mask))
         sensors[place[name]] = sensor
     return _with_sensors(document, sensors)
+
+
+def _nominal(camera: str, lens: str, sigmas: LensSigmas) -> str:
+    return (
+        f"The lens of {camera} is a nominal one ({lens}): its focal length is taken as good to"
+        f" {sigmas.focal_share:.0%}, and corrected by what the drive shows. Calibrate the camera (twin help"
+        " calibration) for positions that do not depend on that."
+    )
 
 
 def _is_camera(sensor: Mapping[str, Any]) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from twin.drives.folder.drive_toml import DriveSettings
 from twin.drives.track.fixes import FixesRead, PosesRead
-from twin.drives.track.formats import exif, gpx, nmea, poses_csv, rosbag, sbp, sbp_messages
+from twin.drives.track.formats import exif, gpmf, gpx, nmea, poses_csv, rosbag, sbp, sbp_messages
 from twin.drives.track.formats.recording import Recording
 
 ReadFixes = Callable[[Recording, str, DriveSettings], FixesRead]
@@ -113,7 +113,14 @@ NMEA = TrackFormat(
     suffixes=(".nmea",),
     asked_for="NMEA",
 )
-FORMATS = (ROS, EXIF, POSES, GPX, SBP, NMEA)
+GOPRO = TrackFormat(
+    "GoPro",
+    "video with GNSS, GoPro",
+    gpmf.is_gopro_video,
+    gpmf.fixes_of_video,
+    asked_for="a GoPro video with its own GPS",
+)
+FORMATS = (ROS, EXIF, POSES, GPX, SBP, NMEA, GOPRO)
 """The first that knows a recording as its own reads it."""
 _ASKED_FOR = [one.asked_for for one in reversed(FORMATS) if one.asked_for]
 NAMES = f"{', '.join(_ASKED_FOR[:-1])} or {_ASKED_FOR[-1]}"
