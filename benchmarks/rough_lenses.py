@@ -46,7 +46,7 @@ _FIRST_SEED, _LAG_NS, _POOR_M = 81_000, 170_000_000, 2.0
 
 
 class Result(NamedTuple):
-    """Of one drive: lengths of errors (n,), squares over variances, the clock said, focal length found."""
+    """Of one drive: lengths of errors (n,), squares over variances, longest axes of the ellipses."""
 
     error_m: FloatArray
     nees: FloatArray

@@ -303,7 +303,10 @@ class _Task:
     ) -> bool:
         begin_s, off_s = found_s + aside_s, abs(aside_s)
         for _ in range(_BACK_ROUNDS):
-            at = self.solved(self.seen(round(begin_s * NANOSECONDS), lens), priors)
+            seen = self.seen(round(begin_s * NANOSECONDS), lens)
+            if not seen.scene.point.size:
+                return False
+            at = self.solved(seen, priors)
             begin_s, before_s = self._by_rays_s(at, priors), off_s
             off_s = abs(begin_s - found_s)
             if off_s < _BACK * abs(aside_s):

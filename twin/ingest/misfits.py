@@ -73,7 +73,7 @@ def misfits_of(
     adjusted = sighted.adjusted
     if adjusted is None:
         return ()
-    found = [*_clock_and_shutter(adjusted), *turned_cameras(adjusted)]
+    found = [*_clock_and_shutter(adjusted), *turned_cameras(adjusted, budget.boresight_deg)]
     found += [
         Misfit(reasons.CamerasDisagree(), doubt.sentence)
         for doubt in id_doubts
@@ -114,11 +114,14 @@ def _clock_and_shutter(adjusted: Adjusted) -> Iterator[Misfit]:
             yield Misfit(reasons.ShutterImpossible(), doubt.sentence)
 
 
-def turned_cameras(adjusted: Adjusted) -> Iterator[Misfit]:
-    """Tell of cameras that sit otherwise than their calibration says, far beyond what a mount gives way."""
+def turned_cameras(adjusted: Adjusted, mounted_deg: float = 0.0) -> Iterator[Misfit]:
+    """Tell of cameras that sit otherwise than their calibration says, far beyond what a mount gives way.
+
+    `mounted_deg` is how well the mounting is stated, one sigma: one that is known by eye may be off.
+    """
     for camera, turns in adjusted.boresight_deg.items():
         worst = max(turns, key=lambda turn: abs(turn.value))
-        if abs(worst.value) > max(_MOST_TURN_DEG, 5.0 * worst.sigma):
+        if abs(worst.value) > max(_MOST_TURN_DEG, 5.0 * worst.sigma, _LATE_SIGMAS * mounted_deg):
             turned = reasons.CameraTurned(camera, abs(worst.value))
             yield Misfit(
                 turned,
