@@ -83,8 +83,12 @@ CAMERA_KEYS: Mapping[str, Key] = {
         _FROM_RIG,
         "how it looks: right side down, nose down and left are positive; together with position",
     ),
-    "lens": Key("name of a common camera", "", "nominal intrinsics, where nobody calibrated (twin help dashcam)"),
-    "fov_deg": Key("degrees", "", "field of view across the longer side of the picture, where nobody calibrated"),
+    "lens": Key(
+        "name of a common camera", "", "nominal intrinsics, where nobody calibrated (twin help dashcam)"
+    ),
+    "fov_deg": Key(
+        "degrees", "", "field of view across the longer side of the picture, where nobody calibrated"
+    ),
     "projection": Key("pinhole or fisheye", "by the field of view", "of fov_deg"),
     "size": Key("[width, height], pixels", "", "of the pictures; needed beside lens or fov_deg"),
     "mask": Key("picture", _FROM_RIG, "black on the car itself, white elsewhere"),
