@@ -110,6 +110,9 @@ def csv_bytes(columns: Sequence[str], rows: Iterable[Mapping[str, object]], *, e
 
 
 def _comma(cell: object) -> object:
+    if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@")):
+        # What strangers have written is text, and no formula that Excel would work out.
+        return f"'{cell}"
     return str(cell).replace(".", ",") if isinstance(cell, float) else cell
 
 

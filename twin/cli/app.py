@@ -79,6 +79,7 @@ class _Commands(_LazyGroup):
         "inspect": "drives",
         "trajectory": "drives",
         "match": "findings",
+        "findings": "list_findings",
         "explain": "explain",
         "decide": "findings",
         "evidence": "evidence",

@@ -18,6 +18,7 @@ from twin.store.kinds import Method
 if TYPE_CHECKING:
     from twin.drives.inspection.inspect import CameraSeen, Inspection
     from twin.ingest.ingest import IngestReport
+    from twin.reports.drive_list import DriveItem
     from twin.store.annotation_sets import AnnotationSet, NamedSet
 
 app = typer.Typer()
@@ -154,12 +155,13 @@ WordsArgument = Annotated[
 def drives(
     words: WordsArgument = None, store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False
 ) -> None:
-    """List the store's drives and their annotation sets; `use` lets another set of a drive count.
+    """List the store's drives: when, how long, what is to decide; `use` lets other annotations count.
 
     Other annotations of a recording that the store has are a set of their own. The newest complete one counts
     in matches, exports and reports; what came of the others is kept.
     """
     from twin.errors import ConfigError
+    from twin.reports.drive_list import list_drives
     from twin.store.annotation_sets import all_annotation_sets, use_annotation_set
     from twin.store.store import Store
 
@@ -171,13 +173,49 @@ def drives(
         )
     with Store.open(store, create=False) as opened:
         changed = use_annotation_set(opened, asked[0], int(asked[1])) if words else None
-        sets = all_annotation_sets(opened)
+        sets, items = all_annotation_sets(opened), list_drives(opened)
     if json_output:
-        print_json([{"drive": one.drive, **asdict(one.annotation_set)} for one in sets])
+        of_drive = {item.drive_id: _as_json(item) for item in items}
+        print_json(
+            [
+                {"drive": one.drive, **of_drive[one.annotation_set.drive_id], **asdict(one.annotation_set)}
+                for one in sets
+            ]
+        )
         return
-    print_table("Drives and their annotation sets", _SET_COLUMNS, [_set_row(one) for one in sets])
+    folders = {
+        s.annotation_set.drive_id: s.annotation_set.folder for s in sets if s.annotation_set.is_current
+    }
+    print_table("Drives", _DRIVE_COLUMNS, [_drive_row(item) for item in items], right_from=3)
+    for item in items:
+        folder = folders.get(item.drive_id) or "a folder that the store does not know"
+        note(f"{item.name} was read from {folder}.")
+        if item.doubt:
+            warn(f"{item.name}: {item.doubt}")
+    if len(sets) > len(items):
+        print_table("Annotation sets", _SET_COLUMNS, [_set_row(one) for one in sets])
     if changed is not None:
         note(_change(*changed))
+
+
+_DRIVE_COLUMNS = (
+    "drive", "id", "began (UTC)", "length", "annotations", "complete", "objects", "findings", "to decide",
+)  # fmt: skip
+
+
+def _drive_row(item: DriveItem) -> tuple[object, ...]:
+    best = next((item.n_objects[method] for method in Method if method in item.n_objects), 0)
+    return (
+        *(item.name, item.drive_id, f"{item.started:%Y-%m-%d %H:%M}", f"{item.length_m / 1000:.1f} km"),
+        *(item.n_annotations, "yes" if item.is_complete else "no", best),
+        *((item.n_findings, item.n_open) if item.is_matched else ("not matched", None)),
+    )
+
+
+def _as_json(item: DriveItem) -> dict[str, object]:
+    times = {name: f"{getattr(item, name):%Y-%m-%dT%H:%M:%SZ}" for name in ("started", "ended")}
+    names = ("length_m", "is_matched", "n_findings", "n_open", "doubt")
+    return {**times, **{name: getattr(item, name) for name in names}, "objects": dict(item.n_objects)}
 
 
 _SET_COLUMNS = (

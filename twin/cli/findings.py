@@ -272,7 +272,7 @@ def decide(
         classes=tuple(sign_class or ()),
         since=since.date() if since else None,
         until=until.date() if until else None,
-        decision=state,
+        decisions=(state,),
     )
     who, selects = person(by), not selection.is_empty
     with Store.open(store, create=False) as opened:
@@ -329,8 +329,8 @@ def _selected(store: Store, selection: Selection) -> list[FindingStatus]:
         selected = select(view.rows, selection)
     if not selected:
         raise RefusedError(
-            f"No {selection.decision} finding fits what was selected, so nothing was decided: "
-            "`twin match` lists the findings; --state selects those that were decided before."
+            f"No finding that is {' or '.join(selection.decisions)} fits what was selected, so nothing was "
+            "decided: `twin findings` lists them; --state selects those that were decided before."
         )
     return selected
 

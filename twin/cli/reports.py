@@ -21,7 +21,7 @@ from twin.cli.options import (
     need_csv,
 )
 from twin.cli.output import cell, note, print_json, print_pairs, print_table, warn
-from twin.words import Lang, number_text, say, verdict_title
+from twin.words import Lang, decision_title, number_text, say, verdict_title
 
 if TYPE_CHECKING:
     from twin.decisions.opinions import Agreement
@@ -183,14 +183,34 @@ def status(
         return
     pairs = {
         **_mirror_pairs(held, lang),
-        "drives": len(held.drives),
+        "drives": _drives(held, lang),
         "estimates": ", ".join(f"{n} {m}" for m, n in held.estimates.items()) or None,
         "last_match": held.last_match.at if held.last_match else None,
         "findings": ", ".join(f"{n} {verdict_title(v, lang)}" for v, n in held.verdicts.items()) or None,
+        "decisions": _decisions(held, lang),
         "agreement": _agreement(held.opinions, lang),
     }
     title = say(lang, "status.title", store=str(held.store))
     print_pairs(title, {say(lang, f"status.{name}"): value for name, value in pairs.items()})
+
+
+_MOST_DRIVES = 10
+
+
+def _drives(held: Status, lang: Lang) -> str | None:
+    """The drives by name and day, the latest first where there are many."""
+    names = [f"{drive.name} ({drive.started[:10]}, {drive.length_m:.0f} m)" for drive in held.drives]
+    if len(names) > _MOST_DRIVES:
+        rest = len(names) - _MOST_DRIVES
+        names = [*names[: -_MOST_DRIVES - 1 : -1], say(lang, "status.more_drives", n=rest)]
+    return "\n".join(names) or None
+
+
+def _decisions(held: Status, lang: Lang) -> str | None:
+    """``3 open, 1 accepted``."""
+    if not sum(held.decisions.values()):
+        return None
+    return ", ".join(f"{n:,} {decision_title(decision, lang)}" for decision, n in held.decisions.items() if n)
 
 
 def _agreement(opinions: Mapping[str, Agreement], lang: Lang) -> str | None:

@@ -1,9 +1,10 @@
-"""``twin show``: one estimate, and what it rests on."""
+"""``twin show``: one estimate, or that behind a finding, and what it rests on."""
 
 from __future__ import annotations
 
 import datetime as dt
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +12,21 @@ import typer
 
 from twin.cli.options import DEFAULT_STORE, JsonOption, LangOption, StoreOption
 from twin.cli.output import note, print_json, print_pairs, print_table
-from twin.words import Lang, number_text, say
+from twin.cli.told import Told, told_in
+from twin.errors import ConfigError
+from twin.words import (
+    Lang,
+    chance_text,
+    decision_title,
+    number_text,
+    reason_of,
+    say,
+    verdict_title,
+)
 
 if TYPE_CHECKING:
     from twin.reports.estimate import EstimateExplained
+    from twin.reports.finding_shown import FindingShown
     from twin.store.records import Correction, Corrections
 
 app = typer.Typer()
@@ -22,12 +34,16 @@ _MAX_REJECTED = 12
 """Rejected frames that the table names; --json has them all."""
 
 
-@app.command("show", epilog="Example: twin show P01 --out P01.png")
+@app.command(
+    "show", epilog="Example: twin show P01 --out P01.png.  What stands behind a finding: twin show 45ca74"
+)
 def show(
-    estimate: Annotated[
+    which: Annotated[
         str,
         typer.Argument(
-            help="An estimate's id, or an object's where only one drive has it.", metavar="ESTIMATE"
+            help="A finding's change id or its first six digits, an estimate's id, or an object's where only "
+            "one drive has it.",
+            metavar="ID",
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Also draw it: PNG, SVG or PDF.", metavar="FILE")] = None,
@@ -35,17 +51,34 @@ def show(
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
-    """Explain one estimate: its position, what its error comes from, the frames that it rests on."""
+    """Explain one estimate: its position, what its error comes from, the frames that it rests on.
+
+    Of a finding: its verdict and decision, and the estimate that it rests on.
+    """
     from twin.reports.estimate import explain_estimate
     from twin.reports.estimate_picture import draw_estimate
+    from twin.reports.finding_shown import finding_shown
     from twin.store.store import Store
 
     with Store.open(store, create=False) as opened:
-        explained = explain_estimate(opened, estimate)
+        finding = finding_shown(opened, which)
+        told = None if finding is None else told_in(opened, [finding.change], lang)
+        estimate = which if finding is None else next(iter(finding.estimates), None)
+        explained = None if estimate is None else explain_estimate(opened, estimate)
     if out is not None:
+        if explained is None:
+            raise ConfigError(
+                f"The finding {which} is of a sign that was not seen: there is nothing to draw."
+            )
         draw_estimate(explained, out)
     if json_output:
-        print_json({**explained.as_json(), "picture": None if out is None else str(out)})
+        document = {} if explained is None else explained.as_json()
+        of_finding = None if finding is None else finding.change.as_json()
+        print_json({**document, "finding": of_finding, "picture": None if out is None else str(out)})
+        return
+    if finding is not None and told is not None:
+        _print_finding(finding, told)
+    if explained is None:
         return
     _print_position(explained, lang)
     _print_budget(explained, lang)
@@ -56,6 +89,22 @@ def show(
     _print_neighbours(explained, lang)
     if out is not None:
         note(say(lang, "output.wrote", path=str(out)))
+
+
+def _print_finding(shown: FindingShown, told: Told) -> None:
+    lang, finding = told.lang, shown.change.finding
+    road = str(told.roads.get(finding.change_id) or "")
+    pairs = {
+        "finding": finding.change_id,
+        "verdict": f"{verdict_title(finding.verdict, lang)}, {chance_text(finding.confidence, lang)}",
+        "decision": decision_title(shown.change.decision, lang),
+        "road": road or None,
+        "estimates": ", ".join(shown.estimates) or say(lang, "show.no_estimate"),
+    }
+    sys.stdout.write(f"{told.seen(finding)} {reason_of(finding, lang, told.names)}\n")
+    title = say(lang, "show.finding_title", finding=finding.change_id)
+    print_pairs(title, {say(lang, f"show.{name}"): value for name, value in pairs.items()})
+    note(say(lang, "show.explain", finding=finding.change_id))
 
 
 def _print_position(e: EstimateExplained, lang: Lang) -> None:

@@ -16,8 +16,8 @@ from twin.decisions.evidence import Ask, Row
 from twin.decisions.log import REOPENED
 from twin.errors import ConfigError, FileError
 from twin.store import schema
-from twin.store.kinds import QUIET, Decision
-from twin.store.records import Finding
+from twin.store.kinds import QUIET, Decision, Verdict
+from twin.store.records import Finding, split_codes
 from twin.words.reasons import Reopened, Told, cause_from_json
 
 if TYPE_CHECKING:
@@ -65,6 +65,27 @@ class FindingStatus:
 
 
 @dataclass(frozen=True, slots=True)
+class Brief:
+    """What of a finding of the last match is needed to choose it: quick to read where there are thousands.
+
+    The attributes are those of :class:`twin.store.records.Finding`, and the decision that holds.
+    """
+
+    change_id: str
+    verdict: Verdict
+    decision: Decision
+    confidence: float
+    nvdb_type: int
+    nvdb_id: int | None
+    skiltnummer_nvdb: tuple[str, ...]
+    skiltnummer_seen: tuple[str, ...]
+    drive_ids: tuple[str, ...]
+    distance_m: float | None
+    east_m: float
+    north_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class Selection:
     """Which findings are meant: those that fit every criterion that is given.
 
@@ -75,12 +96,15 @@ class Selection:
     area : Path or None
         GeoJSON with polygons (RFC 7946: longitude and latitude).
     verdicts : tuple of Verdict
+        Without any, every verdict that asks for a decision.
     classes : tuple of str
         Sign codes seen or in NVDB: ``362.50``, or ``362`` for all of its kind.
     since, until : date or None
         Days (UTC, both included) of at least one of the finding's drives.
-    decision : Decision
-        The decision that holds now.
+    decisions : tuple of Decision
+        The decision that holds now is one of these; without any, whichever it is.
+    confidence : (float, float)
+        Least and most.
     """
 
     drives: tuple[str, ...] = ()
@@ -89,18 +113,23 @@ class Selection:
     classes: tuple[str, ...] = ()
     since: dt.date | None = None
     until: dt.date | None = None
-    decision: Decision = Decision.OPEN
+    decisions: tuple[Decision, ...] = (Decision.OPEN,)
+    confidence: tuple[float, float] = (0.0, 1.0)
 
     @property
     def is_empty(self) -> bool:
-        """Whether no criterion is given; the present decision alone is none."""
+        """Whether no criterion is given; the present decision and the confidence alone are none."""
         return not (self.drives or self.area or self.verdicts or self.classes or self.since or self.until)
 
 
 def latest_findings(ask: Ask, only: Collection[str] | None = None) -> list[FindingStatus]:
     """Return the findings of the last match, or those named, by their ids, each with its decision."""
     asked = findings_statement(*schema.change.columns)
-    rows = ask(asked if only is None else asked.where(schema.change.c.change_id.in_(only)))
+    if only is not None:
+        # Any number of ids as one parameter.
+        ids = sa.func.json_each(json.dumps(sorted(only))).table_valued("value").c.value
+        asked = asked.where(schema.change.c.change_id.in_(sa.select(ids)))
+    rows = ask(asked)
     return [
         FindingStatus(replace(Finding.from_row(row), reopened=_reopened(row)), Decision(row["decision"]))
         for row in rows
@@ -164,23 +193,33 @@ def drive_days(ask: Ask) -> dict[str, dt.date]:
 
 
 def select(ask: Ask, wanted: Selection) -> list[FindingStatus]:
-    """Return the findings that a selection means, ``unchanged`` never among them.
+    """Return the findings that a selection means, by their ids, as :func:`select_briefly`."""
+    return latest_findings(ask, {one.change_id for one in select_briefly(ask, wanted)})
+
+
+def select_briefly(ask: Ask, wanted: Selection) -> list[Brief]:
+    """Return what tells the findings that a selection means, by their ids.
 
     Raises
     ------
     ConfigError
         A drive is not in the store, or the area is not a GeoJSON file with polygons.
     """
-    selected = [one for one in latest_findings(ask) if not one.is_quiet and one.decision == wanted.decision]
-    if wanted.verdicts:
-        selected = [one for one in selected if one.finding.verdict in wanted.verdicts]
+    verdicts = wanted.verdicts or tuple(verdict for verdict in Verdict if verdict not in QUIET)
+    decisions = wanted.decisions or tuple(Decision)
+    least, most = wanted.confidence
+    selected = [
+        one
+        for one in _briefs(ask)
+        if one.verdict in verdicts and one.decision in decisions and least <= one.confidence <= most
+    ]
     if wanted.classes:
-        selected = [one for one in selected if _has_class(one.finding, wanted.classes)]
+        selected = [one for one in selected if _has_class(one, wanted.classes)]
     if wanted.drives or wanted.since or wanted.until:
         drives = _drives(ask, wanted)
-        selected = [one for one in selected if not drives.isdisjoint(one.finding.drive_ids)]
+        selected = [one for one in selected if not drives.isdisjoint(one.drive_ids)]
     if wanted.area is not None:
-        inside = _inside(read_area(wanted.area), [one.finding for one in selected])
+        inside = _inside(read_area(wanted.area), selected)
         selected = [one for one, is_inside in zip(selected, inside, strict=True) if is_inside]
     return selected
 
@@ -225,7 +264,25 @@ def _reopened(row: Row) -> Reopened | Told | None:
     return cause if isinstance(cause, Reopened) else Told(row["note"])
 
 
-def _has_class(finding: Finding, classes: Collection[str]) -> bool:
+def _briefs(ask: Ask) -> list[Brief]:
+    change = schema.change.c
+    plain = (change.change_id, change.confidence, change.nvdb_type, change.nvdb_id, change.distance_m)
+    lists = (change.skiltnummer_nvdb, change.skiltnummer_seen, change.drive_ids)
+    rows = ask(findings_statement(*plain, *lists, change.verdict, change.east_m, change.north_m))
+    return [
+        Brief(
+            **{column.name: row[column.name] for column in (*plain, change.east_m, change.north_m)},
+            verdict=Verdict(row["verdict"]),
+            decision=Decision(row["decision"]),
+            skiltnummer_nvdb=split_codes(row["skiltnummer_nvdb"]),
+            skiltnummer_seen=split_codes(row["skiltnummer_seen"]),
+            drive_ids=tuple(row["drive_ids"].split(",")),
+        )
+        for row in rows
+    ]
+
+
+def _has_class(finding: Brief, classes: Collection[str]) -> bool:
     codes = (*finding.skiltnummer_seen, *finding.skiltnummer_nvdb)
     return any(code.strip() == c or code.strip().startswith(f"{c}.") for code in codes for c in classes)
 
@@ -236,9 +293,7 @@ def _drives(ask: Ask, wanted: Selection) -> set[str]:
     rows = ask(sa.select(drive.drive_id, drive.name, drive.started_ns, drive.ended_ns))
     names = {name for row in rows for name in (row["drive_id"], row["name"])}
     if unknown := sorted(set(wanted.drives) - names):
-        raise ConfigError(
-            f"The store has no drive {', '.join(unknown)}: `twin status --json` lists its drives."
-        )
+        raise ConfigError(f"The store has no drive {', '.join(unknown)}: `twin drives` lists them.")
     return {
         row["drive_id"]
         for row in rows
@@ -252,7 +307,7 @@ def _day(epoch_ns: int) -> dt.date:
     return dt.datetime.fromtimestamp(epoch_ns / 1e9, tz=dt.UTC).date()
 
 
-def _inside(area: BaseGeometry, findings: Sequence[Finding]) -> Sequence[bool]:
+def _inside(area: BaseGeometry, findings: Sequence[Brief]) -> Sequence[bool]:
     import shapely
 
     from geoloc.earth.geodesy import geographic_from_utm33

@@ -6,6 +6,7 @@ import json
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -237,9 +238,10 @@ def _no_such(view: Snapshot, which: str, path: Path) -> ConfigError | StoreError
         return ConfigError(f"The object {which!r} in {path} was annotated but has no position: {why}.")
     if not names:
         return StoreError(f"The store {path} has no estimates yet: run `twin ingest-drive` first.")
-    return ConfigError(
-        f"No estimate or object is called {which!r} in {path}: it has {_listed(sorted(names))}."
-    )
+    findings = [r["change_id"] for r in view.rows(sa.select(schema.change.c.change_id))]
+    near = get_close_matches(which, sorted((*names, *findings)), n=3, cutoff=0.5)
+    perhaps = f"perhaps {', '.join(near)}" if near else f"it has {_listed(sorted(names))}"
+    return ConfigError(f"No estimate, object or finding is called {which!r} in {path}: {perhaps}.")
 
 
 def _listed(names: Sequence[str]) -> str:

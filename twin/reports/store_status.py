@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import sqlalchemy as sa
 
+from twin.decisions.findings import Selection, select_briefly
 from twin.decisions.opinions import Agreement, agreement, opinions_of
 from twin.store import schema
+from twin.store.kinds import Decision
 from twin.store.store import Row, Snapshot, Store
 
 _FACTS = ("mirror", "mirror_backfill", "vegnett", "last_match")
@@ -66,6 +69,7 @@ class DriveStatus:
     name: str
     length_m: float
     n_annotations: int
+    started: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +95,8 @@ class Status:
         Objects in the mirror.
     drives : tuple of DriveStatus
         In order of time.
-    estimates, verdicts : dict
-        Method → estimates; verdict → findings.
+    estimates, verdicts, decisions : dict
+        Method → estimates; verdict → findings; decision → findings that ask for one, each decision named.
     opinions : dict
         Verdict → how often people agree who reviewed blindly; only verdicts with second opinions.
     """
@@ -106,6 +110,7 @@ class Status:
     drives: tuple[DriveStatus, ...]
     estimates: dict[str, int]
     verdicts: dict[str, int]
+    decisions: dict[str, int]
     opinions: dict[str, Agreement]
     last_match: LastMatch | None
 
@@ -132,6 +137,7 @@ def status(store: Store) -> Status:
             drives=_drives(view),
             estimates=_counts_by(view, schema.estimate.c.method),
             verdicts=_counts_by(view, schema.change.c.verdict),
+            decisions=_decisions(view),
             opinions=agreement(opinions_of(view.rows)),
             last_match=_last_match(facts.get("last_match")),
         )
@@ -155,7 +161,22 @@ def _counts_by(view: Snapshot, column: sa.Column[Any]) -> dict[str, int]:
 def _drives(view: Snapshot) -> tuple[DriveStatus, ...]:
     drive = schema.drive.c
     columns = (drive.drive_id, drive.name, drive.length_m, drive.n_annotations)
-    return tuple(DriveStatus(**row) for row in view.rows(sa.select(*columns).order_by(drive.started_ns)))
+    rows = view.rows(sa.select(*columns, drive.started_ns).order_by(drive.started_ns))
+    return tuple(
+        DriveStatus(
+            **{column.name: row[column.name] for column in columns}, started=_moment(row["started_ns"])
+        )
+        for row in rows
+    )
+
+
+def _decisions(view: Snapshot) -> dict[str, int]:
+    counted = Counter(one.decision for one in select_briefly(view.rows, Selection(decisions=())))
+    return {decision.value: counted[decision] for decision in Decision}
+
+
+def _moment(epoch_ns: int) -> str:
+    return dt.datetime.fromtimestamp(epoch_ns // 10**9, tz=dt.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _of(kind: type, fact: Row) -> dict[str, Any]:

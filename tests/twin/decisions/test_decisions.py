@@ -325,7 +325,7 @@ def _area(path: Path, east_m: float, north_m: float, kind: str = "FeatureCollect
 
 
 def test_selection_fits_every_criterion(store: Store, tmp_path: Path) -> None:
-    """Verdict, class, drive, day, area and present decision each narrow it; unchanged never is in it."""
+    """Verdict, class, drive, day, area and decision each narrow it; unchanged is in it by name alone."""
     match(
         store,
         change("a"),
@@ -345,12 +345,14 @@ def test_selection_fits_every_criterion(store: Store, tmp_path: Path) -> None:
     assert ids(classes=("36",)) == []
     assert ids(drives=("d1",)) == ["a", "b"]
     assert ids(drives=("trip 2",)) == ["b"]
-    assert ids(decision="defer") == ["c"]
+    assert ids(decisions=("defer",)) == ["c"]
+    assert ids(decisions=()) == ["a", "b", "c"]
+    assert ids(verdicts=("unchanged",)) == ["u"]
     assert ids(since=dt.date(1970, 1, 11)) == ["b"]
     assert ids(since=dt.date(1970, 1, 12)) == []
     assert ids(until=dt.date(1970, 1, 10), verdicts=("new",)) == ["b"]
     assert ids(area=_area(tmp_path / "area.geojson", EAST, NORTH)) == ["a"]
-    with pytest.raises(ConfigError, match="no drive d3: `twin status --json` lists"):
+    with pytest.raises(ConfigError, match="no drive d3: `twin drives` lists"):
         ids(drives=("d3",))
 
 

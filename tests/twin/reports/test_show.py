@@ -137,7 +137,9 @@ def test_show_object_of_two_drives_lists_the_candidates(opened: Store, tmp_path:
 
 def test_show_unknown_object_lists_what_there_is(opened: Store, tmp_path: Path) -> None:
     """A wrong name, an object without a position and an empty store are told apart."""
-    with pytest.raises(ConfigError, match=r"No estimate or object is called 'P99' .* it has P01, P02, "):
+    with pytest.raises(
+        ConfigError, match=r"No estimate, object or finding is called 'P99' in .*: perhaps P0"
+    ):
         explain_estimate(opened, "P99")
     with opened.transaction() as connection:
         connection.execute(sa.delete(schema.estimate).where(schema.estimate.c.object == "P01"))
