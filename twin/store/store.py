@@ -235,7 +235,17 @@ def _opened(path: Path, *, create: bool) -> tuple[sa.Engine, StoreError | None, 
         refused = StoreError(f"The store {path} cannot be written: {_ALLOW}.")
     # What others are writing stands in the log.
     frozen = not _has_log(path)
-    engine = _checked(_engine(path, frozen=frozen), path)
+    try:
+        engine = _checked(_engine(path, frozen=frozen), path)
+    except StoreError as error:
+        if frozen or _code(error.__cause__) != sqlite3.SQLITE_CANTOPEN:
+            raise
+        # Without its index beside it SQLite reads a log only where it may make one.
+        raise StoreError(
+            f"The last changes of the store {path} stand in {path.name}-wal, which only who may write the "
+            "folder can read: let its owner run `twin status` once, or copy both files to a folder of "
+            "yours."
+        ) from error
     return engine, refused, _written(path) if frozen else None
 
 

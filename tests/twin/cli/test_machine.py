@@ -100,7 +100,11 @@ def said(answer: Answer, store: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "command", ["status", "drives", "show P01", "evaluate TRUTH", "match", "ingest-drive TRIP"]
+    "command",
+    [
+        *("status", "drives", "findings", "show P01", "show 45ca74", "explain 45ca74", "evaluate TRUTH"),
+        *("match", "ingest-drive TRIP"),
+    ],
 )
 def test_a_store_that_may_only_be_read(
     twin: Twin, sample: Path, store: Path, guarded: Path, command: str
@@ -133,6 +137,24 @@ def test_what_others_are_writing_is_read_too(twin: Twin, store: Path) -> None:
                 found = twin("status", "--store", path, "--json").json["estimates"]
             Path(name).chmod(0o755)
     assert found == {"adjusted": 15, "single-frame": 15}
+
+
+def test_a_log_that_may_not_be_read_is_named(twin: Twin, store: Path) -> None:
+    """A writer was killed, and its log's index is gone: nothing older is shown as if it were all."""
+    with tempfile.TemporaryDirectory() as name:
+        path, log = Path(name) / "twin.db", Path(name) / "twin.db-wal"
+        with Store.open(store) as opened:
+            with opened.transaction() as connection:
+                connection.exec_driver_sql("DELETE FROM estimate WHERE method = 'paper'")
+            for copy in (path, log):
+                shutil.copy(store.with_name(copy.name), copy)
+                copy.chmod(0o444)
+        Path(name).chmod(0o555)
+        with unprivileged():
+            answer = twin("status", "--store", path)
+        Path(name).chmod(0o755)
+    assert answer.code == 4
+    assert "let its owner run `twin status` once" in answer.err
 
 
 def test_a_store_written_while_it_is_read_says_so(guarded: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -15,6 +15,7 @@ from defusedxml.ElementTree import fromstring
 
 from twin.export.layers import COLUMNS
 from twin.export.qgis.project import GROUPS, THEMES
+from twin.reports.finding_list import FindingRow
 from twin.store.kinds import Decision, Verdict
 from twin.words import (
     Lang,
@@ -68,6 +69,7 @@ def named_in_code() -> set[str]:
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/explain.py").read_text()),
         **dict.fromkeys(("confidence", "status", "evaluate"), in_quotes("cli/reports.py")),
         "show": in_quotes("cli/show.py"),
+        "findings": [column.name for column in fields(FindingRow)],
         "basis": [f"codes_{one.value}" for one in r.CodesAgree],
     }
     made = {f"{family}.{name}" for family, names in families.items() for name in names}
