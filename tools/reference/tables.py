@@ -10,7 +10,7 @@ import sqlalchemy as sa
 from reference.markdown import code, page, table
 from twin.cli import exit_codes
 from twin.export.column_meanings import MEANINGS
-from twin.export.layers import COLUMNS, DESCRIPTION, GEOMETRY
+from twin.export.layers import COLUMNS, GEOMETRY, description
 from twin.store import schema
 
 _KINDS = {
@@ -25,7 +25,7 @@ _KINDS = {
 def layers_page() -> str:
     """Return docs/reference/layers.md."""
     sections = [
-        f"## {layer}\n{DESCRIPTION[layer]}. Geometry: {GEOMETRY[layer]}.\n\n"
+        f"## {layer}\n{description(layer)} Geometry: {GEOMETRY[layer]}.\n\n"
         + table(
             ["column", "kind", "unit", "meaning"],
             [
