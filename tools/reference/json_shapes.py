@@ -20,6 +20,7 @@ from twin.calibrate.drives.verify import Verification
 from twin.calibrate.extrinsics.calibrate import ExtrinsicsReport
 from twin.calibrate.intrinsics.report import IntrinsicsReport
 from twin.changesets.submit import Submitted
+from twin.cli.config import SettingInForce
 from twin.decisions.evidence import Evidence
 from twin.decisions.explain import DriveOfFinding
 from twin.decisions.record import Decided
@@ -31,8 +32,10 @@ from twin.ingest.ingest import IngestReport
 from twin.matching.match_store import MatchReport
 from twin.mirror.sync import SyncPlan, SyncResult
 from twin.reports.confidences import ConfidenceReport
+from twin.reports.drive_list import DriveItem
 from twin.reports.estimate import EstimateExplained
 from twin.reports.evaluation import MethodResult
+from twin.reports.finding_list import FindingList
 from twin.reports.store_status import Status
 from twin.samples.simulation import SimulateReport
 from twin.store import schema
@@ -123,7 +126,28 @@ NoPicture = _shape(
     sentence=(str, "the reason, in English"),
 )
 Layer = _shape("Layer", name=(str, ""), rows=(int, ""), what=(str, "what it shows"))
-DriveSet = _shape("DriveSet", AnnotationSet, drive=(str, "the drive's name"))
+_DRIVE_KEYS = ("length_m", "is_matched", "n_findings", "n_open", "doubt")
+DriveSet = _shape(
+    "DriveSet",
+    AnnotationSet,
+    drive=(str, "the drive's name"),
+    started=(str, "first epoch, UTC"),
+    ended=(str, "last epoch, UTC"),
+    objects=(dict[str, int], "method → objects that were located"),
+    **{key: (get_type_hints(DriveItem)[key], attributes_said(DriveItem)[key]) for key in _DRIVE_KEYS},
+)
+
+SettingsFile = _shape(
+    "SettingsFile",
+    what=(str, "whose settings it holds"),
+    path=(str, "where it is looked for"),
+    exists=(bool, "whether it is there"),
+)
+PasswordSet = _shape(
+    "PasswordSet",
+    variable=(str, "of the environment"),
+    is_set=(bool, "whether it has a value"),
+)
 
 SHAPES: Mapping[str, Any] = {
     "sync-nvdb": SyncResult,
@@ -202,6 +226,7 @@ SHAPES: Mapping[str, Any] = {
         "Estimate",
         EstimateExplained,
         leave=("line_m", "misfits", "absence_gap"),
+        finding=(Finding | None, "where a finding was asked for"),  # type: ignore[valid-type]
         height_m=(float | None, "ellipsoidal, metres; null where unknown"),
         sigma_height_m=(float | None, "one sigma, metres"),
         height_nn2000_m=(float | None, "NN2000, metres"),
@@ -210,6 +235,13 @@ SHAPES: Mapping[str, Any] = {
         corrections=(dict[str, Any], "what the drive's adjustment found; what speaks against the drive"),
         neighbours=(list[dict[str, Any]], "NVDB's signs within 15 m"),
         picture=_PICTURE,
+    ),
+    "findings": FindingList,
+    "config": _shape(
+        "Config",
+        files=(list[SettingsFile], "the upper stands above the lower"),  # type: ignore[valid-type]
+        settings=(list[SettingInForce], "each key"),
+        password=(PasswordSet, "of API Skriv; never shown"),
     ),
     "status": Status,
     "confidence": _shape("Confidence", ConfidenceReport, picture=_PICTURE),

@@ -26,6 +26,8 @@ class DriveItem:
     ----------
     started, ended : datetime
         UTC.
+    length_m : float
+        Driven, metres.
     n_objects : mapping of method → int
         Objects that were located.
     n_findings, n_open : int

@@ -121,6 +121,8 @@ def test_json_documents_are_of_their_types(
         "ingest-drive": ["ingest-drive", trip],
         "match": ["match"],
         "drives": ["drives"],
+        "findings": ["findings"],
+        "config": ["config"],
         "status": ["status"],
         "confidence": ["confidence"],
         "inspect": ["inspect", trip],
