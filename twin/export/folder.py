@@ -15,6 +15,7 @@ from twin.export.derived_layers import file_layers, in_wgs84
 from twin.export.geojson import write_geojson
 from twin.export.geopackage import Answer, edited_answers, write_geopackage
 from twin.export.layers import ExportLayers, data_time, normalised
+from twin.export.positions import positions_csv
 from twin.store.atomic_files import replacing
 from twin.words import Lang
 
@@ -24,9 +25,12 @@ if TYPE_CHECKING:
 UTM33 = "twin_utm33.gpkg"
 WGS84 = "twin_wgs84.gpkg"
 GEOJSON = "changes.geojson"
-# In the order in which they take the place of older ones. GeoJSON is derived from the same layers and nobody
-# decides in it: it goes last, so that a kill between two renames never leaves it newer than a GeoPackage.
-FILES = (UTM33, WGS84, GEOJSON)
+POSITIONS_GEOJSON = "positions.geojson"
+POSITIONS_CSV = "positions.csv"
+# In the order in which they take the place of older ones. What is not a GeoPackage is derived from the same
+# layers and nobody decides in it: it goes last, so that a kill between two renames never leaves it newer than
+# a GeoPackage.
+FILES = (UTM33, WGS84, GEOJSON, POSITIONS_GEOJSON, POSITIONS_CSV)
 GEOPACKAGES = (UTM33, WGS84)
 """The files in which people decide."""
 
@@ -46,7 +50,8 @@ def export_all(
 
     ``twin_utm33.gpkg`` (EPSG:25833) and ``twin_wgs84.gpkg`` (EPSG:4326) hold the layers and what
     follows from them (:func:`twin.export.derived_layers.file_layers`), each with its default QGIS style;
-    ``changes.geojson`` (RFC 7946) holds the changes. The same layers give the same bytes.
+    ``changes.geojson`` (RFC 7946) holds the changes, ``positions.geojson`` and ``positions.csv`` the
+    estimates with their sigmas. The same layers give the same bytes.
     The files take the place of older ones only when all of them are complete on the disk, one after the other
     in the order above: each is old or new as a whole, and a kill between two renames leaves the first ones
     new and the others old. Exporting again makes them all new. Files of change sets that an earlier export
@@ -139,6 +144,10 @@ def _write(
     write_geopackage(geographic, staging / WGS84, time=time, log_position=log_position, lang=lang)
     tell(f"writing {GEOJSON}")
     write_geojson(geographic["changes"], "changes", staging / GEOJSON)
+    tell(f"writing {POSITIONS_GEOJSON} and {POSITIONS_CSV}")
+    write_geojson(geographic["estimates"], "estimates", staging / POSITIONS_GEOJSON)
+    content = positions_csv(projected["estimates"], geographic["estimates"])
+    (staging / POSITIONS_CSV).write_bytes(content)
 
 
 def _refuse_to_lose_answers(folder: Path, changes: gpd.GeoDataFrame, known: Mapping[str, Answer]) -> None:

@@ -38,7 +38,7 @@ def write_geojson(frame: gpd.GeoDataFrame, layer: str, path: Path) -> None:
     if frame.crs is None or frame.crs.to_epsg() != EPSG_WGS84:
         raise ValueError("GeoJSON is written from EPSG:4326")
     names = [column.name for column in COLUMNS[layer]]
-    columns = (_plain(frame[name]) for name in names)
+    columns = (plain(frame[name]) for name in names)
     # One encoder for all features: json.dumps would make one for each.
     encode = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     features = [
@@ -69,8 +69,8 @@ def _feature(properties: dict[str, Any], key: str, position: list[float] | None)
     return {"type": "Feature", "id": properties[key], "geometry": geometry, "properties": properties}
 
 
-def _plain(column: pd.Series[Any]) -> list[Any]:
-    """Give what JSON knows: null where there is no value, ISO 8601 for a moment, Python's own numbers."""
+def plain(column: pd.Series[Any]) -> list[Any]:
+    """Return what JSON knows: null where there is no value, ISO 8601 for a moment, Python's own numbers."""
     import pandas as pd
 
     if isinstance(column.dtype, pd.DatetimeTZDtype):

@@ -85,7 +85,9 @@ def test_geopackage_is_version_1_3_in_delete_mode(folder: Path) -> None:
             assert database.execute("PRAGMA application_id").fetchone() == (0x47504B47,)  # "GPKG"
             assert database.execute("PRAGMA journal_mode").fetchone() == ("delete",)
             assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-    assert sorted(path.name for path in folder.iterdir()) == ["changes.geojson", UTM33, WGS84]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        *("changes.geojson", "positions.csv", "positions.geojson", UTM33, WGS84)
+    ]
 
 
 @pytest.mark.parametrize("file", FILES)
