@@ -153,5 +153,5 @@ def _absent(change_id: str, entries: Sequence[Entry]) -> str:
         )
     return (
         f"The last match found no change {change_id}: take an id, or its first {SHORTEST_ID} digits, from"
-        " `twin match` or from the column change_id of an export."
+        " `twin findings` or from the column change_id of an export."
     )

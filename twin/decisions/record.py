@@ -117,7 +117,7 @@ def decide(
         if unknown := sorted(set(change_ids) - evidence.keys()):
             raise ConfigError(
                 f"The last match found no change {', '.join(unknown[:5])}: take an id, or its first"
-                f" {SHORTEST_ID} digits, from `twin match` or from the column change_id of an export."
+                f" {SHORTEST_ID} digits, from `twin findings` or from the column change_id of an export."
             )
         now = utc_now()
         already = {key for key in change_ids if _stands(standing.get(key), decision, reason, temporary)}
