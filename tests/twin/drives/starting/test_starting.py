@@ -133,6 +133,7 @@ def test_a_dashcam_folder_becomes_positions_inside_their_ellipses(tmp_path: Path
         report = ingest_drive(store, folder)
         rows = {row["object"]: row for row in store.rows(sa.select(schema.estimate))}
     assert any("nominal" in warning for warning in report.warnings)
+    assert any("The focal length of cam" in warning for warning in report.warnings)
     assert rows
     truth = drive.objects
     east, north = utm33_from_geographic(truth.latitude_deg, truth.longitude_deg)
