@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review pictures soak fuzz clean
+.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start pictures soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -53,6 +53,9 @@ bench: $(VENV)/.installed         ## errors and ellipses on simulated drives aga
 bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, on one core
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/locate.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/adjust.py
+
+bench-start: $(VENV)/.installed   ## how long each command takes until it says something, against the bars
+	$(BIN)/python benchmarks/start.py
 
 bench-mirror: $(VENV)/.installed  ## the mirror against a bare loop over the same pages, as ratios
 	$(BIN)/python benchmarks/mirror.py

@@ -69,6 +69,7 @@ def export(
     from twin.store.store import Store
 
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
+        progress("reading the store")  # before the layers' libraries, which take a second to load
         report = write(
             opened,
             folder,

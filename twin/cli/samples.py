@@ -105,9 +105,11 @@ def demo(
 ) -> None:
     """Run the whole job on the shipped sample: a simulated drive near Trondheim and an NVDB around it."""
     from twin.cli.reports import print_errors
-    from twin.samples.demo import run_demo, summary
 
     with steps(quiet=json_output) as progress:
+        progress("starting a replay server that plays NVDB")  # before all of twin is loaded
+        from twin.samples.demo import run_demo, summary
+
         report = run_demo(out, progress=progress)
     numbers = summary(report)
     if json_output:

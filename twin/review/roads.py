@@ -85,13 +85,14 @@ def _nearest(
     signs: dict[str, list[Any]], east_m: FloatArray, north_m: FloatArray
 ) -> tuple[list[int | None], FloatArray]:
     """Row of the mirrored object that stands nearest, and how far away; None where there is none."""
-    from scipy.spatial import cKDTree
+    import shapely  # not SciPy's tree: loading that would be a third of the page's start
 
     at = np.array([signs["east_m"], signs["north_m"]], dtype=np.float64).T
     placed = np.flatnonzero(np.isfinite(at).all(axis=1))
     if not placed.size:
         return [None] * len(east_m), np.full(len(east_m), np.inf)
-    apart, row = cKDTree(at[placed]).query(np.stack([east_m, north_m], axis=1))
+    tree, asked = shapely.STRtree(np.asarray(shapely.points(at[placed]))), shapely.points(east_m, north_m)
+    (_, row), apart = tree.query_nearest(asked, return_distance=True, all_matches=False)
     return placed[row].tolist(), np.asarray(apart)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import pytest
 
 from twin.drives.detection.network import Detector
 from twin.drives.detection.yolo_output import GREY, Detections, Letterbox, candidates, kept, letterboxed
-from twin.errors import ConfigError, DriveError
+from twin.errors import DriveError
 
 GREY_IMAGE = np.full((64, 96, 3), 90, np.uint8)
 
@@ -65,15 +64,6 @@ def test_absent_file_is_named(tmp_path: Path) -> None:
     """One sentence with the cure."""
     with pytest.raises(DriveError, match=r"none\.onnx cannot be read"):
         Detector(tmp_path / "none.onnx")
-
-
-def test_missing_runtime_is_named_with_its_extra(
-    networks: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The runtime is an optional dependency."""
-    monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    with pytest.raises(ConfigError, match=r"pip install 'nvdb-twin\[detect\]'"):
-        Detector(networks.grid(tmp_path / "grid.onnx"))
 
 
 def test_grid_network_finds_the_red_square(networks: Any, tmp_path: Path) -> None:
