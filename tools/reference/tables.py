@@ -85,19 +85,8 @@ def _copy(one: sa.Table) -> list[str]:
 
 
 def exit_code_meanings() -> dict[int, str]:
-    """Return exit code → meaning: of its list, or of the table at the head of :mod:`twin.cli.exit_codes`."""
-    listed = getattr(exit_codes, "EXIT_CODES", ())
-    if listed:
-        return {one.code: one.meaning for one in listed}
-    found: dict[int, str] = {}
-    _, rows, _ = re.split(r"^=+ =+$", inspect.getdoc(exit_codes) or "", flags=re.MULTILINE)[1:]
-    for line in rows.strip("\n").splitlines():
-        number, text = line[:4].strip(), line[5:].strip()
-        if number:
-            found[int(number)] = text
-        else:
-            found[max(found)] += f" {text}"
-    return {number: text.replace("``", "`") for number, text in found.items()}
+    """Return exit code → meaning."""
+    return {one.code: one.meaning for one in exit_codes.EXIT_CODES}
 
 
 def exit_codes_page() -> str:

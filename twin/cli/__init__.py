@@ -93,7 +93,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
         try:
             code = _run(words)
         except Exception as error:
-            end(EXIT_BUG, error)
+            refused = refusal(error)
+            if refused is None:
+                end(EXIT_BUG, error)
+            else:
+                end(refused[0], refused[1])
             raise
         end(code)
     return code

@@ -27,8 +27,6 @@ class _LazyGroup(TyperGroup):
 
     modules: ClassVar[Mapping[str, str]]
     """Command → module, in the order of the help."""
-    above: ClassVar[str] = ""
-    """Words between `twin` and the command's name, with a blank after them."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return [*self.modules, *(name for name in super().list_commands(ctx) if name not in self.modules)]
@@ -41,11 +39,7 @@ class _LazyGroup(TyperGroup):
             _leave_reading_to_readers(declared)
             for info in declared.registered_commands:
                 info.cls = Command
-            found = get_group(declared).commands
-            for name, command in found.items():
-                if isinstance(command, Command):
-                    command.take_settings(f"{self.above}{name}")
-            self.commands = {**self.commands, **found}
+            self.commands = {**self.commands, **get_group(declared).commands}
         return super().get_command(ctx, cmd_name)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
@@ -100,7 +94,6 @@ class _Commands(_LazyGroup):
 
 
 class _CalibrateCommands(_LazyGroup):
-    above: ClassVar[str] = "calibrate "
     modules: ClassVar[Mapping[str, str]] = {
         "intrinsics": "calibrate",
         "example": "calibrate",

@@ -5,29 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from typer.core import TyperCommand
 
 from twin.cli import journal
-from twin.cli.settings import AREA_KEYS, BY_KEY, Held, Setting, chosen_store, held_settings, settings_of
+from twin.cli.settings import AREA_KEYS, BY_KEY, BY_VARIABLE, Held, chosen_store, held_settings
 from twin.errors import ConfigError
 
 
 class Command(TyperCommand):
     """A command whose options have the values of ``twin.toml`` where nothing else gives one."""
-
-    settings: Mapping[str, Setting] = MappingProxyType({})
-    """Keys of ``twin.toml`` by the parameter that they stand for."""
-
-    def take_settings(self, path: str) -> None:
-        """Take the settings of the command that has this name below `twin`: ``calibrate verify``."""
-        self.settings = settings_of(path)
-        for parameter in self.params:
-            setting = self.settings.get(parameter.name or "")
-            if setting is not None and parameter.envvar is None:
-                parameter.envvar = setting.variable
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put what files hold between environment and built-in defaults."""
@@ -45,8 +33,7 @@ class Command(TyperCommand):
 
         defaults: dict[str, Any] = {}
         for parameter in self.params:
-            name = str(parameter.name)
-            setting = self.settings.get(name)
+            setting = BY_VARIABLE.get(str(parameter.envvar))
             one = held.get(setting.key) if setting is not None else None
             if setting is None or one is None:
                 continue
@@ -57,7 +44,7 @@ class Command(TyperCommand):
             except UsageError as error:
                 told = wanted(parameter, self)
                 raise ConfigError(f"{one.file} sets {setting.key} to {one.value}: write {told}.") from error
-            defaults[name] = one.value
+            defaults[str(parameter.name)] = one.value
         return defaults
 
     def _names_an_area(self, given: Mapping[str, Any]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -85,22 +85,36 @@ def _in_force(ctx: Any, setting: Setting, held: Mapping[str, Held]) -> SettingIn
 
 
 def _told(ctx: Any, setting: Setting, held: Held | None) -> tuple[Any, str]:
-    """A setting's value and the parser's name for its source, asked of the option that it stands for."""
-    if not setting.commands:
-        root = ctx.find_root()
-        value, source = root.params[setting.key], root.get_parameter_source(setting.key).name
-        return (held.value, "DEFAULT_MAP") if value is None and held is not None else (value, source)
-    if setting.parameter in ctx.params:
-        return ctx.params[setting.parameter], ctx.get_parameter_source(setting.parameter).name
-    command, context = ctx.find_root().command, ctx.find_root()
-    for word in setting.commands[0].split():
-        command = command.get_command(context, word)
-        context = command.make_context(word, [], parent=context, resilient_parsing=True)
-    if held is not None:
-        context.default_map = {setting.parameter: held.value}
-    option = next(one for one in command.params if one.name == setting.parameter)
-    value, source = option.consume_value(context, {})
+    """A setting's value and the parser's name for its source, asked of an option that it stands for."""
+    context = next(each for each in _contexts(ctx) if _option(each, setting) is not None)
+    option = _option(context, setting)
+    if option.name in context.params:  # of `twin` itself, or of this command
+        value, source = context.params[option.name], context.get_parameter_source(option.name)
+    else:
+        value, source = option.consume_value(context, {})
+    if source.name == "DEFAULT" and held is not None:
+        return held.value, "DEFAULT_MAP"
     return value, source.name
+
+
+def _option(context: Any, setting: Setting) -> Any:
+    return next((one for one in context.command.params if one.envvar == setting.variable), None)
+
+
+def _contexts(ctx: Any) -> Iterator[Any]:
+    """The command that runs, `twin` itself, and then every other command."""
+    yield ctx
+    yield ctx.parent
+    yield from _below(ctx.parent)
+
+
+def _below(group: Any) -> Iterator[Any]:
+    for name in group.command.list_commands(group):
+        command = group.command.get_command(group, name)
+        if hasattr(command, "list_commands"):
+            yield from _below(typer.Context(command, parent=group, info_name=name))
+        else:
+            yield typer.Context(command, parent=group, info_name=name)
 
 
 def _plain(value: Any) -> str | float | bool | None:

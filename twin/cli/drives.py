@@ -28,13 +28,18 @@ _MOST_SKIPPED = 20
 
 MethodOption = Annotated[
     Method,
-    typer.Option(help="adjusted: all sightings together. single-frame: each by itself. paper: the baseline."),
+    typer.Option(
+        envvar="TWIN_METHOD",
+        help="adjusted: all sightings together. single-frame: each by itself. paper: the baseline.",
+    ),
 ]
 TerrainOption = Annotated[
-    Path | None, typer.Option(help="Ground raster (GeoTIFF) instead of the plane of the road.")
+    Path | None,
+    typer.Option(envvar="TWIN_TERRAIN", help="Ground raster (GeoTIFF) instead of the plane of the road."),
 ]
 TerrainHeightsOption = Annotated[
-    str | None, typer.Option(help="NN2000 or ellipsoidal, where the raster does not say.")
+    str | None,
+    typer.Option(envvar="TWIN_TERRAIN_HEIGHTS", help="NN2000 or ellipsoidal, where the raster does not say."),
 ]
 ErrorOption = Annotated[
     list[str] | None,
@@ -44,14 +49,23 @@ ErrorOption = Annotated[
     ),
 ]
 LabelsOption = Annotated[
-    Path | None, typer.Option(help="What labels mean, instead of the drive's labels.toml.")
+    Path | None,
+    typer.Option(envvar="TWIN_LABELS", help="What labels mean, instead of the drive's labels.toml."),
 ]
 DetectorOption = Annotated[
-    Path | None, typer.Option(help="Find the signs by this network (ONNX) instead of annotations.")
+    Path | None,
+    typer.Option(
+        envvar="TWIN_DETECTOR", help="Find the signs by this network (ONNX) instead of annotations."
+    ),
 ]
-DetectorEveryOption = Annotated[int, typer.Option(min=1, help="Run the detector on every so many frames.")]
+DetectorEveryOption = Annotated[
+    int, typer.Option(min=1, envvar="TWIN_DETECTOR_EVERY", help="Run the detector on every so many frames.")
+]
 DetectorThresholdOption = Annotated[
-    float, typer.Option(help="Lowest score of a box that counts, between 0 and 1.")
+    float,
+    typer.Option(
+        envvar="TWIN_DETECTOR_THRESHOLD", help="Lowest score of a box that counts, between 0 and 1."
+    ),
 ]
 ReplaceOption = Annotated[
     bool,

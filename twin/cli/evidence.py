@@ -35,6 +35,7 @@ def evidence(
     masker: Annotated[
         Path | None,
         typer.Option(
+            envvar="TWIN_MASKER",
             help="A network that finds people and vehicles (`twin help detector`). Without one, all but "
             "the signs is made unrecognisable.",
             metavar="FILE.onnx",

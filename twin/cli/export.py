@@ -52,7 +52,11 @@ def export(
     ] = SetDecision.ACCEPT,
     project: Annotated[
         bool,
-        typer.Option("--project/--no-project", help="With a QGIS project in twin_utm33.gpkg: see twin qgis."),
+        typer.Option(
+            "--project/--no-project",
+            envvar="TWIN_PROJECT",
+            help="With a QGIS project in twin_utm33.gpkg: see twin qgis.",
+        ),
     ] = False,
     api_url: SkrivApiOption = DEFAULT_SKRIV_API,
     lang: LangOption = Lang.EN,

@@ -69,16 +69,24 @@ def match(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(help="Metres from NVDB's position beyond which a sign has moved.  [default: 1.0]"),
+        typer.Option(
+            envvar="TWIN_TOLERANCE",
+            help="Metres from NVDB's position beyond which a sign has moved.  [default: 1.0]",
+        ),
     ] = None,
     settings: Annotated[
         Path | None,
-        typer.Option(help="Settings of matching: the table [matching] of a TOML file.", metavar="FILE.toml"),
+        typer.Option(
+            envvar="TWIN_MATCH_SETTINGS",
+            help="Settings of matching: the table [matching] of a TOML file.",
+            metavar="FILE.toml",
+        ),
     ] = None,
     map_aided: Annotated[
         bool,
         typer.Option(
             "--map-aided/--no-map-aided",
+            envvar="TWIN_MAP_AIDED",
             help="Let signs that NVDB has measured to 10 cm tie drives to the ground, where they agree.",
         ),
     ] = False,

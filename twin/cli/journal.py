@@ -24,7 +24,6 @@ from twin.cli.exit_codes import kind_of
 from twin.errors import ConfigError, FileError
 
 PASSWORD = "TWIN_SKRIV_PASSWORD"  # noqa: S105  (the name of a variable)
-_ENDED = "ended"
 _log = logging.getLogger("twin.cli")
 _log.addHandler(logging.NullHandler())
 _LOGGED = ("nvdb", "twin")
@@ -192,14 +191,14 @@ def begin(command: str, log_file: Path | None) -> None:
     _log.info("began, twin %s", __version__)
 
 
-def end(code: int, error: BaseException | None = None) -> None:
-    """Note in the log file that the command has ended, and how."""
+def end(code: int, why: str | BaseException | None = None) -> None:
+    """Note in the log file that the command has ended; and why, where nothing has said so before."""
+    if isinstance(why, BaseException):
+        _log.error("twin itself failed: %s", type(why).__name__, extra={"exit_code": code}, exc_info=why)
+    elif why is not None:
+        _log.error("%s", why, extra={"exit_code": code})
     seconds = round(time.monotonic() - manner.began_s, 3)
-    told = {"exit_code": code, "seconds": seconds}
-    if error is None:
-        _log.info(_ENDED, extra=told)
-    else:
-        _log.error("twin itself failed: %s", type(error).__name__, extra=told, exc_info=error)
+    _log.info("ended", extra={"exit_code": code, "seconds": seconds})
 
 
 _LEVELS = {"error": logging.ERROR, "warning": logging.WARNING, "note": logging.INFO, "step": logging.INFO}

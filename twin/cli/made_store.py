@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +23,7 @@ def made_store(path: Path) -> Iterator[Store]:
     """
     from twin.store.store import Store
 
-    existed = path.exists()
+    existed = os.path.lexists(path)
     holds_nothing = False
     try:
         with Store.open(path) as opened:

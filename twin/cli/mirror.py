@@ -39,17 +39,26 @@ class SourceName(StrEnum):
 
 
 KommuneOption = Annotated[
-    str | None, typer.Option(help="Municipality numbers, separated by commas: 5001,5031.")
+    str | None,
+    typer.Option(envvar="TWIN_KOMMUNE", help="Municipality numbers, separated by commas: 5001,5031."),
 ]
-FylkeOption = Annotated[str | None, typer.Option(help="County numbers, separated by commas: 50,15.")]
+FylkeOption = Annotated[
+    str | None, typer.Option(envvar="TWIN_FYLKE", help="County numbers, separated by commas: 50,15.")
+]
 KontraktsomradeOption = Annotated[
     str | None,
-    typer.Option(help="Contract areas, names as in NVDB or ids: '9503 Midtre Hålogaland 2021-2026'."),
+    typer.Option(
+        envvar="TWIN_KONTRAKTSOMRADE",
+        help="Contract areas, names as in NVDB or ids: '9503 Midtre Hålogaland 2021-2026'.",
+    ),
 ]
-BboxOption = Annotated[str | None, typer.Option(help="minE,minN,maxE,maxN in UTM33 (EPSG:25833), metres.")]
+BboxOption = Annotated[
+    str | None, typer.Option(envvar="TWIN_BBOX", help="minE,minN,maxE,maxN in UTM33 (EPSG:25833), metres.")
+]
 EverythingOption = Annotated[bool, typer.Option("--all", help="The whole country.")]
 SourceOption = Annotated[
-    SourceName, typer.Option(help="Which API to mirror: Les V4, or Uberiket (country or box).")
+    SourceName,
+    typer.Option(envvar="TWIN_SOURCE", help="Which API to mirror: Les V4, or Uberiket (country or box)."),
 ]
 ApiOption = Annotated[str, typer.Option(envvar="TWIN_API_URL", help="Address of NVDB's APIs.")]
 ReplaceOption = Annotated[
@@ -61,7 +70,11 @@ ConfirmDeletionsOption = Annotated[
 ]
 VegnettOption = Annotated[
     bool,
-    typer.Option("--vegnett/--no-vegnett", help="Also fetch the road network, for stedfesting and facing."),
+    typer.Option(
+        "--vegnett/--no-vegnett",
+        envvar="TWIN_VEGNETT",
+        help="Also fetch the road network, for stedfesting and facing.",
+    ),
 ]
 DryRunOption = Annotated[
     bool, typer.Option("--dry-run", help="Only say what would be asked, and how many objects there are.")

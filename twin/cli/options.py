@@ -16,7 +16,8 @@ StoreOption = Annotated[
 ]
 DEFAULT_STORE = Path("twin.db")
 JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document on stdout instead of tables.")
+    bool,
+    typer.Option("--json", help="Print one JSON document on stdout instead of tables; errors on stderr too."),
 ]
 DEFAULT_SKRIV_API = "https://nvdbapiskriv.test.atlas.vegvesen.no"
 """The test environment: what changes NVDB itself is named on purpose."""

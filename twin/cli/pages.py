@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 PageLangOption = Annotated[
     Lang | None,
-    typer.Option("--lang", help="Language of the page.  [default: the browser's]", show_default=False),
+    typer.Option(
+        "--lang", envvar="TWIN_LANG", help="Language of the page.  [default: the browser's]", show_default=False
+    ),
 ]
 OpenOption = Annotated[
     bool | None,

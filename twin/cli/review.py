@@ -29,7 +29,9 @@ def review(
     base_map: Annotated[
         bool,
         typer.Option(
-            "--base-map/--no-base-map", help="Show Kartverket's map, which the browser asks the internet for."
+            "--base-map/--no-base-map",
+            envvar="TWIN_BASE_MAP",
+            help="Show Kartverket's map, which the browser asks the internet for.",
         ),
     ] = False,
     lang: PageLangOption = None,

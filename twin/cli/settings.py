@@ -33,7 +33,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One key of ``twin.toml``.
+    """One key of ``twin.toml``. It stands for every option that takes the same environment variable.
 
     Attributes
     ----------
@@ -41,12 +41,8 @@ class Setting:
     kind : Kind
     what : str
         For people, one clause; what the documentation says.
-    commands : tuple of str
-        Those whose option it stands for; empty where it is no option of a command.
-    parameter : str
-        Name of the option's parameter there.
     variable : str
-        The environment variable that stands above it.
+        The environment variable that stands above it, ``TWIN_`` and the key unless stated.
     user_only : bool
         Whether it makes sense in the user's own file alone.
     """
@@ -54,69 +50,47 @@ class Setting:
     key: str
     kind: Kind
     what: str
-    commands: tuple[str, ...]
-    parameter: str
-    variable: str
+    variable: str = ""
     user_only: bool = False
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "variable", self.variable or f"TWIN_{self.key.upper()}")
 
-def _of(key: str, kind: Kind, what: str, *commands: str, parameter: str = "", variable: str = "") -> Setting:
-    name = variable or f"TWIN_{key.upper()}"
-    return Setting(key, kind, what, commands, parameter or key, name, user_only=key == "store")
-
-
-_READERS = (
-    "sync-nvdb", "ingest-drive", "drives", "match", "explain", "decide", "evidence", "review", "annotate",
-    "export", "submit", "evaluate", "show", "status", "confidence", "calibrate from-drives", "config",
-)  # fmt: skip
-_SPEAKERS = (
-    "match", "explain", "decide", "evidence", "review", "annotate", "export", "evaluate", "show", "status",
-    "confidence",
-)  # fmt: skip
 
 SETTINGS = (
-    _of("store", Kind.FILE, "the store that commands take; only in the user's own file", *_READERS),
-    _of("log_file", Kind.FILE, "where every command keeps its log, one JSON object a line"),
-    _of("lang", Kind.TEXT, "language: en or nb", *_SPEAKERS),
-    _of(
-        *("by", Kind.TEXT, "who decides, reviews and annotates", "decide", "evidence", "export", "review"),
-        *("annotate",),
-        variable="TWIN_USER",
-    ),
-    _of("contact", Kind.TEXT, "e-mail address at which NVDB's staff reach you", "sync-nvdb", "submit"),
-    _of("api_url", Kind.TEXT, "address of NVDB's APIs for reading", "sync-nvdb"),
-    _of("source", Kind.TEXT, "which of them to mirror: les-v4 or uberiket", "sync-nvdb"),
-    _of("kommune", Kind.AREA, "municipality numbers to mirror: 5001, or [5001, 5031]", "sync-nvdb"),
-    _of("fylke", Kind.AREA, "county numbers to mirror", "sync-nvdb"),
-    _of("kontraktsomrade", Kind.AREA, "contract areas to mirror, by name or id", "sync-nvdb"),
-    _of("bbox", Kind.AREA, "box to mirror: [minE, minN, maxE, maxN] in UTM33 metres", "sync-nvdb"),
-    _of("vegnett", Kind.FLAG, "whether the road network is mirrored too", "sync-nvdb"),
-    _of("method", Kind.TEXT, "adjusted, single-frame or paper", "ingest-drive"),
-    _of("terrain", Kind.FILE, "ground raster (GeoTIFF)", "ingest-drive"),
-    _of("terrain_heights", Kind.TEXT, "its heights: NN2000 or ellipsoidal", "ingest-drive"),
-    _of("labels", Kind.FILE, "what labels mean, instead of a drive's labels.toml", "ingest-drive"),
-    _of("detector", Kind.FILE, "network (ONNX) that finds the signs", "ingest-drive"),
-    _of("detector_every", Kind.NUMBER, "run it on every so many frames", "ingest-drive"),
-    _of("detector_threshold", Kind.NUMBER, "lowest score of its boxes that counts", "ingest-drive"),
-    _of("tolerance", Kind.NUMBER, "metres beyond which a sign has moved", "match"),
-    _of(
-        *("match_settings", Kind.FILE, "settings of matching: the table [matching] of a TOML file", "match"),
-        parameter="settings",
-    ),
-    _of("map_aided", Kind.FLAG, "whether signs that NVDB has measured tie drives to the ground", "match"),
-    _of("masker", Kind.FILE, "network (ONNX) that finds people and vehicles", "evidence"),
-    _of("base_map", Kind.FLAG, "whether the review page shows Kartverket's map", "review"),
-    _of("project", Kind.FLAG, "whether exports have a QGIS project", "export"),
-    _of("skriv_url", Kind.TEXT, "address of API Skriv", "export", "submit", parameter="api_url"),
-    _of("skriv_user", Kind.TEXT, "user of API Skriv; no password", "submit", parameter="user"),
-    _of(
-        *("skriv_realm", Kind.TEXT, "EMPLOYEE, SERVICE_ACCOUNT or EXTERNAL", "submit"),
-        parameter="realm",
-    ),
-)  # fmt: skip
+    Setting("store", Kind.FILE, "the store that commands take; only in the user's own file", user_only=True),
+    Setting("log_file", Kind.FILE, "where every command keeps its log, one JSON object a line"),
+    Setting("lang", Kind.TEXT, "language: en or nb"),
+    Setting("by", Kind.TEXT, "who decides, reviews and annotates", variable="TWIN_USER"),
+    Setting("contact", Kind.TEXT, "e-mail address at which NVDB's staff reach you"),
+    Setting("api_url", Kind.TEXT, "address of NVDB's APIs for reading"),
+    Setting("source", Kind.TEXT, "which of them to mirror: les-v4 or uberiket"),
+    Setting("kommune", Kind.AREA, "municipality numbers to mirror: 5001, or [5001, 5031]"),
+    Setting("fylke", Kind.AREA, "county numbers to mirror"),
+    Setting("kontraktsomrade", Kind.AREA, "contract areas to mirror, by name or id"),
+    Setting("bbox", Kind.AREA, "box to mirror: [minE, minN, maxE, maxN] in UTM33 metres"),
+    Setting("vegnett", Kind.FLAG, "whether the road network is mirrored too"),
+    Setting("method", Kind.TEXT, "adjusted, single-frame or paper"),
+    Setting("terrain", Kind.FILE, "ground raster (GeoTIFF)"),
+    Setting("terrain_heights", Kind.TEXT, "its heights: NN2000 or ellipsoidal"),
+    Setting("labels", Kind.FILE, "what labels mean, instead of a drive's labels.toml"),
+    Setting("detector", Kind.FILE, "network (ONNX) that finds the signs"),
+    Setting("detector_every", Kind.NUMBER, "run it on every so many frames"),
+    Setting("detector_threshold", Kind.NUMBER, "lowest score of its boxes that counts"),
+    Setting("tolerance", Kind.NUMBER, "metres beyond which a sign has moved"),
+    Setting("match_settings", Kind.FILE, "settings of matching: the table [matching] of a TOML file"),
+    Setting("map_aided", Kind.FLAG, "whether signs that NVDB has measured tie drives to the ground"),
+    Setting("masker", Kind.FILE, "network (ONNX) that finds people and vehicles"),
+    Setting("base_map", Kind.FLAG, "whether the review page shows Kartverket's map"),
+    Setting("project", Kind.FLAG, "whether exports have a QGIS project"),
+    Setting("skriv_url", Kind.TEXT, "address of API Skriv"),
+    Setting("skriv_user", Kind.TEXT, "user of API Skriv; no password"),
+    Setting("skriv_realm", Kind.TEXT, "EMPLOYEE, SERVICE_ACCOUNT or EXTERNAL"),
+)
 """All keys, in the order of the documentation."""
 
 BY_KEY: Mapping[str, Setting] = {setting.key: setting for setting in SETTINGS}
+BY_VARIABLE: Mapping[str, Setting] = {setting.variable: setting for setting in SETTINGS}
 AREA_KEYS = ("kommune", "fylke", "kontraktsomrade", "bbox")
 """One area is named in one way: a key of them hides the others of files below."""
 _SECRET = ("password", "passord", "token", "secret")
@@ -130,11 +104,6 @@ class Held:
 
     value: Value
     file: Path
-
-
-def settings_of(command: str) -> dict[str, Setting]:
-    """Return the keys that stand for options of a command (``calibrate from-drives``), by parameter."""
-    return {setting.parameter: setting for setting in SETTINGS if command in setting.commands}
 
 
 def user_file() -> Path:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlencode
@@ -159,8 +160,9 @@ def area_from_options(
 
 def _mirrored_area(path: Path) -> Area | None:
     """The area of a store's mirror, or of its unfinished backfill."""
-    if not path.exists():
-        return None
+    with suppress(PermissionError):  # of which opening it says more
+        if not path.exists():
+            return None
     with Store.open(path, create=False) as store:
         mirror = StoreMirror(store)
         state = mirror.following() or mirror.backfill()

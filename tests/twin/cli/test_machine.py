@@ -168,15 +168,18 @@ def test_a_store_written_while_it_is_read_says_so(guarded: Path) -> None:
             opened.count(schema.estimate)
 
 
+@pytest.mark.parametrize("command", ["status", "match", "ingest-drive TRIP", "sync-nvdb", "review --no-open"])
 @pytest.mark.parametrize("rights", ["file", "folder"])
-def test_a_store_that_may_not_be_read(twin: Twin, store: Path, rights: str) -> None:
+def test_a_store_that_may_not_be_read(
+    twin: Twin, store: Path, sample: Path, command: str, rights: str
+) -> None:
     """Another user's store is bad data with its cure, not a wrong option."""
     with tempfile.TemporaryDirectory() as name:
         path = Path(shutil.copy(store, Path(name) / "twin.db"))
         path.chmod(0o000 if rights == "file" else 0o644)
         Path(name).chmod(0o000 if rights == "folder" else 0o755)
         with unprivileged():
-            answer = twin("status", "--store", path)
+            answer = twin(*command.replace("TRIP", str(sample / "trip_trondheim")).split(), "--store", path)
         Path(name).chmod(0o755)
     assert answer.code == 4
     assert answer.err.count("\n") == 1
