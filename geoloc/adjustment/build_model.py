@@ -16,6 +16,7 @@ from geoloc.adjustment.scene import (
     Scene,
     bodies_at,
     changes_of_slope,
+    changing_m,
     instants,
     nearest_knots,
     origin_from_anchor,
@@ -30,16 +31,20 @@ from geoloc.locate.single_frame import ErrorBudget
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import LastingRoll
+from geoloc.trajectory.smoother.plane import sideways_rad
 from geoloc.trajectory.trajectory import Trajectory
 
 # The road under the car says less about the ground beside it than about the road ahead: crossfall ends at
 # the edge, verges and pavements rise or fall.
 _VERGE_SLOPE = 0.01
 _LEVEL = 0.005
-# Most of a fix's error outlasts the passage of a sign and moves everything with the car.
-_CHANGING_SHARE, _CHANGING_AT_MOST_M = 0.5, 0.3
-# A heading's error changes slowly, but for the noise of single fixes.
-_TREMBLING_SHARE = 0.25
+# A recorded heading's error changes slowly, but for the noise of single poses. One that was fitted to fixes
+# errs by what the rear axle did sideways, within a second; by how far that fit is off in drives whose errors
+# are those stated, a quarter of its variance goes on for longer.
+_TREMBLING_SHARE, _TREMBLING_WITH_AXLE = 0.25, 0.87
+# Of a process that fades in a second, straight lines between nodes a second apart leave so much:
+# 1 + 2/3 + e⁻¹/3 - 4/e of its variance. It comes and goes about as fast as the body bounces.
+_PITCH_BETWEEN_NODES = 0.56
 _FULL_RATE_MPS, _LEAST_RATE = 3.0, 0.001
 # What an engine and people in the car leave of the body's bounce while it stands.
 _IDLE_SHARE = 0.1
@@ -143,8 +148,9 @@ def model_of(
     beside_ns = _beside(scene, trajectory, feet)
     beside, _ = bodies_at(trajectory, beside_ns)
     nodes = nodes_of(np.concatenate([scene.epoch_ns, beside_ns]))
+    is_fitted = trajectory.is_fitted
     sigma = np.concatenate(
-        [_slow_sigma(body, _falls(body, budget.ground_fall)) for body in (scene.body, beside)]
+        [_slow_sigma(body, _falls(body, budget.ground_fall), is_fitted) for body in (scene.body, beside)]
     )
     n = scene.row.size
     has_lenses = scene.lens_away_px is not None
@@ -180,7 +186,7 @@ def model_of(
     links = links_of(scene.object, scene.is_foot, _side_by_side(scene))
     sigma[:, 0] = _without(trajectory.lasting_roll, sigma[:, 0], scene.body, beside)
     node_sigma = _at_nodes(nodes, sigma)
-    fast = _fast_sigma(scene, budget)
+    fast = _fast_sigma(scene, budget, is_fitted)
     roll = trajectory.lasting_roll
     fall = float(np.sqrt(np.mean(_falls(scene.body, budget.ground_fall) ** 2)))
     lens = scene.lens_sigma if has_lenses else None
@@ -275,15 +281,33 @@ def _ages_s(nodes: Nodes, trajectory: Trajectory) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(rate * np.diff(nodes.epoch_ns) / NANOSECONDS)])
 
 
-def _fast_sigma(scene: Scene, budget: ErrorBudget) -> FloatArray:
-    """Sigmas (k, 3) of what changes from one instant to the next: bounce, and the heading's trembling."""
-    heading, speed = np.zeros(scene.instant_ns.size), np.zeros(scene.instant_ns.size)
-    np.maximum.at(heading, scene.instant, scene.body.sigma_rad[:, 2])
-    np.maximum.at(speed, scene.instant, np.hypot(*scene.body.velocity_mps[:, :2].T))
-    liveliness = np.clip(speed / _FULL_RATE_MPS, _IDLE_SHARE, 1.0)
-    jitter = np.radians([budget.roll_jitter_deg, budget.pitch_jitter_deg])
-    trembling = np.maximum(_TREMBLING_SHARE * heading, _MIN_SIGMA_RAD)
-    return np.column_stack([liveliness[:, None] * jitter, trembling])
+def _fast_sigma(scene: Scene, budget: ErrorBudget, is_fitted: bool) -> FloatArray:
+    """Sigmas (k, 3) of what changes from one instant to the next.
+
+    Bounce, with what the pitch errs within a second, and the heading's trembling.
+    """
+    body = scene.body
+    roll, pitch = np.radians([budget.roll_jitter_deg, budget.pitch_jitter_deg])
+    lively = np.clip(_speed_mps(body) / _FULL_RATE_MPS, _IDLE_SHARE, 1.0)
+    pitch = np.hypot(pitch, _PITCH_BETWEEN_NODES * body.sigma_rad[:, 1])
+    trembling = np.maximum(_trembling(body, is_fitted), _MIN_SIGMA_RAD)
+    fast = np.zeros((scene.instant_ns.size, 3))
+    np.maximum.at(fast, scene.instant, np.column_stack([lively * roll, lively * pitch, trembling]))
+    return fast
+
+
+def _speed_mps(body: Bodies) -> FloatArray:
+    return np.asarray(np.hypot(body.velocity_mps[:, 0], body.velocity_mps[:, 1]))
+
+
+def _trembling(body: Bodies, is_fitted: bool) -> FloatArray:
+    """One sigma (n,) of what the heading errs for less than a second."""
+    heading, speed = body.sigma_rad[:, 2], _speed_mps(body)
+    slightly = _TREMBLING_SHARE * heading
+    if not is_fitted:
+        return np.asarray(slightly)
+    rolls = np.minimum(speed / _FULL_RATE_MPS, 1.0) * sideways_rad(speed)
+    return np.clip(rolls, slightly, _TREMBLING_WITH_AXLE * heading)
 
 
 def _without(roll: LastingRoll, sigma_rad: FloatArray, *bodies: Bodies) -> FloatArray:
@@ -297,15 +321,19 @@ def _falls(body: Bodies, at_most: float) -> FloatArray:
     """One sigma (n,) of the ground's rise a metre to a side, above the car's plane.
 
     Beyond a crown the road falls the other way by as much as it leans here, and verges lie level: where the
-    car stands level, so does what lies beside it.
+    car stands level, so does what lies beside it. The lean itself is known to the roll's sigma.
     """
-    return np.minimum(np.hypot(body.enu_R_rig[:, 2, 1], _LEVEL), at_most)
+    lean = np.hypot(body.enu_R_rig[:, 2, 1], body.sigma_rad[:, 0])
+    return np.minimum(np.hypot(lean, _LEVEL), at_most)
 
 
-def _slow_sigma(body: Bodies, fall: FloatArray) -> FloatArray:
+def _slow_sigma(body: Bodies, fall: FloatArray, is_fitted: bool) -> FloatArray:
     """Sigmas (n, 8) at a node: attitude, that part of the place that changes, the ground's falls."""
+    attitude = body.sigma_rad.copy()
+    if is_fitted:
+        attitude[:, 2] = np.sqrt(attitude[:, 2] ** 2 - _trembling(body, is_fitted) ** 2)
     across, up = (
-        np.clip(_CHANGING_SHARE * sigma, _CHANGING_SHARE * _MIN_SIGMA_M, _CHANGING_AT_MOST_M)
+        changing_m(np.maximum(sigma, _MIN_SIGMA_M))
         for sigma in (body.sigma_horizontal_m, body.sigma_vertical_m)
     )
-    return np.column_stack([np.maximum(body.sigma_rad, _MIN_SIGMA_RAD), across, across, up, fall, fall])
+    return np.column_stack([np.maximum(attitude, _MIN_SIGMA_RAD), across, across, up, fall, fall])

@@ -11,6 +11,7 @@ import numpy as np
 
 from geoloc.adjustment.covariance import Spread
 from geoloc.adjustment.model import Model
+from geoloc.adjustment.scene import lasting_m2
 from geoloc.adjustment.solve import Solution
 from geoloc.adjustment.unknowns import BESIDE_ROAD, READOUT, TIME
 from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
@@ -50,11 +51,12 @@ class Correction:
 class OfTheTrack(NamedTuple):
     """What no sighting can show, because it moves the whole track.
 
-    One sigma of the antennas' lever arms, of a change of datum, and of a base station's own place, which is
-    part of what fixes are off (m); how much had been added to the camera clock before the adjustment, and
-    what it may be off beyond what the adjustment says (s).
+    Whether poses were fitted to fixes; one sigma of the antennas' lever arms, of a change of datum, and of a
+    base station's own place, which is part of what fixes are off (m); how much had been added to the camera
+    clock before the adjustment, and what it may be off beyond what the adjustment says (s).
     """
 
+    is_fitted: bool
     lever_arm_m: float
     sigma_m: float
     base_m: float
@@ -292,7 +294,8 @@ def _of_the_track(model: Model, track: OfTheTrack) -> dict[str, FloatArray]:
     """What moves the car's whole track, and every object with it, so that no sighting can show it."""
     scene = model.scene
     count = np.bincount(scene.point)
-    mean = np.bincount(scene.point, weights=scene.body.sigma_horizontal_m**2) / count
+    lasting = lasting_m2(scene.body.sigma_horizontal_m, is_fitted=track.is_fitted)
+    mean = np.bincount(scene.point, weights=lasting) / count
     base = np.minimum(mean, track.base_m**2)
     lever = np.full(count.size, track.lever_arm_m**2)
     late = track.unsure_s * _carried_along(model, count)
@@ -307,8 +310,9 @@ def _of_the_track(model: Model, track: OfTheTrack) -> dict[str, FloatArray]:
 def _of_the_track_up_m2(model: Model, track: OfTheTrack) -> FloatArray:
     """Variance (m,) of a height that moves with the whole track: of the fixes, and of the antennas' arms."""
     scene = model.scene
-    fixes = np.bincount(scene.point, weights=scene.body.sigma_vertical_m**2) / np.bincount(scene.point)
-    return np.asarray(fixes + track.lever_arm_m**2)
+    lasting = lasting_m2(scene.body.sigma_vertical_m, is_fitted=track.is_fitted)
+    fixes = np.bincount(scene.point, weights=lasting)
+    return np.asarray(fixes / np.bincount(scene.point) + track.lever_arm_m**2)
 
 
 def _carried_along(model: Model, count: IntArray) -> FloatArray:

@@ -18,7 +18,7 @@ from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import Poses
-from geoloc.trajectory.rig_poses import lean_m
+from geoloc.trajectory.rig_poses import lean_m, lean_up_m
 from geoloc.trajectory.trajectory import Trajectory
 
 # Rates are differences over twice this: longer than most errors of the trajectory last, shorter than a bend.
@@ -32,6 +32,8 @@ _SAME_INSTANT_NS = 8_000_000
 # A pass over the ground beside an object this long before or after it was seen still tells its height: the
 # slow error of RTK heights lasts for minutes.
 _NEAREST_WITHIN_S = 30.0
+# Most of a fix's error outlasts the passage of a sign and moves everything with the car.
+_CHANGING_SHARE, _CHANGING_AT_MOST_M = 0.5, 0.3
 _CHORD_M = 12.0
 # 0.1°: what a paver lays.
 _FLATTEST = 0.0017
@@ -209,7 +211,9 @@ def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses
     velocity = [near.rate("longitude_deg") * east, near.rate("latitude_deg") * north, near.rate("height_m")]
     speed = np.hypot(velocity[0], velocity[1])
     sigma = np.radians(np.stack([poses.sigma_roll_deg, poses.sigma_pitch_deg, poses.sigma_heading_deg], 1))
-    lean = lean_m(float(trajectory.measured_at_m[2]), poses.sigma_roll_deg, poses.sigma_pitch_deg)
+    _, aside_m, above_m = trajectory.measured_at_m.tolist()
+    lean = lean_m(above_m, poses.sigma_roll_deg, poses.sigma_pitch_deg)
+    lean_up = lean_up_m(aside_m, poses.sigma_roll_deg)
     return (
         Bodies(
             poses.latitude_deg,
@@ -222,10 +226,24 @@ def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses
             np.radians(near.rate("pitch_deg")) / np.maximum(speed, _CRAWLING_MPS),
             sigma,
             np.sqrt(np.maximum(poses.sigma_horizontal_m**2 - lean**2, 0.0)),
-            poses.sigma_vertical_m,
+            np.sqrt(np.maximum(poses.sigma_vertical_m**2 - lean_up**2, 0.0)),
         ),
         poses,
     )
+
+
+def changing_m(sigma_m: FloatArray) -> FloatArray:
+    """That part of what places are off, one sigma, which is an unknown of each second of a drive."""
+    return np.asarray(np.minimum(_CHANGING_SHARE * sigma_m, _CHANGING_AT_MOST_M))
+
+
+def lasting_m2(sigma_m: FloatArray, *, is_fitted: bool) -> FloatArray:
+    """Variance of what moves the whole track, so that no sighting shows it.
+
+    A quarter of the variance of fixes is new at each or gone in seconds; recorded poses do not say how long
+    their errors last, so that all of it may.
+    """
+    return np.asarray(sigma_m**2 - changing_m(sigma_m) ** 2 * is_fitted)
 
 
 def rows_of(bodies: Bodies, rows: IntArray | BoolArray) -> Bodies:

@@ -44,6 +44,8 @@ _PITCHING_SIGMA = 0.03
 # A car body on its springs swings at 1.2 to 1.5 Hz and is damped within a swing: after a tenth of a second
 # half of its angle is still there.
 BOUNCE_TAU_S = 0.15
+# The heading trembles with what the rear axle does every 0.2 s, as the fit of the fixes smooths it.
+_TREMBLING_TAU_S = 0.4
 BESIDE_ROAD = "ground beside the road"
 """Source of what the ground under all feet of a drive has in common."""
 _NODE_SOURCES = ("body", "body", "heading", "gnss", "gnss", "gnss", BESIDE_ROAD, BESIDE_ROAD)
@@ -248,9 +250,10 @@ def prior_of(
         places = layout.node(np.arange(layout.n_nodes))[:, axis]
         _add_process(rows, source, places, node_age_s, node_sigma[:, axis], SLOW_TAU_S[axis])
     age_s = (instant_ns - instant_ns[:1]) / NANOSECONDS
-    for axis, source in enumerate(("body", "body", "heading")):
+    fast = (("body", BOUNCE_TAU_S), ("body", BOUNCE_TAU_S), ("heading", _TREMBLING_TAU_S))
+    for axis, (source, tau_s) in enumerate(fast):
         places = layout.bounce(np.arange(layout.n_instants))[:, axis]
-        _add_process(rows, source, places, age_s, instant_sigma[:, axis], BOUNCE_TAU_S)
+        _add_process(rows, source, places, age_s, instant_sigma[:, axis], tau_s)
     if links.size:
         pair = layout.point(links[:, :2].astype(np.int64))[:, :, :2]
         for axis in (0, 1):

@@ -16,6 +16,8 @@ STEP_M = 0.05
 MARGIN_M = 80.0
 """Road before station 0 and after the last station, for run-in and for signs ahead of the last frame."""
 CROSSFALL_SECTION_M = 200.0
+CROSSFALL_PROFILES_M = 25.0
+"""From one profile to the next, where it fades: it runs straight from that of one to that of the next."""
 ROUGHNESS_WAVES = 60
 REFERENCE_CYCLES_PER_M = 0.1
 
@@ -56,7 +58,8 @@ class RoadSpec:
     crossfall_wander_percent: float = 0.0
     """One sigma of what each 200 m of road, as they were laid or have settled, depart from that."""
     crossfall_lasts_m: float = 0.0
-    """Not 0: that departure is no matter of sections but fades over so much road (Gauss-Markov)."""
+    """Not 0: that departure is no matter of sections but fades over so much road (Gauss-Markov), from profile
+    to profile."""
     is_crowned: bool = True
     """False: it falls to the right all over, by `crossfall_percent`, and inwards in bends besides."""
     turns_about_m: float = 0.0
@@ -169,7 +172,10 @@ class Road:
 def _crossfall_wander(spec: RoadSpec, seed: int) -> tuple[FloatArray, FloatArray]:
     """Stations and what the crossfall there departs from the road's own, metres per metre."""
     if spec.crossfall_lasts_m:
-        station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + 1.0)
+        # Laid to a line between profiles: a paver turns its screed over tens of metres. Noise that fades over
+        # 300 m at every point of it would tremble by 0.14 degrees within a metre.
+        step_m = CROSSFALL_PROFILES_M
+        station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + step_m, step_m)
         depart = gauss_markov(stream(seed, "crossfall sections"), station, 1.0, spec.crossfall_lasts_m)
         return station, depart * spec.crossfall_wander_percent / 100.0
     station = np.arange(-MARGIN_M, spec.length_m + MARGIN_M + CROSSFALL_SECTION_M, CROSSFALL_SECTION_M)

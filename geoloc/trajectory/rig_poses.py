@@ -305,7 +305,8 @@ def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
     roll_sigma = np.hypot(tilt.roll_sigma_deg, _ROLL_FLOOR_DEG)
     fix_sigma = np.where(knots.seen, knots.not_smoothed_m, np.inf).min(axis=1)
     up_sigma = np.where(knots.seen, knots.up_over_plane * knots.not_smoothed_m, np.inf).min(axis=1)
-    lean = lean_m(float(arms_m[:, 2].mean()), roll_sigma, pitch_sigma)
+    _, aside_m, above_m = arms_m.mean(axis=0)
+    lean = lean_m(float(above_m), roll_sigma, pitch_sigma)
     columns = {
         "latitude_deg": lat,
         "longitude_deg": lon,
@@ -315,7 +316,9 @@ def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
         "heading_deg": (90.0 - np.degrees(track.yaw_rad)) % 360.0,
         "speed_mps": speed,
         "sigma_horizontal_m": np.hypot(np.maximum(fix_sigma, track.position_sigma_m), lean),
-        "sigma_vertical_m": np.maximum(up_sigma, tilt.height_sigma_m),
+        "sigma_vertical_m": np.hypot(
+            np.maximum(up_sigma, tilt.height_sigma_m), lean_up_m(float(aside_m), roll_sigma)
+        ),
         "sigma_roll_deg": roll_sigma,
         "sigma_pitch_deg": pitch_sigma,
         "sigma_heading_deg": heading_sigma,
@@ -331,6 +334,11 @@ def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
 def lean_m(height_m: float, roll_sigma_deg: FloatArray, pitch_sigma_deg: FloatArray) -> FloatArray:
     """One sigma a horizontal axis that a tilt, known so well, leaves below an antenna of this height."""
     return np.asarray(abs(height_m) * np.radians(np.hypot(pitch_sigma_deg, roll_sigma_deg)) / np.sqrt(2.0))
+
+
+def lean_up_m(aside_m: float, roll_sigma_deg: FloatArray) -> FloatArray:
+    """One sigma of a height that a roll, known so well, leaves below an antenna so far aside."""
+    return np.asarray(abs(aside_m) * np.radians(roll_sigma_deg))
 
 
 def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, FloatArray]:

@@ -62,6 +62,8 @@ class Trajectory:
         Sigmas of recorded poses that were not stated but estimated (NaN: stated); None where all were.
     late_sigma_s : float
         One sigma of how late the positions may be against their epochs, all alike.
+    is_fitted : bool
+        Whether poses were fitted to fixes, so that it is known how much of their errors lasts; else recorded.
     """
 
     knots: Poses
@@ -73,6 +75,7 @@ class Trajectory:
     lasting_roll: LastingRoll = field(default_factory=LastingRoll)
     estimated: PoseSigmas | None = None
     late_sigma_s: float = 0.0
+    is_fitted: bool = False
 
     @property
     def epoch_ns(self) -> IntArray:
@@ -248,6 +251,7 @@ def trajectory_from_gnss(
         measured_at_m=np.mean(levers, axis=0),
         lasting_roll=lasting_roll,
         late_sigma_s=late_sigma_s(kept),
+        is_fitted=True,
     )
 
 

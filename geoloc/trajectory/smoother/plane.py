@@ -143,6 +143,14 @@ class PlaneTrack:
         )
 
 
+def sideways_rad(speed_mps: FloatArray) -> FloatArray:
+    """One sigma of the angle by which a rear axle rolls aside of its way, besides its slip.
+
+    As the fit takes it, the heading of a moving car trembles by about as much.
+    """
+    return np.asarray(np.hypot(_SIDEWAYS_MPS / np.maximum(speed_mps, 1e-3), _SIDEWAYS_RAD))
+
+
 def antenna_modes(antennas: int) -> FloatArray:
     """Orthonormal ways ``(antennas - 1, antennas)`` for antennas to sit wrong without moving their mean.
 

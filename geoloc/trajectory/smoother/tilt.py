@@ -50,7 +50,11 @@ _OWN = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TiltTrack:
-    """Attributes are float64 (n,), angles in degrees, ISO 8855; sigmas are one sigma."""
+    """Attributes are float64 (n,), angles in degrees, ISO 8855; sigmas are one sigma.
+
+    `height_m` is the rig's origin's; `height_sigma_m` lacks what a wrong roll moves that below antennas that
+    sit aside.
+    """
 
     height_m: FloatArray
     height_sigma_m: FloatArray
@@ -104,10 +108,10 @@ def smoothed_tilt(
     own = variance[:, 2] - np.einsum("nc,cd,nd->n", by_state, shared, by_state)
     lasting = np.einsum("nc,cd,nd->n", by_constants, shared, by_constants)
     part = np.linalg.lstsq(fit.of_the_drive, by_constants)[0]
-    lean_sigma, not_shown_m = np.sqrt(own + lasting), np.mean(levers_m[:, 1] - fit.aside_m)
+    lean_sigma, shown_m = np.sqrt(own + lasting), np.mean(fit.aside_m)
     return TiltTrack(
         height_m=state[:, 0],
-        height_sigma_m=np.hypot(sigma[:, 0], not_shown_m * lean_sigma),
+        height_sigma_m=np.sqrt(np.maximum(variance[:, 0] - (shown_m * lean_sigma) ** 2, 0.0)),
         pitch_deg=-np.degrees(np.arctan(_between_axles(fixes, forward_mps, state[:, 1]))),
         pitch_sigma_deg=np.degrees(sigma[:, 1]),
         roll_deg=np.degrees(np.arctan(_CROSSFALL + fit.of_the_drive @ constants[-2:] + state[:, 2])),

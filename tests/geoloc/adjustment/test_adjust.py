@@ -12,7 +12,7 @@ from geoloc.adjustment.build_model import Placed, model_of, scene_of
 from geoloc.adjustment.covariance import spread
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.result import AdjustmentDoubt
-from geoloc.adjustment.scene import bodies_at, rays_of
+from geoloc.adjustment.scene import bodies_at, lasting_m2, rays_of
 from geoloc.adjustment.solve import solve
 from geoloc.adjustment.unknowns import Layout, Prior, prior_of
 from geoloc.cameras.base import CameraModel
@@ -204,8 +204,8 @@ def test_sources_add_up_to_the_covariance() -> None:
 def test_height_is_no_surer_than_the_track_above_which_it_was_found() -> None:
     """What lifts all fixes of a drive, or its antennas on the roof, lifts all objects: no ray shows it."""
     recording = recorded("urban")
-    fixes_m = np.nanmin(recording.trajectory.knots.sigma_vertical_m)
-    least_m = np.hypot(fixes_m, ErrorBudget().lever_arm_m)
+    fixes_m2 = lasting_m2(np.nanmin(recording.trajectory.knots.sigma_vertical_m), is_fitted=True)
+    least_m = np.sqrt(fixes_m2 + ErrorBudget().lever_arm_m ** 2)
     assert (recording.adjusted().sigma_height_m > least_m).all()
 
 

@@ -54,9 +54,9 @@ def test_straight_road_leaves_a_stated_clock_to_the_ellipses() -> None:
 
 @pytest.mark.parametrize("stated_ms", [100.0, 1000.0])
 def test_clock_that_is_looked_for_further_off_counts_for_what_it_was_stated_to(stated_ms: float) -> None:
-    """A quarter of a second can be by either statement; what a doubt says was added is what was added."""
+    """Three tenths of a second can be by either statement; what a doubt says was added is what was added."""
     recording = recorded("urban")
-    late = recording._replace(epoch_ns=recording.epoch_ns + 250_000_000)
+    late = recording._replace(epoch_ns=recording.epoch_ns + 300_000_000)
     adjusted = late.adjusted(budget=ErrorBudget(time_ms=stated_ms))
     assert adjusted.time_prior_ms == stated_ms
     told = {doubt.kind: str(doubt) for doubt in adjusted.doubts}
