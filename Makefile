@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start pictures soak fuzz clean
+.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start pictures notebooks soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -79,6 +79,9 @@ docs: $(VENV)/.installed          ## the documentation as a site, by both builde
 
 pictures: $(VENV)/.installed      ## the pictures of docs/review.md, taken in Chromium
 	TWIN_PICTURES=1 $(BIN)/python -m pytest tests/twin/review/test_page_pictures.py
+
+notebooks: $(VENV)/.installed     ## runs the notebooks again and keeps what they show
+	$(BIN)/jupyter-execute --inplace notebooks/*.ipynb
 
 soak: $(VENV)/.installed          ## a hundred syncs killed at random instants, a thousand histories of sending, and of annotating
 	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/mirror/test_kill.py

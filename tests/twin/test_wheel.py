@@ -95,6 +95,41 @@ def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, twin: Twin, tmp
         assert word in answer.out
 
 
+SCRIPT = """
+import twin
+from geoloc import ErrorBudget
+
+with twin.Store("twin.db") as store:
+    signs = store.estimates("adjusted")
+    reveal_type(store.estimates)
+    reveal_type(twin.match(store).verdicts)
+    reveal_type(ErrorBudget(pixel_px=2.0).pixel_px)
+    store.estimates(method=3)
+    store.estimats()
+"""
+
+
+def test_wheel_tells_a_users_mypy_its_types(installed: Path, tmp_path: Path) -> None:
+    """`mypy --strict` knows methods, arguments and results of an installed twin, through its lazy names."""
+    (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), "script.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(installed), "MYPYPATH": ""},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    told = done.stdout.splitlines()
+    assert len(told) == 6, done.stdout + done.stderr
+    assert "def (method: str | None =) -> " in told[0]
+    assert "dict[twin.store.kinds.Verdict, int]" in told[1]
+    assert '"float"' in told[2]
+    assert 'has incompatible type "int"; expected "str | None"' in told[3]
+    assert '"Store" has no attribute "estimats"' in told[4]
+    assert "Found 2 errors in 1 file" in told[5]
+
+
 def test_wheel_carries_types_and_no_tests(installed: Path) -> None:
     """The three packages are typed, and nothing else is put into site-packages."""
     for package in ("twin", "nvdb", "geoloc"):
