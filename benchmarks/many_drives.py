@@ -32,7 +32,7 @@ from geoloc.simulation.scenarios import Scenario, scenario
 from geoloc.simulation.simulate import SimulatedDrive, simulate_drive
 from geoloc.trajectory.trajectory import GnssFixes, trajectory_from_gnss
 from twin.cli.output import console
-from twin.figures import png
+from twin.store.figure_files import write_figure
 
 CAMERA = "C3_tricam120"
 DRIVES = 25
@@ -228,7 +228,7 @@ def draw(found: Mapping[str, Sequence[Row]], path: Path) -> None:
     """Draw error against the number of drives: medians as lines, 95th percentiles dashed."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained", dpi=80)
+    figure = Figure(figsize=(7.0, 4.8), layout="constrained", dpi=80)
     axes = figure.add_subplot()
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -243,8 +243,9 @@ def draw(found: Mapping[str, Sequence[Row]], path: Path) -> None:
     axes.set_xlabel("drives past a pole")
     axes.set_ylabel("error [m]: median, 95 % dashed")
     axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
-    path.write_bytes(png(figure))
+    # Above, where it hides no line.
+    figure.legend(loc="outside upper center", fontsize="small", ncols=1, frameon=False)
+    write_figure(figure, path)
 
 
 def main() -> None:

@@ -12,11 +12,12 @@ REAL = ROOT.parent / "shared" / "real"
 """Recordings and answers that may not be copied into the project; the tests that read them skip without."""
 
 
-def code_block(page: str, kind: str) -> str:
-    """The first code block of a kind on a page of ``docs/``."""
+def code_block(page: str, kind: str, after: str = "") -> str:
+    """The first code block of a kind on a page of ``docs/``, after a heading of it if that is named."""
     path = ROOT / "docs" / page
     if not path.exists():
         pytest.skip("docs are not beside the tests")
-    block = re.search(rf"```{kind}\n(.*?)```", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = path.read_text(encoding="utf-8")
+    block = re.search(rf"```{kind}\n(.*?)```", text[text.index(after) :], flags=re.DOTALL)
     assert block
     return block[1]

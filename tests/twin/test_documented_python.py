@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import pytest
 import shapely
 from checkout import code_block
@@ -18,9 +19,9 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def run_page(page: str, **instead: str) -> dict[str, Any]:
-    """Run the first Python example of a page, some of its words replaced; returns its names."""
-    code = code_block(page, "python")
+def run_page(page: str, after: str = "", **instead: str) -> dict[str, Any]:
+    """Run the first Python example of a page, or after its heading; returns its names."""
+    code = code_block(page, "python", after)
     for old, new in instead.items():
         assert old in code
         code = code.replace(old, new)
@@ -41,6 +42,16 @@ def test_whole_job_from_python(sample: Path, nvdb_url: str) -> None:
     assert all(path.exists() for path in names["files"])
     assert names["report"].n_estimates == 15
     assert len(names["errors"].methods) == 1
+
+
+def test_tables_for_research(matched_store: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """docs/python.md: the sure signs as a table, and as a GeoPackage in EPSG:25833."""
+    shutil.copy(matched_store, "twin.db")
+    names = run_page("python.md", "## Tables for research")
+    assert 0 < len(names["sure"]) <= len(names["signs"]) == 15
+    assert "sigma_major_m" in capsys.readouterr().out
+    layer = geopandas.read_file("signs.gpkg")
+    assert (len(layer), layer.crs.to_epsg()) == (len(names["sure"]), 25833)
 
 
 def test_decisions_from_python(twin: Twin, matched_store: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 PageLangOption = Annotated[
     Lang | None,
     typer.Option(
-        "--lang", envvar="TWIN_LANG", help="Language of the page.  [default: the browser's]", show_default=False
+        "--lang",
+        envvar="TWIN_LANG",
+        help="Language of the page.  [default: the browser's]",
+        show_default=False,
     ),
 ]
 OpenOption = Annotated[
