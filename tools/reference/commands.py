@@ -39,7 +39,8 @@ def commands_page() -> str:
         "`twin --help` lists them, and `twin COMMAND --help` says the same as this page. Where a variable of"
         " the environment is named, it holds unless the option says otherwise.",
         " · ".join(f"[{name}](#twin-{name.replace(' ', '-')})" for name in found),
-        *(_section(name, command) for name, command in found.items()),
+        _section("", get_command(app)),
+        *(_section(f" {name}", command) for name, command in found.items()),
     )
 
 
@@ -58,7 +59,7 @@ def _section(name: str, command: Any) -> str:
     example = " ".join((command.epilog or "").split())
     return "\n\n".join(
         [
-            f"## twin {name}",
+            f"## twin{name}",
             about,
             table(["option", "takes", "default", "meaning"], rows),
             example,

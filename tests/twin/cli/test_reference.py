@@ -11,6 +11,7 @@ import pytest
 import sqlalchemy as sa
 from command_line import Twin
 from make_reference import FOLDER, PAGES
+from typer.main import get_command
 
 from geoloc.locate.error_budget import ErrorBudget
 from reference.commands import HELP_OPTION, commands
@@ -18,6 +19,7 @@ from reference.json_shapes import SHAPES
 from reference.keys import DRIVE_TABLES, error_terms
 from reference.tables import exit_code_meanings
 from twin.cli import exit_codes
+from twin.cli.app import app
 from twin.drives.folder.drive_toml import read_settings
 from twin.drives.folder.keys import LABEL_KEYS, ROOT_KEYS
 from twin.export.column_meanings import MEANINGS
@@ -44,6 +46,11 @@ def test_every_option_is_explained(name: str, command: Any) -> None:
     assert command.help
     assert f"Example: twin {name}" in command.epilog
     assert [one.name for one in command.params if one.name != HELP_OPTION and not one.help] == []
+
+
+def test_every_option_of_all_commands_is_explained() -> None:
+    """So are those that stand before the command."""
+    assert [one.name for one in get_command(app).params if not one.help] == []
 
 
 def test_every_key_is_explained() -> None:
