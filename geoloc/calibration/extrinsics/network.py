@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from geoloc.arrays import FloatArray
+from geoloc.arrays import FloatArray, IntArray
 from geoloc.calibration.extrinsics.observations import Pose, Sighting, Sigmas, Tag
 
 WEAK_M, WEAK_RAD = 100.0, 30.0
@@ -90,6 +91,11 @@ class Network:
         self._ray = np.stack([s.ray for s in self.sightings])
         self._px_from_ray = np.stack([s.px_from_ray for s in self.sightings])
         self._weight = 1.0 / np.array([corner_px[s.camera] for s in self.sightings])
+        self._measured = _measured_points([tags[tag] for tag in self.tag_ids])
+        floor = [k for k, tag in enumerate(self.tag_ids) if tags[tag].on_floor]
+        self._floor = np.repeat(np.array(floor, dtype=np.intp), 4)
+        corners = [tags[self.tag_ids[k]].corners_m() for k in floor]
+        self._floor_corners_m = np.concatenate([np.zeros((0, 3)), *corners])
 
     def columns(self, view: str) -> slice:
         """Columns of a view's pose: three of rotation (rig frame, radians), three of translation (metres)."""
@@ -101,9 +107,20 @@ class Network:
 
     def moved(self, state: NetworkState, step: FloatArray) -> NetworkState:
         """State after a step of the unknowns."""
-        views = {name: _moved(state.views[name], step[self.columns(name)]) for name in self.view_names}
-        tags = {tag: _moved(state.tags[tag], step[self.tag_columns(tag)]) for tag in self.tag_ids}
-        return replace(state, views=views, tags=tags, scale=state.scale + float(step[-1]))
+        steps = step[:-1].reshape(-1, 6)
+        turns = Rotation.from_rotvec(steps[:, :3]).as_matrix()
+        poses = [*(state.views[name] for name in self.view_names), *(state.tags[tag] for tag in self.tag_ids)]
+        moved = [
+            Pose(turn @ pose.R, pose.t_m + one[3:])
+            for turn, pose, one in zip(turns, poses, steps, strict=True)
+        ]
+        n = len(self.view_names)
+        return replace(
+            state,
+            views=dict(zip(self.view_names, moved[:n], strict=True)),
+            tags=dict(zip(self.tag_ids, moved[n:], strict=True)),
+            scale=state.scale + float(step[-1]),
+        )
 
     def corner_residuals_px(self, state: NetworkState) -> FloatArray:
         """Residuals ``(n, 4, 2)`` of every sighting's corners, pixels."""
@@ -132,28 +149,23 @@ class Network:
 
     def equations(self, state: NetworkState) -> NetworkEquations:
         """Residuals and Jacobian, both divided by the sigmas."""
-        rows = _Rows()
-        for tag_id in self.tag_ids:
-            self._tag_priors(rows, self.tags[tag_id], state)
-        weak = np.tile(np.repeat([1.0 / WEAK_RAD, 1.0 / WEAK_M], 3), (self.n_unknowns - 1) // 6)
-        rows.add(np.zeros(self.n_unknowns - 1), (0, np.diag(weak)))
-        rows.add(
-            np.array([state.scale / self.sigmas.size]), (self.n_unknowns - 1, [[1.0 / self.sigmas.size]])
-        )
-        priors = rows.equations(self.n_unknowns)
-        residual, jacobian = self._corner_equations(state)
+        blocks = [self._corner_rows(state), *self._tag_rows(state), *self._weak_rows(state)]
+        values = np.concatenate([block.values.ravel() for block in blocks])
+        columns = np.concatenate([block.columns.ravel() for block in blocks])
+        in_row = np.concatenate([np.full(len(block.values), block.values.shape[1]) for block in blocks])
+        starts = np.concatenate([[0], np.cumsum(in_row)])
         return NetworkEquations(
-            np.concatenate([residual, priors.residual]),
-            sparse.csr_matrix(sparse.vstack([jacobian, priors.jacobian])),
+            np.concatenate([block.residual for block in blocks]),
+            sparse.csr_matrix((values, columns, starts), shape=(len(in_row), self.n_unknowns)),
         )
 
-    def _corner_equations(self, state: NetworkState) -> tuple[FloatArray, sparse.csr_matrix]:
+    def _corner_rows(self, state: NetworkState) -> _Rows:
         residual, by_view, by_tag, by_scale = self._corners(state)
         n = len(self.sightings)
         columns = np.concatenate(
             [
                 6 * self._view[:, np.newaxis] + np.arange(6),
-                6 * (len(self.view_names) + self._tag)[:, np.newaxis] + np.arange(6),
+                self._pose_columns(self._tag),
                 np.full((n, 1), self.n_unknowns - 1),
             ],
             axis=1,
@@ -161,28 +173,46 @@ class Network:
         values = np.concatenate([by_view, by_tag, by_scale[..., np.newaxis]], axis=3).reshape(n, 8, 13)
         values = values * self._weight[:, np.newaxis, np.newaxis]
         place = np.broadcast_to(columns[:, np.newaxis, :], values.shape)
-        starts = np.arange(8 * n + 1) * 13
-        shape = (8 * n, self.n_unknowns)
-        jacobian = sparse.csr_matrix((values.ravel(), place.ravel(), starts), shape=shape)
-        return (self._weight[:, np.newaxis, np.newaxis] * residual).ravel(), jacobian
+        weighted = (self._weight[:, np.newaxis, np.newaxis] * residual).ravel()
+        return _Rows(weighted, values.reshape(8 * n, 13), place.reshape(8 * n, 13))
 
-    def _tag_priors(self, rows: _Rows, tag: Tag, state: NetworkState) -> None:
-        pose, at = state.tags[tag.id], self._tag_at[tag.id]
-        known = np.isfinite(tag.places_m())
-        if known.any():
-            off, by_pose, by_scale = self.measured(tag, state)
-            rows.add(
-                off[known] / tag.centre_sigma_m,
-                (at, by_pose[known] / tag.centre_sigma_m),
-                (self.n_unknowns - 1, by_scale[known][:, np.newaxis] / tag.centre_sigma_m),
-            )
-        if tag.on_floor:
-            arms = (1.0 + state.scale) * tag.corners_m() @ pose.R.T
-            by_pose = np.zeros((4, 6))
-            by_pose[:, :3] = -_cross_matrix(arms)[:, 2]
-            by_pose[:, 5] = 1.0
-            heights = arms[:, 2] + pose.t_m[2]
-            rows.add(heights / self.sigmas.floor_m, (at, by_pose / self.sigmas.floor_m))
+    def _tag_rows(self, state: NetworkState) -> tuple[_Rows, _Rows]:
+        """What was measured of the tags: places of points, and which of them lie on the floor."""
+        R = np.stack([state.tags[tag].R for tag in self.tag_ids])
+        t_m = np.stack([state.tags[tag].t_m for tag in self.tag_ids])
+        of, sigma_m = self._measured.tag, self._measured.sigma_m
+        turned = np.einsum("nij,nj->ni", R[of], self._measured.points_m)
+        arms = (1.0 + state.scale) * turned
+        off = arms + t_m[of] - self._measured.places_m
+        straight = np.broadcast_to(np.eye(3), (len(of), 3, 3))
+        values = np.concatenate([-_cross_matrix(arms), straight, turned[..., np.newaxis]], axis=2)
+        columns = np.concatenate([self._pose_columns(of), np.full((len(of), 1), self.n_unknowns - 1)], axis=1)
+        known = np.isfinite(self._measured.places_m).ravel()
+        measured = _Rows(
+            (off / sigma_m[:, np.newaxis]).ravel()[known],
+            (values / sigma_m[:, np.newaxis, np.newaxis]).reshape(-1, 7)[known],
+            np.repeat(columns, 3, axis=0)[known],
+        )
+        arms = (1.0 + state.scale) * np.einsum("nij,nj->ni", R[self._floor], self._floor_corners_m)
+        by_pose = np.zeros((len(arms), 6))
+        by_pose[:, :3] = -_cross_matrix(arms)[:, 2]
+        by_pose[:, 5] = 1.0
+        heights = arms[:, 2] + t_m[self._floor, 2]
+        floor_m = self.sigmas.floor_m
+        return measured, _Rows(heights / floor_m, by_pose / floor_m, self._pose_columns(self._floor))
+
+    def _weak_rows(self, state: NetworkState) -> tuple[_Rows, _Rows]:
+        """What keeps the equations solvable, and the scale near one."""
+        n, size = self.n_unknowns - 1, self.sigmas.size
+        weak = np.tile(np.repeat([1.0 / WEAK_RAD, 1.0 / WEAK_M], 3), n // 6)
+        return (
+            _Rows(np.zeros(n), weak[:, np.newaxis], np.arange(n)[:, np.newaxis]),
+            _Rows(np.array([state.scale / size]), np.array([[1.0 / size]]), np.array([[n]])),
+        )
+
+    def _pose_columns(self, tag: IntArray) -> IntArray:
+        """Columns (n, 6) of the poses of tags by their places in `tag_ids`."""
+        return np.asarray(6 * (len(self.view_names) + tag)[:, np.newaxis] + np.arange(6))
 
     def _corners(self, state: NetworkState) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Residuals (n, 4, 2) in pixels, and their derivatives by view and tag (…, 6), and by scale."""
@@ -205,32 +235,39 @@ class Network:
         return residual, by_view, by_tag, by_scale
 
 
-class _Rows:
-    """Blocks of a sparse Jacobian, gathered row by row."""
+class _Rows(NamedTuple):
+    """Rows of a sparse Jacobian that have as many entries each.
 
-    def __init__(self) -> None:
-        self._residuals: list[FloatArray] = []
-        self._blocks: list[tuple[int, int, FloatArray]] = []
-        self._n = 0
+    Attributes
+    ----------
+    residual : float64 (n,)
+    values : float64 (n, k)
+    columns : int64 (n, k)
+    """
 
-    def add(self, residual: FloatArray, *blocks: tuple[int, FloatArray | list[list[float]]]) -> None:
-        """Add rows: their residuals, and derivatives from the given column on."""
-        self._residuals.append(residual)
-        self._blocks += [(self._n, column, np.asarray(block)) for column, block in blocks]
-        self._n += len(residual)
-
-    def equations(self, n_unknowns: int) -> NetworkEquations:
-        """Everything that was added."""
-        row = [np.repeat(top + np.arange(len(b)), b.shape[1]) for top, _, b in self._blocks]
-        column = [np.tile(left + np.arange(b.shape[1]), len(b)) for _, left, b in self._blocks]
-        value = [b.ravel() for _, _, b in self._blocks]
-        entries = (np.concatenate(value), (np.concatenate(row), np.concatenate(column)))
-        jacobian = sparse.csr_matrix(entries, shape=(self._n, n_unknowns))
-        return NetworkEquations(np.concatenate(self._residuals), jacobian)
+    residual: FloatArray
+    values: FloatArray
+    columns: IntArray
 
 
-def _moved(pose: Pose, step: FloatArray) -> Pose:
-    return Pose(Rotation.from_rotvec(step[:3]).as_matrix() @ pose.R, pose.t_m + step[3:])
+class _Measured(NamedTuple):
+    """Points of all tags: whose (place in a sequence), where in its frame, where in the rig's, and how well.
+
+    A coordinate that was not measured is NaN.
+    """
+
+    tag: IntArray
+    points_m: FloatArray
+    places_m: FloatArray
+    sigma_m: FloatArray
+
+
+def _measured_points(tags: Sequence[Tag]) -> _Measured:
+    parts = [(tag.points_m(), tag.places_m()) for tag in tags]
+    of = np.repeat(np.arange(len(tags)), [len(points) for points, _ in parts])
+    points, places = (np.concatenate(some) for some in zip(*parts, strict=True))
+    sigma = np.array([tag.centre_sigma_m for tag in tags])[of]
+    return _Measured(of, points, places, sigma)
 
 
 def _cross_matrix(vector: FloatArray) -> FloatArray:
