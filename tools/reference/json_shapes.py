@@ -200,6 +200,7 @@ SHAPES: Mapping[str, Any] = {
         matched=(bool, "whether the store had findings; else only positions went out"),
         errors=(list[str], "why a change set cannot be sent, a sentence each"),
         left_out=(dict[str, str], "accepted finding → why it is in no change set"),
+        unmasked_pictures=(int, "pictures of these findings that are not masked, and stay out"),
         sent_before=(dict[str, str | None], "finding → set at API Skriv that has it already"),
     ),
     "qgis": _shape(
