@@ -76,8 +76,10 @@ def _names(parameter: Any) -> list[str]:
 def _takes(parameter: Any, command: Any) -> str:
     if getattr(parameter, "is_flag", False):
         return ""
+    takes = wanted(parameter, command)
     many = " (several)" if parameter.multiple or parameter.nargs == -1 else ""
-    return f"{wanted(parameter, command)}{many}"
+    # An argument is called by what it takes.
+    return "" if takes in _names(parameter) else f"{takes}{many}"
 
 
 def _default(parameter: Any) -> str:
