@@ -24,7 +24,9 @@ def json_page() -> str:
     found, parts = schemas()
     rows = [[code(f"twin {command} --json"), _kind(shape)] for command, shape in found.items()]
     types = [
-        f"## {name}\n{_keys(part)}" if "properties" in part else f"## {name}\n{_kind(part)}"
+        "\n\n".join(
+            [f"## {name}", part.get("description", ""), _keys(part) if "properties" in part else _kind(part)]
+        ).replace("\n\n\n\n", "\n\n")
         for name, part in sorted(parts.items())
     ]
     return page(

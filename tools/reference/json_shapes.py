@@ -285,7 +285,8 @@ def schemas() -> tuple[dict[str, Any], dict[str, Any]]:
     found, parts = msgspec.json.schema_components(kinds, ref_template="#/$defs/{name}", schema_hook=_other)
     said = SAID | {kind.__name__: attributes_said(kind) for kind in kinds if isinstance(kind, type)}
     for name, part in parts.items():
-        part.pop("description", None)
+        if about := part.pop("description", "").partition("\n")[0]:
+            part["description"] = about
         for key, entry in part.get("properties", {}).items():
             if text := said.get(name, {}).get(key):
                 entry["description"] = text
