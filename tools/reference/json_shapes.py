@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from inspect import getdoc
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import msgspec
 import sqlalchemy as sa
 
+from reference.field_texts import written_below
 from twin.calibrate.drives.history import Histories
 from twin.calibrate.drives.verify import Verification
 from twin.calibrate.extrinsics.calibrate import ExtrinsicsReport
@@ -45,6 +46,29 @@ Field = tuple[str, Any] | tuple[str, Any, Any]
 SAID: dict[str, dict[str, str]] = {}
 """Type → key → what its docstring says of it."""
 
+_SAME_EVERYWHERE = {
+    "drive_id": "the drive",
+    "drive": "name of the drive",
+    "camera": "the camera",
+    "cameras": "the cameras",
+    "object": "the annotated object",
+    "method": "adjusted, single-frame or paper",
+    "warnings": "sentences for a person",
+    "length_m": "driven, metres",
+    "n": "how many",
+    "mean": "of the errors, metres",
+    "median": "of the errors, metres",
+    "p95": "95 % of the errors are smaller, metres",
+    "max": "largest error, metres",
+    "rmse": "root of the mean square of the errors, metres",
+    "east_m": "EPSG:25833, metres",
+    "north_m": "EPSG:25833, metres",
+    "synced_at": "when NVDB was last asked, UTC",
+    "n_annotations": "annotated points and boxes",
+    "n_objects": "annotated objects",
+}
+"""What keys mean wherever they stand, if their record does not say more."""
+
 _OF_COLUMN: Mapping[type, Any] = {
     sa.String: str,
     sa.Float: float,
@@ -63,7 +87,7 @@ def attributes_said(kind: type) -> dict[str, str]:
         meaning = re.sub(r":\w+:`~?([^`]*)`", r"`\1`", " ".join(text.split())).replace("``", "`")
         for name in names.partition(" : ")[0].split(","):
             found[name.strip()] = meaning
-    return found
+    return found | written_below(kind)
 
 
 def _shape(called: str, /, *sources: type, leave: tuple[str, ...] = (), **more: tuple[Any, str]) -> type:
@@ -283,14 +307,23 @@ def schemas() -> tuple[dict[str, Any], dict[str, Any]]:
     """Return command → JSON schema, and the types that these refer to, explained by their docstrings."""
     kinds = list(SHAPES.values())
     found, parts = msgspec.json.schema_components(kinds, ref_template="#/$defs/{name}", schema_hook=_other)
-    said = SAID | {kind.__name__: attributes_said(kind) for kind in kinds if isinstance(kind, type)}
+    said = {one.__name__: attributes_said(one) for kind in kinds for one in _records(kind)} | SAID
     for name, part in parts.items():
         if about := part.pop("description", "").partition("\n")[0]:
             part["description"] = about
         for key, entry in part.get("properties", {}).items():
-            if text := said.get(name, {}).get(key):
+            if text := said.get(name, {}).get(key) or _SAME_EVERYWHERE.get(key):
                 entry["description"] = text
     return dict(zip(SHAPES, found, strict=True)), parts
+
+
+def _records(kind: Any) -> set[type]:
+    """Every dataclass that a type is made of."""
+    found = set().union(*(_records(part) for part in get_args(kind)))
+    if isinstance(kind, type) and (is_dataclass(kind) or hasattr(kind, "__struct_fields__")):
+        found |= {kind} if is_dataclass(kind) else set()
+        found |= set().union(*(_records(part) for part in get_type_hints(kind).values()))
+    return found
 
 
 def _other(kind: type) -> dict[str, Any]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 from collections.abc import Mapping
 from dataclasses import fields
-from itertools import pairwise
 
-from geoloc.locate import error_budget
 from geoloc.locate.error_budget import ErrorBudget
+from reference.field_texts import written_below
 from reference.markdown import code, page, table
 from twin.drives.folder import keys as known
 from twin.drives.folder.keys import Key
@@ -56,21 +53,8 @@ def labels_toml_page() -> str:
     )
 
 
-def error_terms() -> dict[str, str]:
-    """Return term of the error budget → what its class says of it."""
-    found: dict[str, str] = {}
-    module = ast.parse(inspect.getsource(error_budget))
-    body = next(node.body for node in module.body if getattr(node, "name", "") == ErrorBudget.__name__)
-    for field, text in pairwise(body):
-        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
-            assert isinstance(field.target, ast.Name)
-            assert isinstance(text.value, ast.Constant)
-            found[field.target.id] = " ".join(str(text.value.value).split()).replace("`", "")
-    return found
-
-
 def _errors() -> str:
-    said = error_terms()
+    said = written_below(ErrorBudget)
     rows = [
         [code(field.name), f"{field.default:g}", said.get(field.name, "")]
         for field in fields(ErrorBudget)

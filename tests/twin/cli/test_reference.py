@@ -15,8 +15,9 @@ from typer.main import get_command
 
 from geoloc.locate.error_budget import ErrorBudget
 from reference.commands import HELP_OPTION, commands
+from reference.field_texts import written_below
 from reference.json_shapes import SHAPES
-from reference.keys import DRIVE_TABLES, error_terms
+from reference.keys import DRIVE_TABLES
 from reference.tables import exit_code_meanings
 from twin.cli import exit_codes
 from twin.cli.app import app
@@ -57,7 +58,7 @@ def test_every_key_is_explained() -> None:
     """A key of drive.toml or labels.toml says what it takes and means, a term of the budget what it is."""
     keys = [(name, key) for table in (*DRIVE_TABLES.values(), LABEL_KEYS) for name, key in table.items()]
     assert [name for name, key in keys if not (key.takes and key.meaning)] == []
-    assert set(error_terms()) == {field.name for field in fields(ErrorBudget)}
+    assert set(written_below(ErrorBudget)) == {field.name for field in fields(ErrorBudget)}
 
 
 def test_defaults_are_those_of_the_reader() -> None:
