@@ -337,8 +337,8 @@ def _selected(store: Store, selection: Selection) -> list[FindingStatus]:
         selected = select(view.rows, selection)
     if not selected:
         raise RefusedError(
-            f"No finding that is {' or '.join(selection.decisions)} fits what was selected, so nothing was "
-            "decided: `twin findings` lists them; --state selects those that were decided before."
+            f"No {' or '.join(selection.decisions)} finding fits what was selected, so nothing was decided: "
+            "`twin findings` lists them; --state selects those that were decided before."
         )
     return selected
 

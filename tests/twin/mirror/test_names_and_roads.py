@@ -88,7 +88,7 @@ def test_new_sign_has_the_reference_of_the_road_beside_it(matched_road: Path) ->
     assert all(roads[one.change_id].reference.startswith(("E", "F", "K", "R")) for one in found)
 
 
-@pytest.mark.parametrize("command", [["match"], ["decide", "dismiss", "--verdict", "new", "--dry-run"]])
+@pytest.mark.parametrize("command", [["findings"], ["decide", "dismiss", "--verdict", "new", "--dry-run"]])
 def test_lists_are_norwegian_where_asked(
     twin: Twin, store: Path, command: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
