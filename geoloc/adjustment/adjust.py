@@ -37,6 +37,7 @@ from geoloc.adjustment.scene import Scene, bodies_at, rays_of, sigma_px_of
 from geoloc.adjustment.solve import Solution, solve
 from geoloc.adjustment.unknowns import READOUT, TIME
 from geoloc.arrays import FloatArray, TextArray
+from geoloc.cameras.nominal import moves_at
 from geoloc.doubts import Doubt
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.error_budget import LIKELY_READOUT_MS, ErrorBudget
@@ -54,7 +55,7 @@ _WIDER = 3.0
 _SAME_MOTION_S, _MOST_ROUNDS = 0.03, 8
 _POSE_ROUNDS = 2
 # Lenses are taken as linear about what is known of them: that is good to this.
-_SAME_LENS_PX, _LENS_ROUNDS, _MOST_LOST = 1.0, 4, 0.9
+_SAME_LENS_PX, _LENS_ROUNDS = 1.0, 4
 _NO_LENS: Mapping[str, FloatArray] = MappingProxyType({})
 # Begun so far from the clock that was found, an adjustment comes back to it if the drive tells the time.
 # Where fixes of metres make yaw rates and speeds tremble, it stays wherever it begins.
@@ -233,20 +234,35 @@ class _Task:
         rejected[np.setdiff1d(placed.row, scene.row)] = Reason.NO_CROSSING
         return _Seen(shift_ns, placed, scene, rejected, poses, lens)
 
-    def solved(self, seen: _Seen, priors: ErrorBudget) -> _Solved:
-        """Solve by these priors."""
+    def solved(self, seen: _Seen, priors: ErrorBudget, start: FloatArray | None = None) -> _Solved:
+        """Solve by these priors; from `start`, which is near, or from the first guesses.
+
+        Lenses that nobody calibrated are taken as exact at first, with what they may be off among the pixels'
+        noise: from first guesses a focal length runs away with wrong distances.
+        """
+        sigma_px = _lens_noise_px(seen.scene) if start is None else None
+        if sigma_px is not None and seen.scene.lens_sigma is not None:
+            held = replace(
+                seen.scene,
+                sigma_px=np.hypot(seen.scene.sigma_px, sigma_px),
+                lens_sigma=np.zeros_like(seen.scene.lens_sigma),
+            )
+            start = self._solution(held, seen, priors, None).x
+        solution = self._solution(seen.scene, seen, priors, start)
+        final = solution.equations.model
+        return _Solved(seen, final, solution, spread(final, solution))
+
+    def _solution(self, scene: Scene, seen: _Seen, priors: ErrorBudget, start: FloatArray | None) -> Solution:
         model, prior = model_of(
-            seen.scene, self.observations.trajectory, priors, self.readout_s, self.pole_radius_m
+            scene, self.observations.trajectory, priors, self.readout_s, self.pole_radius_m
         )
         if self.terrain is not None:
             model = on_terrain(model, self.terrain, self.budget)
         taken = {TIME: seen.shift_ns / NANOSECONDS}
-        if model.layout.has_lenses and seen.scene.lens_known is not None:
+        if model.layout.has_lenses and scene.lens_known is not None:
             places = model.layout.lens(np.arange(model.layout.n_cameras)).ravel().tolist()
-            taken |= dict(zip(places, seen.scene.lens_known.ravel().tolist(), strict=True))
-        solution = solve(model, about(prior, taken), self.noise)
-        final = solution.equations.model
-        return _Solved(seen, final, solution, spread(final, solution))
+            taken |= dict(zip(places, scene.lens_known.ravel().tolist(), strict=True))
+        return solve(model, about(prior, taken), self.noise, start)
 
     def with_pose_sigmas(self, at: _Solved, priors: ErrorBudget) -> tuple[_Task, _Solved]:
         """Scale sigmas of poses that nobody stated by what the bearings make of them, and solve anew."""
@@ -291,12 +307,28 @@ class _Task:
             moved = at.model.lens_moves @ more[scene.camera][:, :, None]
             if not moved.size or np.abs(moved).max() < _SAME_LENS_PX:
                 return at
-            found = dict(zip(scene.cameras, scene.lens_known + more, strict=True))
-            seen = self.seen(at.seen.shift_ns, found)
-            if seen.scene.point.size < _MOST_LOST * scene.point.size:
+            seen = self._with_lens(at.seen, dict(zip(scene.cameras, scene.lens_known + more, strict=True)))
+            if seen is None:
                 return at
-            at = self.solved(seen, priors)
+            start = at.solution.x.copy()
+            start[layout.lens(np.arange(layout.n_cameras))] = 0.0
+            at = self.solved(seen, priors, start)
         return at
+
+    def _with_lens(self, seen: _Seen, lens: Mapping[str, FloatArray]) -> _Seen | None:
+        """The same sightings with these errors of lenses taken off; None where a pixel then has no ray."""
+        asked, scene = self.observations, seen.scene
+        rays = rays_of(asked.rig, asked.sightings, lens)
+        if np.any(rays.rejected[scene.row] == Reason.OUTSIDE_CAMERA):
+            return None
+        known = np.array([lens[name] for name in scene.cameras])
+        new = replace(
+            scene,
+            ray=rays.ray[scene.row],
+            pixel_from_ray=rays.pixel_from_ray[scene.row],
+            lens_known=known,
+        )
+        return seen._replace(scene=new, lens=lens)
 
     def tells_time(self, at: _Solved, priors: ErrorBudget) -> bool:
         """Whether the bearings find the same clock from a second earlier and a second later."""
@@ -325,6 +357,15 @@ class _Task:
     @staticmethod
     def _by_rays_s(at: _Solved, priors: ErrorBudget) -> float:
         return 1e-3 * clock_of_the_rays(at.solution, at.found, priors.time_ms, at.shift_s).value
+
+
+def _lens_noise_px(scene: Scene) -> FloatArray | None:
+    """What lenses may move each pixel by (n,), one sigma of an axis; None where all are exact."""
+    away, half = scene.lens_away_px, scene.lens_half_px
+    if away is None or half is None or scene.lens_sigma is None:
+        return None
+    moved = moves_at(away, half) * scene.lens_sigma[scene.camera][:, None, :]
+    return np.asarray(np.sqrt(0.5 * np.sum(moved**2, axis=(1, 2))))
 
 
 def _unchecked_clock(budget: ErrorBudget, at: _Solved) -> Iterator[Doubt]:

@@ -96,9 +96,10 @@ def scene_of(
     positions = np.array([c.rig_t_camera_m for c in cameras]).reshape(-1, 3)
     body, ray = rows_of(placed.body, row), placed.rays.ray[row]
     anchor, start = np.empty((0, 2)), np.empty((0, 3))
+    mounted = 0.0 if budget is None else float(np.radians(budget.boresight_deg))
     if row.size:
         in_rig = np.einsum("nij,nj->ni", rotations[index], ray)
-        anchor, start = first_guesses(body, in_rig, positions[index], placed.point, placed.is_foot)
+        anchor, start = first_guesses(body, in_rig, positions[index], placed.point, placed.is_foot, mounted)
     found = np.asarray(np.isfinite(start).all(axis=1))
     # Each point's frame is moved to the point itself: offsets are then small, and the frame level there.
     latitude, longitude = geographic_from_enu(

@@ -26,6 +26,7 @@ def first_guesses(
     camera_m: FloatArray,
     point: IntArray,
     is_foot: BoolArray,
+    mounted_rad: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Find a start for each point.
 
@@ -39,6 +40,8 @@ def first_guesses(
         Unit rays and their origins in the rig frame.
     point : int64 (n,)
         Which point a row belongs to, 0 … m-1, each at least once.
+    mounted_rad : float
+        How far cameras may be turned, one sigma.
     is_foot : bool (m,)
 
     Returns
@@ -57,13 +60,14 @@ def first_guesses(
     ray = np.einsum("nij,nj->ni", bodies.enu_R_rig, rays_rig)
     up = bodies.enu_R_rig[:, :, 2]
     start = np.full((len(groups), 3), np.nan)
+    sigma_rad = max(_RAY_SIGMA_RAD, mounted_rad)
     for m, rows in enumerate(groups):
         few = rows[np.linspace(0, rows.size - 1, min(rows.size, _SPREAD)).round().astype(int)]
         candidates = _crossings(eye[few], ray[few])
         if is_foot[m]:
             candidates = np.concatenate([candidates, _on_planes(eye[few], ray[few], origin[few], up[few])])
         if candidates.size:
-            start[m] = _best(candidates, eye[rows], ray[rows], origin[rows], up[rows], is_foot[m])
+            start[m] = _best(candidates, eye[rows], ray[rows], origin[rows], up[rows], is_foot[m], sigma_rad)
     return anchor, start
 
 
@@ -92,7 +96,13 @@ def _on_planes(eye: FloatArray, ray: FloatArray, origin: FloatArray, up: FloatAr
 
 
 def _best(
-    candidates: FloatArray, eye: FloatArray, ray: FloatArray, origin: FloatArray, up: FloatArray, foot: bool
+    candidates: FloatArray,
+    eye: FloatArray,
+    ray: FloatArray,
+    origin: FloatArray,
+    up: FloatArray,
+    foot: bool,
+    sigma_rad: float,
 ) -> FloatArray:
     """The candidate (3,) with the smallest truncated cost; NaN if none is possible."""
     to = candidates[:, None, :] - eye
@@ -100,7 +110,7 @@ def _best(
     cosine = np.clip(np.sum(to * ray, axis=2) / np.maximum(distance, 1e-6), -1.0, 1.0)
     # Mounting errors are shared: a hundred rays of one camera say no more about them than a few.
     say = min(len(ray), _INDEPENDENT)
-    cost = say * np.minimum((np.arccos(cosine) / _RAY_SIGMA_RAD) ** 2, _TRUNCATED).mean(axis=1)
+    cost = say * np.minimum((np.arccos(cosine) / sigma_rad) ** 2, _TRUNCATED).mean(axis=1)
     if foot:
         from_rig = candidates[:, None, :] - origin
         above = np.sum(from_rig * up, axis=2)

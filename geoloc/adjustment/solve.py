@@ -19,6 +19,8 @@ _GATE = -2.0 * np.log(0.001)
 # still unknown, then as narrow as noise allows.
 _ANNEALING = (30.0, 10.0, 5.0, 3.0)
 _STEPS_A_SCALE = 3
+# A camera that nobody calibrated was not mounted by a calibration either.
+_WIDEST = (100.0,)
 _SETTLED_M = 0.02
 _FINAL_ROUNDS = 8
 _TRIES, _LEAST_DAMPING = 8, 1e-4
@@ -65,7 +67,9 @@ class _At(NamedTuple):
     moved_m: float
 
 
-def solve(model: Model, prior: Prior, stated_noise: float | None = None) -> Solution:
+def solve(
+    model: Model, prior: Prior, stated_noise: float | None = None, start: FloatArray | None = None
+) -> Solution:
     """Find the unknowns that fit all sightings best, whatever some of them say.
 
     First every sighting weighs by a Cauchy function whose scale shrinks from round to round; then those
@@ -76,11 +80,14 @@ def solve(model: Model, prior: Prior, stated_noise: float | None = None) -> Solu
     ----------
     stated_noise : float, optional
         Factor on every sigma of a pixel. Default: estimated from the residuals.
+    start : float64 (u,), optional
+        Where to begin: near the solution. Default: at the first guesses.
     """
     equations = Equations(model, prior)
-    x = np.zeros(model.layout.size)
+    x = np.zeros(model.layout.size) if start is None else start.copy()
     at = _At(x, equations.squares(x), 0.0, 0.0)
-    for scale in _ANNEALING:
+    wide = _WIDEST if model.layout.has_lenses else ()
+    for scale in (*wide, *_ANNEALING) if start is None else _ANNEALING[-2:]:
         for _ in range(_STEPS_A_SCALE):
             at = _step(equations, at, 1.0 / (1.0 + at.square / scale**2))
             if at.moved_m < _SETTLED_M:
