@@ -54,9 +54,9 @@ def lens_doubts(adjusted: Adjusted | None) -> tuple[Doubt, ...]:
     return tuple(
         Doubt(
             DriveDoubt.RIG,
-            f"The focal length of {camera}, which nobody calibrated, was taken as {found.value:+.1f} % off the"
-            " stated one, as fits this drive best. It is no calibration: with fixes of metres it takes up their"
-            " errors too.",
+            f"The focal length of {camera}, which nobody calibrated, was taken as {found.value:+.1f} % off"
+            " the stated one, as fits this drive best. It is no calibration: with fixes of metres it takes up"
+            " their errors too.",
         )
         for camera, found in (adjusted.focal_percent if adjusted else {}).items()
     )
