@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.calibration_files import CalibratedCamera, read_cameras
-from geoloc.cameras.nominal import LensSigmas
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import model_properties
 from geoloc.rig.rig import Rig, lens_properties, looks_like_rig, rig_from_document, without_template_masks
@@ -147,7 +146,7 @@ def _with_cameras(
         if camera.nominal is not None:
             lens = camera.nominal.sigmas
             sensor["properties"] = model_properties(name, camera.nominal.model) | lens_properties(lens)
-            notes.warn(DriveDoubt.RIG, _nominal(name, camera.nominal.lens.name, lens))
+            notes.warn(DriveDoubt.RIG, _nominal(name, camera.nominal.lens.name))
         if camera.position_m is not None:
             sensor = {key: value for key, value in sensor.items() if key not in _POSE_KEYS}
             angles = list(camera.roll_pitch_yaw_deg)
@@ -158,11 +157,10 @@ def _with_cameras(
     return _with_sensors(document, sensors)
 
 
-def _nominal(camera: str, lens: str, sigmas: LensSigmas) -> str:
+def _nominal(camera: str, lens: str) -> str:
     return (
-        f"The lens of {camera} is a nominal one ({lens}): its focal length is taken as good to"
-        f" {sigmas.focal_share:.0%}, and corrected by what the drive shows. Calibrate the camera (twin help"
-        " calibration) for positions that do not depend on that."
+        f"The lens of {camera} is a nominal one ({lens}), which what the drive shows corrects, and the ellipses"
+        " hold what it may be off: calibrate the camera (twin help calibration) for better positions."
     )
 
 

@@ -32,9 +32,9 @@ _CALIBRATIONS = {f"calibration, {name}" for name in CALIBRATION_KINDS.values()}
 _NAMES_OF_LENSES = (
     ("iphone", "iphone main"),
     ("pixel", "pixel main"),
-    ("hero9", "gopro hero9-12 wide"),
-    ("hero1", "gopro hero9-12 wide"),
-    ("gopro", "gopro hero5-8 wide"),
+    # GoPro's firmware is called HD5 to HD8 in HERO5 to 8.
+    *((f"hd{number}.", "gopro hero5-8 wide") for number in range(5, 9)),
+    ("gopro", "gopro hero9-12 wide"),
     ("insta360", "insta360 one r 1-inch"),
     ("osmo", "dji osmo action"),
     ("dji", "dji osmo action"),
