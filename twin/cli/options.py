@@ -68,5 +68,5 @@ def person(by: str | None) -> str:
         return by
     try:
         return getpass.getuser()
-    except (KeyError, OSError):
+    except (ImportError, KeyError, OSError):  # without an environment, Windows knows nobody
         return ""
