@@ -13,7 +13,7 @@ import typer
 from twin.cli.journal import PASSWORD, without_secrets
 from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
 from twin.cli.output import print_json, print_table
-from twin.cli.settings import SETTINGS, Held, Setting, held_settings, store_file, user_file
+from twin.cli.settings import SETTINGS, Held, Setting, held_settings, is_there, store_file, user_file
 
 app = typer.Typer()
 
@@ -57,7 +57,7 @@ def config(ctx: typer.Context, store: StoreOption = DEFAULT_STORE, json_output: 
         print_json(
             {
                 "files": [
-                    {"what": what, "path": str(path.absolute()), "exists": path.is_file()}
+                    {"what": what, "path": str(path.absolute()), "exists": is_there(path)}
                     for what, path in files.items()
                 ],
                 "settings": [asdict(one) for one in settings],
@@ -65,7 +65,7 @@ def config(ctx: typer.Context, store: StoreOption = DEFAULT_STORE, json_output: 
             }
         )
         return
-    found = [(what, path.absolute(), "yes" if path.is_file() else "no") for what, path in files.items()]
+    found = [(what, path.absolute(), "yes" if is_there(path) else "no") for what, path in files.items()]
     print_table("Files, the upper above the lower", ["twin.toml", "path", "exists"], found, right_from=3)
     rows = [(one.key, _shown(one.value), _source(one), one.what) for one in settings]
     rows.append(

@@ -145,6 +145,14 @@ def held_settings(store: Path) -> dict[str, Held]:
     return held
 
 
+def is_there(path: Path) -> bool:
+    """Whether this user can see a file."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
 def read_file(path: Path, *, beside_store: bool) -> dict[str, Held]:
     """Read one file; nothing where there is none.
 
@@ -158,8 +166,8 @@ def read_file(path: Path, *, beside_store: bool) -> dict[str, Held]:
     except (FileNotFoundError, NotADirectoryError):
         return {}
     except OSError as error:
-        if beside_store and not _may_enter(path.parent):
-            return {}  # the store there says it better
+        if not _may_enter(path.parent):
+            return {}  # another user's: of a store there the store itself says it
         raise ConfigError(f"The settings {path} cannot be read ({error.strerror}): mend that.") from error
     except ValueError as error:
         raise ConfigError(f"The settings {path} are no TOML ({error}): mend that line.") from error

@@ -124,6 +124,22 @@ def test_a_store_that_may_only_be_read(
         assert said(answer, guarded) == said(twin(*words.split(), "--store", store, "--json"), store)
 
 
+def test_settings_of_another_user_are_none_of_this_ones(
+    twin: Twin, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Started with another user's home, as by `su` or a service, twin has no settings there and works."""
+    with tempfile.TemporaryDirectory() as name:
+        (Path(name) / "twin").mkdir()
+        (Path(name) / "twin" / "twin.toml").write_text('lang = "nb"', encoding="utf-8")
+        assert twin("config").code == 0  # loads what the other user may not be able to read
+        monkeypatch.setenv("XDG_CONFIG_HOME", name)
+        Path(name).chmod(0o000)
+        with unprivileged():
+            codes = [twin("config").code, twin("config", "--json").code]
+        Path(name).chmod(0o755)
+    assert codes == [0, 0]
+
+
 def test_what_others_are_writing_is_read_too(twin: Twin, store: Path) -> None:
     """Of a store that another user writes to, the newest state is read, not the file without its log."""
     with tempfile.TemporaryDirectory() as name:
@@ -168,7 +184,7 @@ def test_a_store_written_while_it_is_read_says_so(guarded: Path) -> None:
             opened.count(schema.estimate)
 
 
-@pytest.mark.parametrize("command", ["status", "match", "ingest-drive TRIP", "sync-nvdb", "review --no-open"])
+@pytest.mark.parametrize("command", ["status", "match", "ingest-drive TRIP", "sync-nvdb", "drives"])
 @pytest.mark.parametrize("rights", ["file", "folder"])
 def test_a_store_that_may_not_be_read(
     twin: Twin, store: Path, sample: Path, command: str, rights: str
@@ -178,8 +194,11 @@ def test_a_store_that_may_not_be_read(
         path = Path(shutil.copy(store, Path(name) / "twin.db"))
         path.chmod(0o000 if rights == "file" else 0o644)
         Path(name).chmod(0o000 if rights == "folder" else 0o755)
+        words = command.replace("TRIP", str(sample / "trip_trondheim")).split()
+        missing = Path(name).parent / "nowhere" / "twin.db"
+        assert twin(*words, "--store", missing).code in {2, 4}  # loads what others may not be able to read
         with unprivileged():
-            answer = twin(*command.replace("TRIP", str(sample / "trip_trondheim")).split(), "--store", path)
+            answer = twin(*words, "--store", path)
         Path(name).chmod(0o755)
     assert answer.code == 4
     assert answer.err.count("\n") == 1
