@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
+import pytest
 from hypothesis import settings
 
 # Before NumPy is loaded: matrices are small here, and the threads of several workers on the same cores wait
@@ -22,3 +23,34 @@ sys.dont_write_bytecode = False
 # A clock never decides a test, and every run draws the same examples.
 settings.register_profile("twin", deadline=None, derandomize=True, database=None, max_examples=60)
 settings.load_profile("twin")
+
+# What takes longest comes first: a long file that begins last would leave the other cores idle (`make test`
+# gives each core whole files, for what their tests share).
+_LONGEST = (
+    "twin/review/test_page.py",
+    "twin/calibrate/test_calibrate_intrinsics.py",
+    "twin/calibrate/test_mounting_recipe.py",
+    "twin/cli/test_machine.py",
+    "twin/changesets/test_sent_once.py",
+    "twin/matching/test_match.py",
+    "twin/matching/test_renumbered.py",
+    "twin/evidence/test_make.py",
+    "twin/export/test_folder.py",
+    "twin/mirror/test_faults.py",
+    "geoloc/calibration/test_intrinsics.py",
+    "geoloc/calibration/test_extrinsics.py",
+    "geoloc/calibration/test_extrinsics_contradiction.py",
+    "geoloc/adjustment/test_clock.py",
+    "geoloc/adjustment/test_long_drives.py",
+    "geoloc/adjustment/test_adjust.py",
+    "twin/calibrate/test_extrinsics_command.py",
+    "twin/drives/test_fault_matrix.py",
+    "twin/ingest/test_ingest.py",
+    "twin/export/test_findings.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the long files first, each whole; the others keep their order."""
+    place = {f"tests/{name}": at for at, name in enumerate(_LONGEST)}
+    items.sort(key=lambda item: place.get(item.nodeid.partition("::")[0], len(place)))

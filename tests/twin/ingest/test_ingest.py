@@ -223,7 +223,7 @@ def test_ingest_compares_headings_with_the_track(
     empty: Store, tmp_path: Path, change: Any, refused: bool
 ) -> None:
     """Headings in radians are refused, headings 25 degrees off are warned of."""
-    drive = simulate_drive(scenario("urban", 25.0, 3), 3)
+    drive = simulate_drive(scenario("approach", 15.0, 3), 3)
     write_posed_trip(drive, tmp_path / "folder")
     path = tmp_path / "folder" / "poses.csv"
     header, *rows = path.read_text().splitlines()
