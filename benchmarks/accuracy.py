@@ -14,7 +14,8 @@ measured a yard does (`twin ingest-drive --error`); the first rows take it for g
 
 `--as-stated` asks another question: not whether covariances suit these roads and cars, but whether they are
 right. Every error is then drawn as large as the budget and the priors say (`geoloc.simulation.as_stated`),
-and NEES should be 1. Intervals (95 %) are of drawing the drives anew.
+and NEES should be 1. Intervals (95 %) are of drawing the drives anew. Their clocks alone are not drawn but
+lie evenly over their distribution: at speed a clock is most of an ellipse, and twenty draws are a lottery.
 """
 
 from __future__ import annotations
@@ -147,6 +148,23 @@ def recorded(case: Case, speed_kmh: float | None, seed: int, *, stated: bool = F
     )
 
 
+def spread_clocks(drives: int) -> FloatArray:
+    """Clocks (drives,) in sigmas, in any order: quantiles of their distribution, of mean square 1."""
+    from scipy.stats import norm
+
+    clocks = norm.ppf((np.arange(drives) + 0.5) / drives) if drives > 1 else np.ones(1)
+    return np.random.default_rng(0).permutation(clocks / np.sqrt(np.mean(clocks**2)))
+
+
+def with_clock(recording: Recorded, sigmas: float) -> Recorded:
+    """Stamp the frames of a drive with a clock that is off by so many of its sigmas."""
+    drive = recording.drive
+    offset_ms = sigmas * drive.scenario.noise.frame_offset_ms
+    later_ns = round(1e6 * (offset_ms - drive.drawn.frame_offset_ms))
+    drawn = replace(drive.drawn, frame_offset_ms=offset_ms)
+    return recording._replace(drive=replace(drive, drawn=drawn), epoch_ns=recording.epoch_ns + later_ns)
+
+
 def found_by(method: str, recording: Recorded) -> Found:
     """Positions by one method."""
     drive, trajectory, sightings, _, number, epoch, _, stated = recording
@@ -264,10 +282,11 @@ def run_as_stated(case: Case, seeds: int) -> tuple[FloatArray, FloatArray]:
     """Mean NEES / 2 and height NEES of each drive ``(n,)`` whose errors are those that are stated."""
     count = max(1, round(seeds * case.drives))
     first = AS_STATED_SEED + SEEDS_A_CASE * CASES.index(case)
-    honest = np.full((2, count), np.nan)
+    honest, clocks = np.full((2, count), np.nan), spread_clocks(count)
     for i in track(range(count), description=case.label, console=console(stderr=True), transient=True):
         speed = case.speeds_kmh[i % len(case.speeds_kmh)]
-        found = found_by("adjusted", recorded(case, speed, first + i, stated=True))
+        recording = with_clock(recorded(case, speed, first + i, stated=True), clocks[i])
+        found = found_by("adjusted", recording)
         chosen = slice(None) if case.object is None else slice(case.object, case.object + 1)
         offset, covariance, sigma_up = (column[chosen] for column in found)
         known = np.isfinite(offset[:, 0])

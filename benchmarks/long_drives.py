@@ -20,11 +20,21 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from accuracy import CHI2_95, Case, Recorded, adjusted_of, offsets, recorded, show
+from accuracy import (
+    CHI2_95,
+    Case,
+    Recorded,
+    adjusted_of,
+    offsets,
+    recorded,
+    show,
+    spread_clocks,
+    with_clock,
+)
 from rich.progress import track
 
 from geoloc.arrays import FloatArray
@@ -57,23 +67,6 @@ class Row:
     def case(self) -> Case:
         """The case that its drives are of."""
         return Case(self.kind, self.kind, (None,), (0.0, None), minutes=self.minutes)
-
-
-def spread_clocks(drives: int) -> FloatArray:
-    """Clocks (drives,) in sigmas, in any order: quantiles of their distribution, of mean square 1."""
-    from scipy.stats import norm
-
-    clocks = norm.ppf((np.arange(drives) + 0.5) / drives) if drives > 1 else np.ones(1)
-    return np.random.default_rng(0).permutation(clocks / np.sqrt(np.mean(clocks**2)))
-
-
-def with_clock(recording: Recorded, sigmas: float) -> Recorded:
-    """Stamp the frames of a drive with a clock that is off by so many of its sigmas."""
-    drive = recording.drive
-    offset_ms = sigmas * drive.scenario.noise.frame_offset_ms
-    later_ns = round(1e6 * (offset_ms - drive.drawn.frame_offset_ms))
-    drawn = replace(drive.drawn, frame_offset_ms=offset_ms)
-    return recording._replace(drive=replace(drive, drawn=drawn), epoch_ns=recording.epoch_ns + later_ns)
 
 
 def result_of(recording: Recorded) -> Result:
