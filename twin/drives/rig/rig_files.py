@@ -159,8 +159,8 @@ def _with_cameras(
 
 def _nominal(camera: str, lens: str) -> str:
     return (
-        f"The lens of {camera} is a nominal one ({lens}), which what the drive shows corrects, and the ellipses"
-        " hold what it may be off: calibrate the camera (twin help calibration) for better positions."
+        f"The lens of {camera} is a nominal one ({lens}). The drive corrects it as far as it shows, and the"
+        " ellipses hold the rest: calibrate the camera (twin help calibration) for better positions."
     )
 
 
