@@ -56,9 +56,9 @@ def test_a_recipes_command_can_be_given(file: str, arguments: str) -> None:
 
 def test_every_recipe_calls_twin() -> None:
     """Whoever reads the commands above finds both of the night's in each recipe that runs at night."""
-    said = {file: [call.split()[0] for name, call in _commands() if name == file] for file, _ in _commands()}
-    for file in ("compose.yaml", "twin-nightly.service", "twin.cron", "twin-nightly.cmd"):
-        assert [name for name in said[file] if name in {"sync-nvdb", "match"}][-2:] == ["sync-nvdb", "match"]
+    for recipe in ("compose.yaml", "twin-nightly.service", "twin.cron", "twin-nightly.cmd"):
+        words = [word for file, call in _commands() if file == recipe for word in call.split()]
+        assert [word for word in words if word in {"sync-nvdb", "match"}][-2:] == ["sync-nvdb", "match"]
 
 
 def test_the_container_copies_what_a_build_needs() -> None:
@@ -67,4 +67,4 @@ def test_the_container_copies_what_a_build_needs() -> None:
     copied = re.findall(r"^COPY (?!--from)(.*) \S+$", recipe, re.MULTILINE)
     names = {name for line in copied for name in line.split()}
     assert all((ROOT / name).exists() for name in names)
-    assert names == {"pyproject.toml", "README.md", "LICENSE", "data", "geoloc", "nvdb", "twin"}
+    assert names == {"pyproject.toml", "README.md", "LICENSE", "data", "docs", "geoloc", "nvdb", "twin"}
