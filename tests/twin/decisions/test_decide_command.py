@@ -121,7 +121,6 @@ def test_decide_in_bulk_says_how_many_and_never_nothing(twin: Twin, store: Path,
         ["accept", "--verdict", "unchanged"],
         ["accept", "--since", "yesterday"],
         ["accept", "--drive", "nosuchdrive"],
-        ["accept", "--area", "nosuch.geojson"],
         ["accept", "--verdict", "new", "--by", ""],
     ],
 )
@@ -150,7 +149,7 @@ def test_decide_from_a_file_that_was_decided_in_elsewhere(twin: Twin, store: Pat
     decide_in_qgis(utm33, ids["moved"], "perhaps")
     assert '"perhaps"' in twin("decide", "--from", utm33, "--store", store).err
     assert twin("decide", "--from", store, "--store", store).code == 5
-    assert twin("decide", "--from", tmp_path / "none.gpkg", "--store", store).code == 5
+    assert twin("decide", "--from", tmp_path / "none.gpkg", "--store", store).code == 4
 
 
 def test_export_does_not_bring_back_what_was_undone(twin: Twin, store: Path, tmp_path: Path) -> None:

@@ -78,9 +78,9 @@ def test_qgis_of_an_export_without_a_match_asks_for_no_decision(
 
 
 def test_qgis_of_a_folder_without_an_export_says_what_to_run(twin: Twin, tmp_path: Path) -> None:
-    """One sentence, and the exit code for what was refused."""
+    """One sentence, and the exit code for a missing file."""
     answer = twin("qgis", tmp_path)
-    assert answer.code == 5
+    assert answer.code == 4
     assert "twin export" in answer.err
 
 

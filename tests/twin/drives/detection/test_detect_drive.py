@@ -167,9 +167,9 @@ def test_methods_that_need_feet_are_refused(
 def test_command_runs_the_detector(
     board_drive: tuple[Any, Path], model: Path, twin: Twin, tmp_path: Path
 ) -> None:
-    """``twin ingest-drive --detector`` ends with two estimates, and tells its progress on stderr."""
+    """``twin ingest-drive --detector`` ends with two estimates, and tells its progress if asked."""
     answer = twin(
-        *("ingest-drive", board_drive[1], "--detector", model, "--detector-every", 4),
+        *("--verbose", "ingest-drive", board_drive[1], "--detector", model, "--detector-every", 4),
         *("--store", tmp_path / "twin.db"),
     )
     assert answer.code == 0
