@@ -120,7 +120,7 @@ GOPRO = TrackFormat(
     gpmf.fixes_of_video,
     asked_for="a GoPro video with its own GPS",
 )
-FORMATS = (ROS, EXIF, POSES, GPX, SBP, NMEA, GOPRO)
+FORMATS = (ROS, GOPRO, EXIF, POSES, GPX, SBP, NMEA)
 """The first that knows a recording as its own reads it."""
 _ASKED_FOR = [one.asked_for for one in reversed(FORMATS) if one.asked_for]
 NAMES = f"{', '.join(_ASKED_FOR[:-1])} or {_ASKED_FOR[-1]}"
