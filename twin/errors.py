@@ -19,6 +19,22 @@ Exit codes live in :mod:`twin.cli.exit_codes` alone.
 
 from __future__ import annotations
 
+import errno
+
+_RIGHTS = "give this user the right to it, or name another"
+_SPACE = "free space on the disk, or name another place"
+CURES = {
+    errno.EACCES: _RIGHTS,
+    errno.EPERM: _RIGHTS,
+    errno.EROFS: _RIGHTS,
+    errno.ENOSPC: _SPACE,
+    errno.EDQUOT: _SPACE,
+    errno.EFBIG: _SPACE,
+    errno.EIO: "the disk fails; name another place",
+    errno.EMFILE: "allow this process more open files (ulimit -n)",
+}
+"""Error number of the system → what helps."""
+
 
 class TwinError(Exception):
     """Base of every error that ``twin`` raises."""

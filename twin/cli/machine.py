@@ -6,7 +6,6 @@ for minutes, and then ends the process. So there is to be enough before such a l
 
 from __future__ import annotations
 
-import errno
 import mmap
 import os
 import sys
@@ -15,6 +14,7 @@ from importlib.abc import MetaPathFinder
 from typing import Any
 
 from twin.cli.exit_codes import EXIT_DATA, EXIT_MACHINE
+from twin.errors import CURES
 
 _MB = 1 << 20
 _NEEDED_MB = {"numpy": 128, "scipy.linalg": 176, "geopandas": 300}
@@ -27,18 +27,6 @@ _NO_MEMORY = (
     "There is too little memory: close other programs, or allow this process more (ulimit -v unlimited). "
     "What was done so far is kept."
 )
-_RIGHTS = "give this user the right to it, or name another"
-_SPACE = "free space on the disk, or name another place"
-_CURES = {
-    errno.EACCES: _RIGHTS,
-    errno.EPERM: _RIGHTS,
-    errno.EROFS: _RIGHTS,
-    errno.ENOSPC: _SPACE,
-    errno.EDQUOT: _SPACE,
-    errno.EFBIG: _SPACE,
-    errno.EIO: "the disk fails; name another place",
-    errno.EMFILE: "allow this process more open files (ulimit -n)",
-}
 
 
 class _BeforeLoading(MetaPathFinder):
@@ -62,9 +50,9 @@ def refusal(error: Exception) -> tuple[int, str] | None:
     # Of too little memory libraries complain in many ways.
     if isinstance(error, MemoryError) or not _is_there(_SPARE_MB):
         return EXIT_MACHINE, _NO_MEMORY
-    if isinstance(error, OSError) and error.errno in _CURES:
+    if isinstance(error, OSError) and error.errno in CURES:
         what = f"{error.filename} cannot be used" if error.filename else "A file cannot be written"
-        return EXIT_DATA, f"{what} ({error.strerror}): {_CURES[error.errno]}."
+        return EXIT_DATA, f"{what} ({error.strerror}): {CURES[error.errno]}."
     return None
 
 

@@ -22,7 +22,7 @@ from typing import BinaryIO
 
 from filelock import lock_descriptor
 
-from twin.errors import ExportRefusedError
+from twin.errors import CURES, ExportRefusedError
 
 STAGING = ".twin-export"
 _LOCK = "lock"
@@ -126,7 +126,8 @@ def replace_file(path: Path, content: bytes) -> None:
     except OSError as error:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
-        raise ExportRefusedError(f"cannot write {path}: {error.strerror or error}") from error
+        cure = f": {CURES[error.errno]}." if error.errno in CURES else ""
+        raise ExportRefusedError(f"cannot write {path}: {error.strerror or error}{cure}") from error
 
 
 def _is_locked(path: Path) -> bool:

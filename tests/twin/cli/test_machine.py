@@ -210,7 +210,7 @@ def test_a_store_that_may_not_be_read(
     [
         ("status", 0, ""),
         ("match", 4, "free some space; nothing was changed"),
-        ("evaluate TRUTH --plots OUT", 4, "free space on the disk"),
+        ("evaluate TRUTH --plots OUT", 5, "free space on the disk"),
     ],
 )
 def test_a_full_disk(command: str, code: int, told: str, sample: Path, store: Path, tmp_path: Path) -> None:

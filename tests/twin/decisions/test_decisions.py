@@ -22,7 +22,7 @@ from twin.decisions.explain import explain_change
 from twin.decisions.findings import Selection, latest_findings, read_area, select, whole_ids
 from twin.decisions.log import history, position
 from twin.decisions.record import Edit, decide, keep_edits, undo
-from twin.errors import ConfigError, RefusedError, StoreError
+from twin.errors import ConfigError, FileError, RefusedError, StoreError
 from twin.matching.save import save_changes
 from twin.store import schema
 from twin.store.records import Finding
@@ -382,7 +382,7 @@ def test_area_that_is_none_is_one_sentence(tmp_path: Path, text: str, told: str)
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=told):
         read_area(path)
-    with pytest.raises(ConfigError, match="cannot be read"):
+    with pytest.raises(FileError, match="cannot be read"):
         read_area(tmp_path / "none.geojson")
 
 

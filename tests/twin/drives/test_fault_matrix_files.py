@@ -86,7 +86,6 @@ REFUSED = (
     ),
     Refused("blank_line_before_xml", edited(MARKS, r"\A", "\n"), "not well-formed XML"),
     Refused("gnss_utf_16", both(*(encoded(name, "utf-16") for name in GNSS)), "76 × not an NMEA sentence"),
-    Refused("stamps_utf_16", encoded(STAMPS, "utf-16"), f"{STAMPS} holds no usable time stamp"),
     Refused("rig_utf_16", encoded("rig.json", "utf-16"), "rig.json is not JSON"),
     # Files that grow when they are read
     Refused("billion_laughs", put(MARKS, LAUGHS), f"{MARKS} declares a document type or entities"),
