@@ -22,11 +22,12 @@ test: $(VENV)/.installed          ## the whole suite
 coverage: $(VENV)/.installed      ## the same, and which lines it runs: half as long again
 	$(BIN)/python -m pytest $(SPREAD) --cov --cov-report=term
 
-lint: $(VENV)/.installed          ## style, types and the walls between the packages
+lint: $(VENV)/.installed          ## style, types and the walls between the packages, types that the wheel tells a user's mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	TWIN_WHEEL_TYPES=1 $(BIN)/python -m pytest -q tests/twin/test_wheel.py -k mypy
 
 check: lint test
 
