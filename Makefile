@@ -84,8 +84,9 @@ pictures: $(VENV)/.installed      ## the pictures of docs/review.md, taken in Ch
 notebooks: $(VENV)/.installed     ## runs the notebooks again and keeps what they show
 	$(BIN)/jupyter-execute --inplace notebooks/*.ipynb
 
-soak: $(VENV)/.installed          ## a hundred syncs killed at random instants, a thousand histories of sending, and of annotating
+soak: $(VENV)/.installed          ## a hundred syncs killed at random instants, a thousand histories of sending, and of annotating, a thousand examples of each property
 	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/mirror/test_kill.py
+	TWIN_EXAMPLES=1000 $(BIN)/python -m pytest --numprocesses auto -m hypothesis
 	TWIN_HISTORIES=1000 $(BIN)/python -m pytest --numprocesses auto tests/twin/changesets/test_histories.py tests/twin/matching/test_renumbered.py
 
 FUZZ := tests/fuzz/test_fuzz_tracks.py $(filter-out %_tracks.py,$(wildcard tests/fuzz/test_fuzz_*.py))

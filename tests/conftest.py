@@ -20,8 +20,9 @@ os.environ["XDG_CONFIG_HOME"] = "/nonexistent"
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
-# A clock never decides a test, and every run draws the same examples.
-settings.register_profile("twin", deadline=None, derandomize=True, database=None, max_examples=60)
+# A clock never decides a test, and every run draws the same examples; `make soak` draws more of them.
+EXAMPLES = int(os.environ.get("TWIN_EXAMPLES", "25"))
+settings.register_profile("twin", deadline=None, derandomize=True, database=None, max_examples=EXAMPLES)
 settings.load_profile("twin")
 
 # What takes longest comes first: a long file that begins last would leave the other cores idle (`make test`

@@ -23,7 +23,7 @@ from circle_drive import (
     still,
     turned,
 )
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig
@@ -85,7 +85,6 @@ def test_place_is_measured_at_the_antennas() -> None:
     np.testing.assert_allclose(trajectory_from_gnss(fixes, PAIR).measured_at_m, 0.5 * (LEFT + RIGHT))
 
 
-@settings(max_examples=25, deadline=None)
 @given(heading=st.floats(0.0, 359.9), bearing=st.floats(-180.0, 180.0), length=st.floats(0.3, 3.0))
 def test_heading_of_a_standing_car_comes_from_any_baseline(
     heading: float, bearing: float, length: float

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from nvdb.errors import RequestError
@@ -250,7 +250,6 @@ def _random_nett(rng: np.random.Generator, n: int) -> Vegnett:
     return _nett(*links)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True, database=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_stedfest_agrees_with_a_search_through_every_link(seed: int) -> None:
     """GEOS, link by link and point by point, finds the same distance, the same link and the same foot."""
@@ -271,7 +270,6 @@ def test_stedfest_agrees_with_a_search_through_every_link(seed: int) -> None:
         assert foot.z == pytest.approx(place.height[i], abs=1e-6)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True, database=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_stedfest_of_its_own_feet_changes_nothing(seed: int) -> None:
     """Projecting is idempotent: a foot lies on its link, where it was said to lie."""
@@ -284,7 +282,6 @@ def test_stedfest_of_its_own_feet_changes_nothing(seed: int) -> None:
     assert np.abs(again.relativ_posisjon - first.relativ_posisjon).max() <= 1e-8
 
 
-@settings(max_examples=20, deadline=None, derandomize=True, database=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_stedfest_of_the_reversed_link_is_the_mirror_image(seed: int) -> None:
     """Turning a link round turns position, offset and azimuth, and nothing that is seen on the road."""
@@ -333,7 +330,6 @@ def test_meter_kortform_replaces_the_last_stretch_by_one_meter(
     assert meter_kortform(stretch, meter) == place
 
 
-@settings(max_examples=100, deadline=None, derandomize=True, database=None)
 @given(st.integers(0, 10**8))
 def test_position_text_reads_back_and_is_never_an_exponent(hundred_millionths: int) -> None:
     """Every position of 8 decimals survives being written, without an e and with at least one decimal."""

@@ -7,7 +7,7 @@ from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.drives.epochs import (
@@ -61,7 +61,6 @@ def test_nearest_week_finds_the_epoch_from_any_day_around(gps_ns: int, off_ns: i
 stamps = st.lists(st.integers(-5, 5), max_size=9)
 
 
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(stamps)
 def test_longest_increasing_is_as_long_as_the_best_of_all_subsequences(values: list[int]) -> None:
     """No subsequence that increases strictly is longer than the one kept."""

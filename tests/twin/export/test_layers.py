@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.errors import ExportRefusedError
@@ -28,7 +28,6 @@ def _changed(layers: ExportLayers, name: str, **columns: object) -> ExportLayers
     return dataclasses.replace(layers, **{name: getattr(layers, name).assign(**columns)})
 
 
-@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_normalised_does_not_depend_on_the_order_of_rows_and_columns(seed: int) -> None:
     """Shuffling rows and columns changes nothing: an export says the same whatever the query's order."""

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from left_out import counts
 
@@ -203,7 +203,6 @@ def xml(elements: list[tuple[str, dict[str, str], int]]) -> bytes:
     return (text + "".join(f"</{name}>" for name in reversed(opened)) + "</annotations>").encode()
 
 
-@settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(st.binary(max_size=100).map(lambda b: b"<annotations>" + b) | words.map(xml))
 def test_cvat_raises_nothing_but_drive_errors(content: bytes) -> None:
     """Whatever the XML: either a DriveError or shapes with finite pixels."""

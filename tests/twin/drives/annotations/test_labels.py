@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from twin.drives.annotations.labels import codes_from_attribute, codes_from_label
@@ -55,7 +55,6 @@ def test_attribute_gives_every_code_in_its_order(text: str, codes: str) -> None:
     assert codes_from_attribute(text) == codes
 
 
-@settings(max_examples=200, deadline=None, derandomize=True, database=None)
 @given(st.lists(st.from_regex(r"\A[1-9][0-9]{2}[A-ZÆØÅ]?(\.[0-9]{1,2})?\Z"), min_size=1, max_size=4))
 def test_codes_survive_being_joined_and_read_again(codes: list[str]) -> None:
     """Whatever the codes, attribute and label read the joined list back."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pynmea2
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from left_out import counts
 
@@ -87,7 +87,6 @@ def test_nmea_host_clock_behind_utc_does_not_lose_a_day(maker: Any) -> None:
     assert fixes.epoch_ns.tolist() == [epoch_ns]
 
 
-@settings(max_examples=200, deadline=None, derandomize=True, database=None)
 @given(st.integers(0, 10**7), st.integers(-11 * 3600, 11 * 3600))
 def test_nmea_epoch_does_not_depend_on_the_host_clock(maker: Any, hundredths: int, delay_s: int) -> None:
     """Any host clock less than half a day off gives the same epoch."""
@@ -217,7 +216,6 @@ def test_nmea_recording_without_gga_says_what_to_switch_on(maker: Any) -> None:
 LINE = "$GPGGA,071840.90,6324.8972646,N,01023.9477304,E,4,14,1.1,65.70,M,0.0,M,0.9,0246"
 
 
-@settings(max_examples=200, deadline=None, derandomize=True, database=None)
 @given(st.integers(0, len(LINE) - 1), st.integers(1, 255))
 def test_nmea_checksum_finds_every_changed_byte(position: int, change: int) -> None:
     """One changed byte before the checksum never yields a GGA sentence with other content."""
