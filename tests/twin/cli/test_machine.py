@@ -37,7 +37,6 @@ def in_shell(script: str, *arguments: object) -> subprocess.CompletedProcess[str
     ("script", "command", "code", "told"),
     [
         ('"$@" >&-', ("--help",), 0, ""),
-        ('"$@" >&-', EXPORT_JSON, 0, ""),
         ('"$@" >&- 2>&- <&-', EXPORT, 0, ""),
         ('"$@" 2>&-', ("nonsense",), 2, ""),
         pytest.param('"$@" > /dev/full', ("--version",), 6, LOST, marks=needs_dev_full),
@@ -45,7 +44,7 @@ def in_shell(script: str, *arguments: object) -> subprocess.CompletedProcess[str
         pytest.param('"$@" > /dev/full', EXPORT_JSON, 6, LOST, marks=needs_dev_full),
         pytest.param('"$@" 2> /dev/full', EXPORT, 0, "", marks=needs_dev_full),
         ('"$@" | true; exit ${PIPESTATUS[0]}', ("--help",), 141, ""),
-        ('"$@" | true; exit ${PIPESTATUS[0]}', EXPORT_JSON, 141, ""),
+        ('"$@" | true; exit ${PIPESTATUS[0]}', STATUS, 141, ""),
         ('"$@" 2>&1 >/dev/null | true; exit ${PIPESTATUS[0]}', EXPORT, 0, ""),
     ],
 )
