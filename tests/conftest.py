@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -55,3 +56,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the long files first, each whole; the others keep their order."""
     place = {f"tests/{name}": at for at, name in enumerate(_LONGEST)}
     items.sort(key=lambda item: place.get(item.nodeid.partition("::")[0], len(place)))
+
+
+def pytest_collection_finish() -> None:
+    """Take modules and thousands of collected tests out of what the garbage collector goes through anew."""
+    gc.collect()
+    gc.freeze()
