@@ -244,6 +244,7 @@ SHAPES: Mapping[str, Any] = {
     "evaluate": _shape(
         "Evaluated",
         methods=(list[MethodResult], "errors by method"),
+        warnings=(list[str], "what speaks against the survey, sentences for a person"),
         plots=_FILES,
         csv=(str | None, "the table that was written"),
     ),

@@ -96,10 +96,15 @@ def evaluate(
     if csv is not None:
         each = [error for method in evaluation.methods for error in method.each]
         replace_file(csv, csv_of(each, excel=excel))
+    doubts = [
+        say(lang, f"evaluate.{one.kind}", drive=one.drive_id, metres=one.metres) for one in evaluation.doubts
+    ]
     if json_output:
         written = {"plots": [str(path) for path in files], "csv": None if csv is None else str(csv)}
-        print_json({"methods": evaluation.as_json(), **written})
+        print_json({"methods": evaluation.as_json(), "warnings": doubts, **written})
         return
+    for doubt in doubts:
+        warn(doubt)
     if evaluation.methods[0].paired_by == "position":
         note(say(lang, "evaluate.by_position", within=within))
     print_errors(evaluation.methods, lang)

@@ -22,6 +22,7 @@ from twin.reports.object_errors import (
     object_errors,
 )
 from twin.reports.pairing import Pairing, Placed, by_id, by_position, nearest_m
+from twin.reports.survey_doubts import SurveyDoubt, survey_doubts
 from twin.reports.truth import Truth, read_truth
 from twin.reports.zones import check_pairs, system_that_fits
 from twin.store import schema
@@ -107,6 +108,8 @@ class Evaluation:
     estimates: dict[str, dict[str, FloatArray]]
     """method → ``range_m`` (nearest sighting), ``speed_mps`` (the car's mean while it saw the object) and
     ``error_m`` of every estimate."""
+    doubts: tuple[SurveyDoubt, ...] = ()
+    """What speaks against the survey: look at these before the errors."""
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return the numbers without the arrays."""
@@ -124,7 +127,14 @@ def evaluate(
         How estimates find their truth. By position they are paired one-to-one, a drive and method at a time,
         where both know sign codes only if they share one. Default: by id, or by position if no id fits.
     within_m : float
-        Farther apart than this nothing is paired by position.
+        Farther apart than this nothing is paired by position. What is paired by id and mostly farther apart
+        is doubted.
+
+    Returns
+    -------
+    Evaluation
+        ``methods`` has the numbers by method, each object's in ``methods[k].each``; ``estimates`` and
+        ``sightings`` the arrays for plots; ``doubts`` what speaks against the survey.
 
     Raises
     ------
@@ -157,7 +167,8 @@ def evaluate(
         results.append(
             _result(method, objects, singles, each, sorted(missed), len(mine) - len(own), paired_by)
         )
-    return Evaluation(tuple(results), sighting_arrays, estimate_arrays)
+    doubts = survey_doubts([one for result in results for one in result.each], within_m)
+    return Evaluation(tuple(results), sighting_arrays, estimate_arrays, doubts)
 
 
 _NUMBERS = ("east_m", "north_m", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "range_m", "speed_mps")
