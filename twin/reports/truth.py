@@ -6,15 +6,22 @@ import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import geographic_from_utm33
+from geoloc.earth.heights import ellipsoidal_from_nn2000
 from twin.errors import TruthError
 from twin.tables import NotTextError, Table
 
+if TYPE_CHECKING:
+    from pyproj import CRS
+
 _REQUIRED = ("object", "easting", "northing")
 UTM33 = 25833
+_NN2000 = 5941
 _EAST_M, _NORTH_M = (-2_000_000.0, 2_000_000.0), (6_300_000.0, 8_200_000.0)
 """Of Norway in any of the zones from 31 to 36: which zone it is only a drive can tell."""
 
@@ -42,7 +49,8 @@ def read_truth(path: Path | str, *, epsg: int | None = None) -> list[Truth]:
     A column ``drive_id`` is optional; without it an object's truth holds for every drive in the store. So is
     ``label``; one that begins with a sign code ("362.50;808") helps to pair by position. So is ``height``, of
     the foot, metres above the ellipsoid; a cell of it may be empty. So is ``epsg``, the coordinate system of
-    a row: 25832, for one. Any CSV that a spreadsheet saves is read (:mod:`twin.tables`).
+    a row: 25832, for one; of a system with NN2000 (5972, 5973, 5975) heights are brought to the ellipsoid.
+    Any CSV that a spreadsheet saves is read (:mod:`twin.tables`).
 
     Parameters
     ----------
@@ -54,8 +62,8 @@ def read_truth(path: Path | str, *, epsg: int | None = None) -> list[Truth]:
     Raises
     ------
     TruthError
-        No such file, a missing column, a number that is none, or a place that is not in Norway: file, line
-        and cure.
+        No such file, a missing column, a number that is none, an object that stands in two places, a place
+        that is not in Norway, or a height that cannot be brought to the ellipsoid: file, line and cure.
     """
     path = Path(path)
     try:
@@ -74,13 +82,18 @@ def read_truth(path: Path | str, *, epsg: int | None = None) -> list[Truth]:
             "northing (EPSG:25833), and may have label, height, drive_id and epsg; commas, semicolons or "
             "tabs part them."
         )
+    rows: list[Truth] = []
+    lines: list[int] = []
     try:
-        rows = [_truth(row, table, f"{path}, line {table.line}", epsg) for row in table.by_name()]
+        for row in table.by_name():
+            rows.append(_truth(row, table, f"{path}, line {table.line}", epsg))
+            lines.append(table.line)
     except csv.Error as error:
         raise TruthError(f"{path}, line {table.line}: this is not CSV ({error}): save it again.") from error
     if not rows:
         raise TruthError(f"The truth file {path} has no rows: give one a surveyed object.")
-    return _in_utm33(rows, path)
+    _check_once(rows, lines, path)
+    return _ellipsoidal(rows, _in_utm33(rows, path), path)
 
 
 def between(points: FloatArray, source: int, target: int) -> FloatArray:
@@ -115,6 +128,48 @@ def between(points: FloatArray, source: int, target: int) -> FloatArray:
             "32, 25833 zone 33, 4258 latitude and longitude."
         ) from error
     return np.column_stack(transformer.transform(*points.T))
+
+
+def _check_once(rows: Sequence[Truth], lines: Sequence[int], path: Path) -> None:
+    """Refuse an object that a drive has in two places: nothing tells which of them is right."""
+    first: dict[tuple[str, str], tuple[Truth, int]] = {}
+    for one, line in zip(rows, lines, strict=True):
+        other, before = first.setdefault((one.drive_id, one.object), (one, line))
+        if one.object and (one.east_m, one.north_m, one.epsg) != (other.east_m, other.north_m, other.epsg):
+            raise TruthError(
+                f"{path}, lines {before} and {line}: object {one.object} stands in two places: remove one of "
+                "the lines, or tell drives apart by a column drive_id."
+            )
+
+
+def _ellipsoidal(rows: Sequence[Truth], in_utm33: list[Truth], path: Path) -> list[Truth]:
+    """Bring heights of systems that state NN2000 to the ellipsoid; refuse those of other height systems."""
+    found = list(in_utm33)
+    for epsg in sorted({one.epsg for one in rows}):
+        mine = [i for i, one in enumerate(in_utm33) if one.epsg == epsg and one.height_m is not None]
+        vertical = _vertical(epsg)
+        if vertical is None or not mine:
+            continue
+        cure = "leave the heights out, or give ellipsoidal ones"
+        if vertical.to_epsg() != _NN2000:
+            raise TruthError(f"{path}: heights of EPSG:{epsg} are in {vertical.name}: {cure}.")
+        at = np.array([(found[i].east_m, found[i].north_m) for i in mine])
+        moved = ellipsoidal_from_nn2000(
+            *geographic_from_utm33(*at.T), np.array([found[i].height_m for i in mine], dtype=np.float64)
+        )
+        if not np.isfinite(moved.height_m).all():
+            raise TruthError(f"{path}: heights of EPSG:{epsg} are NN2000. {moved.how} Install it, or {cure}.")
+        for i, height_m in zip(mine, moved.height_m.tolist(), strict=True):
+            found[i] = replace(found[i], height_m=height_m)
+    return found
+
+
+def _vertical(epsg: int) -> CRS | None:
+    """The height system that a coordinate system states; None where heights are above the ellipsoid."""
+    from pyproj import CRS
+
+    parts = CRS.from_epsg(epsg).sub_crs_list
+    return parts[1] if len(parts) == 2 else None
 
 
 def _truth(row: Mapping[str, str], table: Table, where: str, epsg: int | None) -> Truth:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from command_line import Twin
 from pyproj import Transformer
+
+from geoloc.earth.heights import ellipsoidal_from_nn2000
+from twin.errors import TruthError
+from twin.reports.truth import read_truth
 
 Written = Callable[..., Path]
 
@@ -95,3 +100,44 @@ def test_survey_of_another_place_is_refused(twin: Twin, store: Path, sample: Pat
     assert answer.code == 4
     assert "300,0" in answer.err
     assert "A column drive_id tells those of several drives apart." in answer.err
+
+
+@pytest.mark.parametrize("epsg", [5972, 5973, 5942])
+def test_heights_in_nn2000_reach_the_ellipsoid_or_are_refused(tmp_path: Path, epsg: int) -> None:
+    """A system that states NN2000 is never taken as ellipsoidal; without heights it is UTM or degrees."""
+    lat, lon = 63.42, 10.46
+    east, north = Transformer.from_crs(4258, epsg, always_xy=True).transform(lon, lat)
+    path = tmp_path / "survey.csv"
+    path.write_text(f"object,easting,northing,height\nP01,{east!r},{north!r},\n")
+    (plane,) = read_truth(path, epsg=epsg)
+    assert (plane.east_m, plane.north_m) == pytest.approx(
+        Transformer.from_crs(4258, 25833, always_xy=True).transform(lon, lat), abs=1e-4
+    )
+    path.write_text(path.read_text().rstrip() + "10.0\n")
+    expected = float(ellipsoidal_from_nn2000(lat, lon, 10.0).height_m)
+    if math.isfinite(expected):
+        assert read_truth(path, epsg=epsg)[0].height_m == pytest.approx(expected, abs=1e-3)
+    else:
+        with pytest.raises(TruthError, match=rf"EPSG:{epsg} are NN2000.*HREF2018B.*leave the heights out"):
+            read_truth(path, epsg=epsg)
+
+
+def test_heights_in_nn54_are_refused(tmp_path: Path) -> None:
+    """No other height system passes for the ellipsoid either."""
+    path = tmp_path / "survey.csv"
+    path.write_text("object,easting,northing,height\nP01,273036.5,7039178.8,10.0\n")
+    with pytest.raises(TruthError, match="EPSG:6173 are in NN54 height"):
+        read_truth(path, epsg=6173)
+
+
+def test_an_object_in_two_places_is_refused_with_both_lines(tmp_path: Path) -> None:
+    """No line wins over another; drives may each have their own, and a line may stand twice."""
+    path = tmp_path / "survey.csv"
+    head = "object,drive_id,easting,northing\nP01,{first},273036.5,7039178.8\nP02,,273000,7039000\n"
+    path.write_text(head.format(first="") + "P01,,273036.5,7039180.8\n")
+    with pytest.raises(TruthError, match="lines 2 and 4: object P01 stands in two places"):
+        read_truth(path)
+    path.write_text(head.format(first="one") + "P01,other,273036.5,7039180.8\n")
+    assert len(read_truth(path)) == 3
+    path.write_text(head.format(first="") + "P01,,273036.5,7039178.8\n")
+    assert len(read_truth(path)) == 3
