@@ -75,7 +75,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "first_seen": "first sighting",
         "last_seen": "last sighting",
         "range_min_m": "from the car to the object at the nearest sighting",
-        "height_m": "of its foot, ellipsoidal",
+        "height_m": "of its foot, ellipsoidal; null of paper, which gives none",
         "height_nn2000_m": "of its foot, NN2000; null where no geoid model is installed",
         "sigma_major_m": _MAJOR,
         "sigma_minor_m": _MINOR,

@@ -47,8 +47,8 @@ COLUMNS: Mapping[str, Mapping[str, str]] = {
         "text": "on its plates, joined likewise",
         "nvdb_type": "vegobjekttype of what is no sign; NA for signs",
         "method": "`adjusted`, `single-frame` or `paper`",
-        "height_m": "above the ellipsoid, m; NaN where the method gives none",
-        "sigma_height_m": "one sigma of it, m",
+        "height_m": "of its foot, above the ellipsoid, m; NaN for `paper`, which gives none",
+        "sigma_height_m": "one sigma of it, m; `adjusted` only, else NaN",
         "height_nn2000_m": "in NN2000, m; NaN without HREF2018B",
         **_PRECISION,
         "n_sightings": "annotated pixels that took part",
@@ -100,7 +100,9 @@ COLUMNS: Mapping[str, Mapping[str, str]] = {
         "eye_east_m": "of the camera, EPSG:25833, m; `adjusted` only",
         "eye_north_m": "likewise",
         **_PRECISION,
-        "rejected": "why it did not take part; empty where it did",
+        "rejected": "why it did not take part; empty where it did. `single-frame` and `paper`: NA where the"
+        " picture gave a position; which of these were outliers is not kept (`n_rejected` of `estimates` has"
+        " their number)",
         "is_measured": "False where the annotation tool interpolated it",
     },
     "drives": {
@@ -129,7 +131,9 @@ def estimates(view: Snapshot, method: str | None = None) -> gpd.GeoDataFrame:
     at = _places(found)
     lat, lon = _geographic(at)
     heights = np.array(found["height_m"], dtype=np.float64)
+    heights[[name == Method.PAPER for name in found["method"]]] = np.nan
     derived = {
+        "height_m": heights,
         "first_seen": _utc(found["first_ns"]),
         "last_seen": _utc(found["last_ns"]),
         "height_nn2000_m": nn2000_from_ellipsoidal(lat, lon, heights).height_m,
@@ -164,8 +168,22 @@ def sightings(view: Snapshot, method: str | None = None) -> gpd.GeoDataFrame:
     order = (table.c.drive_id, table.c.method, table.c.number)
     found = view.columns(_of_method(sa.select(table).order_by(*order), table, method))
     at = _places(found)
-    derived = {"time": _utc(found["epoch_ns"]), **_precision(found, at)}
+    derived = {
+        "time": _utc(found["epoch_ns"]),
+        "rejected": _rejected(found["method"], found["rejected"]),
+        **_precision(found, at),
+    }
     return _frame("sightings", {**found, **derived}, _points(at))
+
+
+def _rejected(methods: Sequence[str], reasons: Sequence[str]) -> pd.Series[str]:
+    """Why sightings took no part; NA where a method may have left them out without keeping which."""
+    import pandas as pd
+
+    known = (
+        why if why or name == Method.ADJUSTED else None for name, why in zip(methods, reasons, strict=True)
+    )
+    return pd.Series(list(known), dtype="str")
 
 
 def drives(view: Snapshot) -> gpd.GeoDataFrame:

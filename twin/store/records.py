@@ -31,7 +31,7 @@ class Estimate:
     east_m, north_m : float
         EPSG:25833.
     height_m : float
-        Ellipsoidal.
+        Of its foot, ellipsoidal; NaN of ``paper``, which gives none.
     sigma_height_m : float or None
         None where the method does not tell.
     covariance_m2 : (float, float, float)
@@ -86,8 +86,10 @@ class Estimate:
     @classmethod
     def from_row(cls, row: Row) -> Estimate:
         """Take it from a row of the table ``estimate``."""
+        # The row of ``paper`` has the height of the car's fix.
+        height_m = math.nan if row["method"] == Method.PAPER else row["height_m"]
         return cls(
-            **{name: row[name] for name in _SAME_IN_ESTIMATE},
+            **{name: row[name] for name in _SAME_IN_ESTIMATE} | {"height_m": height_m},
             method=Method(row["method"]),
             codes=split_codes(row["skiltnummer"]),
             covariance_m2=(row["cov_ee_m2"], row["cov_en_m2"], row["cov_nn_m2"]),

@@ -181,7 +181,9 @@ estimate = sa.Table(
     sa.Column("method", sa.String, nullable=False, index=True, comment="adjusted, single-frame or paper"),
     sa.Column("east_m", sa.Float, nullable=False, comment="easting, EPSG:25833, metres"),
     sa.Column("north_m", sa.Float, nullable=False, comment="northing, likewise"),
-    sa.Column("height_m", sa.Float, nullable=False, comment="ellipsoidal, metres"),
+    sa.Column(
+        "height_m", sa.Float, nullable=False, comment="ellipsoidal, metres; of paper that of the car's fix"
+    ),
     sa.Column("sigma_height_m", sa.Float, comment="one sigma, metres; null where the method does not tell"),
     sa.Column("cov_ee_m2", sa.Float, nullable=False, comment="covariance, grid east and east, m²"),
     sa.Column("cov_en_m2", sa.Float, nullable=False, comment="grid east and north, m²"),

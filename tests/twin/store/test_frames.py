@@ -53,6 +53,9 @@ def test_estimates_carry_the_covariance_of_the_store(opened: Store) -> None:
         kept = [[row["cov_ee_m2"], row["cov_en_m2"]], [row["cov_en_m2"], row["cov_nn_m2"]]]
         assert covariance == pytest.approx(np.array(kept), rel=1e-6, abs=1e-12)
     assert set(opened.estimates("paper")["method"]) == {"paper"}
+    # The paper's method gives no height: the car's is not the sign's.
+    assert frame["height_m"].isna().equals(frame["method"] == "paper")
+    assert frame["sigma_height_m"].notna().equals(frame["method"] == "adjusted")
     with pytest.raises(ConfigError, match="no method 'best': choose one of adjusted, single-frame, paper"):
         opened.estimates("best")
 
@@ -64,6 +67,10 @@ def test_sightings_without_a_position_have_no_geometry(opened: Store) -> None:
     assert len(frame) == len(rows)
     assert frame.geometry.isna().tolist() == [row["east_m"] is None for row in rows]
     assert frame.loc[frame["rejected"] == "", "residual_u_px"].notna().all()
+    assert frame["rejected"].tolist() == [row["rejected"] for row in rows]
+    single = opened.sightings("single-frame")
+    # Outliers among positions of one picture are not marked: nothing says that one took part.
+    assert single["rejected"].isna().equals(~single.geometry.isna())
     assert frame["time"].astype("int64").tolist() == [row["epoch_ns"] for row in rows]
 
 
