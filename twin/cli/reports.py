@@ -69,7 +69,7 @@ def evaluate(
     ] = None,
     plots_as: Annotated[PlotFormat, typer.Option(help="Format of the figures.")] = PlotFormat.PNG,
     objects: Annotated[
-        bool, typer.Option("--objects", help="Also print the error of each object, along and across the way.")
+        bool, typer.Option("--objects", help="Also print the error of each object, forward and to the left.")
     ] = False,
     csv: Annotated[
         Path | None, typer.Option("--csv", help="Also write the error of each object.", metavar="FILE.csv")
@@ -119,12 +119,14 @@ def print_errors(methods: tuple[MethodResult, ...], lang: Lang = Lang.EN) -> Non
     names = ("mean", "median", "p95", "max", "rmse")
     numbers = attrgetter(*names)
     rows: list[list[object]] = [
-        [m.method, m.objects.n, *numbers(m.objects), f"{m.coverage95:.0%}", m.nees] for m in methods
+        [m.method, m.objects.n, *numbers(m.objects), f"{m.coverage95:.0%}", m.nees_per_dof] for m in methods
     ]
     _print_numbers("horizontal", ("method", "number", *names, "in_ellipse", "nees"), rows, lang)
     if any(m.heights.n for m in methods):
-        rows = [[m.method, m.heights.n, m.heights.mean, m.heights.rmse, m.heights.nees] for m in methods]
-        _print_numbers("heights", ("method", "number", "mean", "rmse", "height_nees"), rows, lang)
+        rows = [
+            [m.method, m.heights.n, m.heights.mean, m.heights.rmse, m.heights.nees_per_dof] for m in methods
+        ]
+        _print_numbers("heights", ("method", "number", "mean", "rmse", "nees"), rows, lang)
     for kind in ("objects_by_range", "sightings_by_range"):
         rows = [
             [m.method, _bin(b), b.n, *numbers(b), f"{b.coverage95:.0%}"]
@@ -143,8 +145,8 @@ def print_errors(methods: tuple[MethodResult, ...], lang: Lang = Lang.EN) -> Non
 
 def _print_objects(methods: tuple[MethodResult, ...], lang: Lang) -> None:
     """Print the error of each object, a table a method, the largest first."""
-    numbers = attrgetter("error_m", "error_along_m", "error_across_m", "error_height_m", "nees")
-    columns = ("object", "drive", "error", "along", "across", "height", "nees", "inside")
+    numbers = attrgetter("error_m", "error_forward_m", "error_left_m", "error_height_m", "nees_per_dof")
+    columns = ("object", "drive", "error", "forward", "left", "height", "nees", "inside")
     inside = {True: say(lang, "evaluate.yes"), False: say(lang, "evaluate.no"), None: None}
     for m in methods:
         rows = [

@@ -76,8 +76,9 @@ class MethodResult:
         Estimates of this method that are of no truth object.
     paired_by : str
         ``id`` or ``position``.
-    nees : float or None
-        Mean of the estimates' squared errors in sigmas, divided by 2: 1 where the ellipses are honest.
+    nees_per_dof : float or None
+        Mean of the estimates' squared errors in sigmas, divided by the plane's 2 degrees of freedom: 1 where
+        the ellipses are honest.
     heights : HeightErrors
         Where the truth has heights.
     each : tuple of ObjectError
@@ -92,7 +93,7 @@ class MethodResult:
     not_estimated: tuple[str, ...]
     not_in_truth: int
     paired_by: str
-    nees: float | None
+    nees_per_dof: float | None
     heights: HeightErrors
     each: tuple[ObjectError, ...]
 
@@ -223,7 +224,7 @@ def _result(
         not_estimated=tuple(missed),
         not_in_truth=not_in_truth,
         paired_by=paired_by,
-        nees=mean_nees(each),
+        nees_per_dof=mean_nees(each),
         heights=height_errors(each),
         each=each,
     )

@@ -54,7 +54,7 @@ class ObjectError:
     ----------
     error_east_m, error_north_m : float
         Grid axes of EPSG:25833.
-    error_along_m, error_across_m : float
+    error_forward_m, error_left_m : float
         The same forward, and to the left, of the car where it came nearest to the object; where it stopped
         before, that is where it saw it best.
     error_m : float
@@ -63,7 +63,7 @@ class ObjectError:
         Ellipsoidal.
     sigma_major_m, sigma_minor_m, sigma_height_m : float or None
         One sigma along and across the estimate's error ellipse, and of its height.
-    nees, height_nees : float or None
+    nees_per_dof, height_nees_per_dof : float or None
         Squared error in sigmas, divided by its degrees of freedom (2 and 1): 1 on average where the stated
         errors are honest.
     inside95 : bool or None
@@ -76,15 +76,15 @@ class ObjectError:
     truth: str
     error_east_m: float
     error_north_m: float
-    error_along_m: float
-    error_across_m: float
+    error_forward_m: float
+    error_left_m: float
     error_m: float
     error_height_m: float | None
     sigma_major_m: float | None
     sigma_minor_m: float | None
     sigma_height_m: float | None
-    nees: float | None
-    height_nees: float | None
+    nees_per_dof: float | None
+    height_nees_per_dof: float | None
     inside95: bool | None
 
 
@@ -94,14 +94,14 @@ class HeightErrors:
 
     Attributes
     ----------
-    nees : float or None
-        Mean squared error in sigmas, of the estimates that state one.
+    nees_per_dof : float or None
+        Mean squared error in sigmas, of the estimates that state one; its degree of freedom is 1.
     """
 
     n: int
     mean: float | None
     rmse: float | None
-    nees: float | None
+    nees_per_dof: float | None
 
 
 def object_errors(pairs: Sequence[tuple[Placed, Truth]], ways: Mapping[str, Way]) -> tuple[ObjectError, ...]:
@@ -133,7 +133,7 @@ def _way(blob: bytes) -> Way:
 
 def mean_nees(errors: Sequence[ObjectError]) -> float | None:
     """Mean horizontal NEES; None where none is known."""
-    return _mean([one.nees for one in errors if one.nees is not None])
+    return _mean([one.nees_per_dof for one in errors if one.nees_per_dof is not None])
 
 
 def height_errors(errors: Sequence[ObjectError]) -> HeightErrors:
@@ -144,7 +144,9 @@ def height_errors(errors: Sequence[ObjectError]) -> HeightErrors:
         n=len(known),
         mean=_mean(known),
         rmse=None if square is None else math.sqrt(square),
-        nees=_mean([one.height_nees for one in errors if one.height_nees is not None]),
+        nees_per_dof=_mean(
+            [one.height_nees_per_dof for one in errors if one.height_nees_per_dof is not None]
+        ),
     )
 
 
@@ -179,15 +181,15 @@ def _object_error(placed: Placed, truth: Truth, way: Way) -> ObjectError:
         truth=truth.object,
         error_east_m=east,
         error_north_m=north,
-        error_along_m=forward[0] * east + forward[1] * north,
-        error_across_m=forward[0] * north - forward[1] * east,
+        error_forward_m=forward[0] * east + forward[1] * north,
+        error_left_m=forward[0] * north - forward[1] * east,
         error_m=math.hypot(east, north),
         error_height_m=height,
         sigma_major_m=_known(float(major[0])),
         sigma_minor_m=_known(float(minor[0])),
         sigma_height_m=sigma,
-        nees=None if square is None else square / 2.0,
-        height_nees=None if height is None or not sigma else (height / sigma) ** 2,
+        nees_per_dof=None if square is None else square / 2.0,
+        height_nees_per_dof=None if height is None or not sigma else (height / sigma) ** 2,
         inside95=None if square is None else square <= _INSIDE_95,
     )
 

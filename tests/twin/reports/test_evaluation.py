@@ -228,14 +228,14 @@ def test_evaluate_tells_the_error_of_each_object(twin: Twin, tmp_path: Path) -> 
         squares.append(d @ np.linalg.solve(c, d) / 2)
         heights.append(up)
         assert (one["error_east_m"], one["error_north_m"], one["error_height_m"]) == pytest.approx((*d, up))
-        assert one["nees"] == pytest.approx(squares[-1])
-        assert one["height_nees"] == pytest.approx((up / row["sigma_height_m"]) ** 2)
+        assert one["nees_per_dof"] == pytest.approx(squares[-1])
+        assert one["height_nees_per_dof"] == pytest.approx((up / row["sigma_height_m"]) ** 2)
         assert one["inside95"] == (squares[-1] * 2 <= 5.991)
         assert one["sigma_major_m"] == pytest.approx(np.sqrt(np.linalg.eigvalsh(c)[1]), rel=1e-6)
-        assert np.hypot(one["error_along_m"], one["error_across_m"]) == pytest.approx(one["error_m"])
+        assert np.hypot(one["error_forward_m"], one["error_left_m"]) == pytest.approx(one["error_m"])
         assert float(line["error_east_m"]) == pytest.approx(d[0], abs=1e-4)
         assert float(line["error_m"]) == pytest.approx(one["error_m"], abs=1e-4)
-    assert adjusted["nees"] == pytest.approx(np.mean(squares))
+    assert adjusted["nees_per_dof"] == pytest.approx(np.mean(squares))
     assert adjusted["heights"]["rmse"] == pytest.approx(np.sqrt(np.mean(np.square(heights))))
     assert adjusted["heights"]["n"] == len(rows)
 
@@ -253,8 +253,8 @@ def test_along_and_across_are_those_of_the_car(opened: Store, sample: Path) -> N
         east, north = way / np.hypot(*way)
         moved.append(replace(truth, east_m=truth.east_m + east, north_m=truth.north_m + north))
     for one, other in zip(before, evaluate(opened, moved, by="id").methods[0].each, strict=True):
-        assert other.error_along_m == pytest.approx(one.error_along_m - 1.0, abs=0.01)
-        assert other.error_across_m == pytest.approx(one.error_across_m, abs=0.12)
+        assert other.error_forward_m == pytest.approx(one.error_forward_m - 1.0, abs=0.01)
+        assert other.error_left_m == pytest.approx(one.error_left_m, abs=0.12)
 
 
 def test_a_standing_car_tells_along_and_across_too(tmp_path: Path) -> None:
@@ -272,8 +272,8 @@ def test_a_standing_car_tells_along_and_across_too(tmp_path: Path) -> None:
         ahead = [replace(t, east_m=t.east_m + np.sin(grid), north_m=t.north_m + np.cos(grid)) for t in truths]
         after = evaluate(store, ahead).methods[0].each
     for one, other in zip(before, after, strict=True):
-        assert other.error_along_m == pytest.approx(one.error_along_m - 1.0, abs=0.01)
-        assert other.error_across_m == pytest.approx(one.error_across_m, abs=0.03)
+        assert other.error_forward_m == pytest.approx(one.error_forward_m - 1.0, abs=0.01)
+        assert other.error_left_m == pytest.approx(one.error_left_m, abs=0.03)
 
 
 def test_evaluate_prints_each_object(twin: Twin, store: Path, sample: Path, tmp_path: Path) -> None:
@@ -295,7 +295,7 @@ def test_evaluate_prints_each_object(twin: Twin, store: Path, sample: Path, tmp_
 def test_heights_that_are_not_known_are_not_told(opened: Store, sample: Path, tmp_path: Path) -> None:
     """Without heights in the survey none is judged; a height that is no number is refused with its line."""
     (adjusted, *_) = evaluate(opened, read_truth(sample / "truth.csv")).methods
-    assert (adjusted.heights.n, adjusted.heights.rmse, adjusted.heights.nees) == (0, None, None)
+    assert (adjusted.heights.n, adjusted.heights.rmse, adjusted.heights.nees_per_dof) == (0, None, None)
     path = tmp_path / "truth.csv"
     path.write_text("object,easting,northing,height\nP01,273036.5,7039178.8,\nP02,273074.4,7039197.2,high\n")
     with pytest.raises(TruthError, match="line 3: height must be a number or empty"):

@@ -67,7 +67,10 @@ def named_in_code() -> set[str]:
         "match": ["change", "verdict", "decision", "road", "reason"],
         "explain": ["term", "value", "meaning", "at", "decision", "by", "how", "reason"],
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/explain.py").read_text()),
-        **dict.fromkeys(("confidence", "status", "evaluate"), in_quotes("cli/reports.py")),
+        **dict.fromkeys(
+            ("confidence", "status", "evaluate"),
+            (*in_quotes("cli/reports.py"), *in_quotes("reports/survey_doubts.py")),
+        ),
         "show": in_quotes("cli/show.py"),
         "findings": [column.name for column in fields(FindingRow)],
         "basis": [f"codes_{one.value}" for one in r.CodesAgree],
