@@ -31,7 +31,9 @@ def json_page() -> str:
     ]
     return page(
         "JSON: what --json prints",
-        "With `--json` a command prints one document on stdout and nothing else; messages go to stderr."
+        "With `--json` a command prints one document on stdout and nothing else; messages go to stderr, a"
+        " line of JSON each. A command that fails prints no document, but there an"
+        " [ErrorMessage](#errormessage)."
         " A later version may add keys, so read past those that you do not know."
         f" [{SCHEMAS}]({SCHEMAS}) has the same as JSON schemas.",
         table(["command", "document"], rows),

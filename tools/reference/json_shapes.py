@@ -37,6 +37,7 @@ from twin.reports.drive_list import DriveItem
 from twin.reports.estimate import EstimateExplained
 from twin.reports.evaluation import MethodResult
 from twin.reports.finding_list import FindingList
+from twin.reports.sightings import CameraShare
 from twin.reports.store_status import Status
 from twin.samples.simulation import SimulateReport
 from twin.store import schema
@@ -150,6 +151,21 @@ NoPicture = _shape(
     sentence=(str, "the reason, in English"),
 )
 Layer = _shape("Layer", name=(str, ""), rows=(int, ""), what=(str, "what it shows"))
+Camera = _shape(
+    "Camera",
+    CameraShare,
+    range_min_m=(float | None, "of the sightings used, metres; null where none was"),
+    range_max_m=(float | None, "likewise"),
+    rms_px=(float | None, "of their residuals, of one axis; null where the method keeps none"),
+)
+_ErrorTold = _shape(
+    "ErrorTold",
+    code=(int, "exit code: twin help exit-codes"),
+    kind=(str, "what kind of error: the code's name"),
+    message=(str, "what, where and the cure: a sentence for a person"),
+)
+ErrorMessage = _shape("ErrorMessage", error=(_ErrorTold, "why the command ended"))
+"""What stands on stderr in the place of a document."""
 _DRIVE_KEYS = ("length_m", "is_matched", "n_findings", "n_open", "doubt")
 DriveSet = _shape(
     "DriveSet",
@@ -258,6 +274,7 @@ SHAPES: Mapping[str, Any] = {
         height_nn2000_m=(float | None, "NN2000, metres"),
         covariance_m2=(list[list[float]], "grid east and grid north"),
         frames=(list[dict[str, Any]], "each frame that it was seen in"),
+        cameras=(list[Camera], "what each camera saw of it"),  # type: ignore[valid-type]
         corrections=(dict[str, Any], "what the drive's adjustment found; what speaks against the drive"),
         neighbours=(list[dict[str, Any]], "NVDB's signs within 15 m"),
         picture=_PICTURE,
@@ -306,7 +323,7 @@ SHAPES: Mapping[str, Any] = {
 
 def schemas() -> tuple[dict[str, Any], dict[str, Any]]:
     """Return command → JSON schema, and the types that these refer to, explained by their docstrings."""
-    kinds = list(SHAPES.values())
+    kinds = [*SHAPES.values(), ErrorMessage]
     found, parts = msgspec.json.schema_components(kinds, ref_template="#/$defs/{name}", schema_hook=_other)
     said = {one.__name__: attributes_said(one) for kind in kinds for one in _records(kind)} | SAID
     for name, part in parts.items():
@@ -315,7 +332,7 @@ def schemas() -> tuple[dict[str, Any], dict[str, Any]]:
         for key, entry in part.get("properties", {}).items():
             if text := said.get(name, {}).get(key) or _SAME_EVERYWHERE.get(key):
                 entry["description"] = text
-    return dict(zip(SHAPES, found, strict=True)), parts
+    return dict(zip(SHAPES, found[:-1], strict=True)), parts
 
 
 def _records(kind: Any) -> set[type]:

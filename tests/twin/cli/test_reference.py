@@ -16,7 +16,7 @@ from typer.main import get_command
 from geoloc.locate.error_budget import ErrorBudget
 from reference.commands import HELP_OPTION, commands
 from reference.field_texts import written_below
-from reference.json_shapes import SHAPES
+from reference.json_shapes import SHAPES, ErrorMessage
 from reference.keys import DRIVE_TABLES
 from reference.tables import exit_code_meanings
 from twin.cli import exit_codes
@@ -151,3 +151,11 @@ def test_json_documents_are_of_their_types(
         _reads(command, answer.json)
     finding = next(one for one in twin("match", "--json").json["changes"] if one["verdict"] == "moved")
     _reads("explain", twin("explain", finding["change_id"], "--json").json)
+    # Of a method that keeps no residuals, and of a command that fails.
+    by_paper = next(one for one in twin("show", "P01", "--json").json["also"] if one.endswith(":paper"))
+    shown = twin("show", by_paper, "--json").json
+    assert {camera["rms_px"] for camera in shown["cameras"]} == {None}
+    _reads("show", shown)
+    failed = twin("show", "nothing", "--json")
+    told = msgspec.json.decode(failed.err.splitlines()[-1], type=ErrorMessage)
+    assert (told.error.code, failed.out) == (failed.code, "")
