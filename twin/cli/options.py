@@ -42,7 +42,8 @@ LangOption = Annotated[
 EpsgOption = Annotated[
     int | None,
     typer.Option(
-        help="Coordinate system of the file's positions: 25832 (UTM zone 32), 4258 (longitude, latitude) … "
+        help="Coordinate system of the file's positions: 25832 (UTM zone 32), 5972 (the same with NN2000), "
+        "4258 (degrees, easting is the longitude) … "
         " [default: 25833, or its column epsg]",
         metavar="CODE",
         show_default=False,

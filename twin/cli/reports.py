@@ -67,7 +67,9 @@ def evaluate(
     plots: Annotated[
         Path | None, typer.Option(help="Folder for the figures error–distance and error–speed.")
     ] = None,
-    plots_as: Annotated[PlotFormat, typer.Option(help="Format of the figures.")] = PlotFormat.PNG,
+    plots_as: Annotated[
+        PlotFormat | None, typer.Option(help="Format of the figures.  [default: png]", show_default=False)
+    ] = None,
     objects: Annotated[
         bool, typer.Option("--objects", help="Also print the error of each object, forward and to the left.")
     ] = False,
@@ -81,6 +83,7 @@ def evaluate(
     json_output: JsonOption = False,
 ) -> None:
     """Compare the estimates of every method with surveyed positions, and heights where TRUTH has some."""
+    from twin.errors import ConfigError
     from twin.reports.error_picture import plot
     from twin.reports.evaluation import evaluate as run
     from twin.reports.evaluation import read_truth
@@ -89,10 +92,12 @@ def evaluate(
     from twin.store.store import Store
 
     need_csv(excel, csv)
+    if plots_as is not None and plots is None:
+        raise ConfigError("--plots-as says how --plots are drawn: name a folder by --plots too.")
     truths = read_truth(truth, epsg=epsg)
     with Store.open(store, create=False) as opened:
         evaluation = run(opened, truths, by=by.value, within_m=within)
-    files = plot(evaluation, plots, ending=f".{plots_as}") if plots is not None else []
+    files = plot(evaluation, plots, ending=f".{plots_as or PlotFormat.PNG}") if plots is not None else []
     if csv is not None:
         each = [error for method in evaluation.methods for error in method.each]
         replace_file(csv, csv_of(each, excel=excel))

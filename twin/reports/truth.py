@@ -22,6 +22,16 @@ if TYPE_CHECKING:
 _REQUIRED = ("object", "easting", "northing")
 UTM33 = 25833
 _NN2000 = 5941
+_MEANT = {
+    **{name: name for name in ("object", "easting", "northing", "height")},
+    **dict.fromkeys(("objekt", "id", "name", "navn"), "object"),
+    **dict.fromkeys(("east", "øst", "ost", "x", "e", "east_m"), "easting"),
+    **dict.fromkeys(("north", "nord", "y", "n", "north_m"), "northing"),
+    **dict.fromkeys(("lon", "long", "longitude", "lengdegrad"), "easting (with --epsg 4258)"),
+    **dict.fromkeys(("lat", "latitude", "breddegrad"), "northing (with --epsg 4258)"),
+    **dict.fromkeys(("z", "høyde", "hoyde"), "height"),
+}
+"""What others call a column, in lower case → what it is here."""
 _EAST_M, _NORTH_M = (-2_000_000.0, 2_000_000.0), (6_300_000.0, 8_200_000.0)
 """Of Norway in any of the zones from 31 to 36: which zone it is only a drive can tell."""
 
@@ -77,10 +87,14 @@ def read_truth(path: Path | str, *, epsg: int | None = None) -> list[Truth]:
     missing = [name for name in _REQUIRED if name not in table.header]
     if missing:
         columns = "column" if len(missing) == 1 else "columns"
+        renamed = [
+            f"{name} is {meant}" for name in table.header if (meant := _MEANT.get(name.lower(), name)) != name
+        ]
+        cure = f" Rename columns: {', '.join(renamed)}." if renamed else ""
         raise TruthError(
             f"The truth file {path} lacks the {columns} {', '.join(missing)}: it needs object, easting and "
             "northing (EPSG:25833), and may have label, height, drive_id and epsg; commas, semicolons or "
-            "tabs part them."
+            f"tabs part them.{cure}"
         )
     rows: list[Truth] = []
     lines: list[int] = []
@@ -125,7 +139,7 @@ def between(points: FloatArray, source: int, target: int) -> FloatArray:
     except ProjError as error:
         raise TruthError(
             f"EPSG:{source} is no coordinate system that PROJ can turn into EPSG:{target}: 25832 is UTM zone "
-            "32, 25833 zone 33, 4258 latitude and longitude."
+            "32, 25833 zone 33, 4258 degrees (easting is the longitude)."
         ) from error
     return np.column_stack(transformer.transform(*points.T))
 
@@ -174,6 +188,8 @@ def _vertical(epsg: int) -> CRS | None:
 
 def _truth(row: Mapping[str, str], table: Table, where: str, epsg: int | None) -> Truth:
     """One row, still in its own system."""
+    if empty := [name for name in ("easting", "northing") if not row[name]]:
+        raise TruthError(f"{where}: {' and '.join(empty)} {'is' if len(empty) == 1 else 'are'} empty.")
     try:
         east, north = (float(table.plain(row[name])) for name in ("easting", "northing"))
     except ValueError as error:

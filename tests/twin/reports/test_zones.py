@@ -141,3 +141,26 @@ def test_an_object_in_two_places_is_refused_with_both_lines(tmp_path: Path) -> N
     assert len(read_truth(path)) == 3
     path.write_text(head.format(first="") + "P01,,273036.5,7039178.8\n")
     assert len(read_truth(path)) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("Objekt;Øst;Nord\nP01;1;2\n", "Objekt is object, Øst is easting, Nord is northing."),
+        ("object,latitude,longitude\nP01,1,2\n", r"latitude is northing \(with --epsg 4258\), longitude is"),
+        ("object,easting,northing\nP01,,7039178.8\n", "line 2: easting is empty."),
+    ],
+)
+def test_other_names_of_columns_are_told(tmp_path: Path, text: str, said: str) -> None:
+    """Who has the columns under names of his own reads what to rename; an empty cell is called so."""
+    path = tmp_path / "survey.csv"
+    path.write_text(text)
+    with pytest.raises(TruthError, match=said):
+        read_truth(path)
+
+
+def test_format_of_figures_without_figures_is_refused(twin: Twin, store: Path, sample: Path) -> None:
+    """Else one would wait for figures that do not come."""
+    answer = twin("evaluate", sample / "truth.csv", "--store", store, "--plots-as", "pdf")
+    assert answer.code == 2
+    assert "name a folder by --plots too" in answer.err
