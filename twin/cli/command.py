@@ -13,6 +13,8 @@ from twin.cli import journal
 from twin.cli.settings import AREA_KEYS, BY_KEY, BY_VARIABLE, Held, chosen_store, held_settings
 from twin.errors import ConfigError
 
+_MENDERS = ("config", "help")
+
 
 class Command(TyperCommand):
     """A command whose options have the values of ``twin.toml`` where nothing else gives one."""
@@ -22,10 +24,19 @@ class Command(TyperCommand):
         if not ctx.resilient_parsing and not set(args) & set(ctx.help_option_names):
             given = self.make_parser(ctx).parse_args(list(args))[0]
             journal.manner.command = ctx.command_path.removeprefix("twin ")
-            held = held_settings(chosen_store(given.get("store")))
+            held = self._held(given.get("store"))
             ctx.default_map = self._defaults(held, given, ctx)
             _open_log(held, journal.manner.command)
         return super().parse_args(ctx, args)
+
+    def _held(self, store: str | None) -> Mapping[str, Held]:
+        """What files hold. A wrong one does not stop the commands that help to mend it."""
+        try:
+            return held_settings(chosen_store(store))
+        except ConfigError:
+            if self.name not in _MENDERS:
+                raise
+            return {}
 
     def _defaults(self, held: Mapping[str, Held], given: Mapping[str, Any], ctx: Any) -> dict[str, Any]:
         """Values of files by parameter; ConfigError for one that the option does not take."""

@@ -12,7 +12,7 @@ import typer
 
 from twin.cli.journal import PASSWORD, without_secrets
 from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
-from twin.cli.output import print_json, print_table
+from twin.cli.output import print_json, print_table, warn
 from twin.cli.settings import SETTINGS, Held, Setting, held_settings, is_there, store_file, user_file
 
 app = typer.Typer()
@@ -49,7 +49,7 @@ def config(ctx: typer.Context, store: StoreOption = DEFAULT_STORE, json_output: 
     An option stands above the environment, that above twin.toml beside the store, that above your own.
     Passwords stay out of both: keep API Skriv's in the environment, or in the keyring.
     """
-    held = held_settings(store)
+    held = held_settings(store, warn)
     settings = [_in_force(ctx, setting, held) for setting in SETTINGS]
     files = {"beside the store": store_file(store), "your own": user_file()}
     password = bool(os.environ.get(PASSWORD))

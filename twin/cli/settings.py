@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
@@ -127,18 +127,35 @@ def chosen_store(option: str | None) -> Path:
     return DEFAULT_STORE if held is None else Path(str(held.value))
 
 
-def held_settings(store: Path) -> dict[str, Held]:
+def held_settings(store: Path, tell: Callable[[str], None] | None = None) -> dict[str, Held]:
     """Return what the files hold that apply to a store, by key.
+
+    Parameters
+    ----------
+    store : Path
+    tell : callable, optional
+        Takes what is wrong with a file, which then counts as empty.
 
     Raises
     ------
     ConfigError
-        A file is no TOML, or has a key that twin does not know or a value that the key does not take.
+        A file is no TOML, or has a key that twin does not know or a value that the key does not take; and
+        nobody is told.
     """
+
+    def read(path: Path, *, beside_store: bool) -> dict[str, Held]:
+        try:
+            return read_file(path, beside_store=beside_store)
+        except ConfigError as error:
+            if tell is None:
+                raise
+            tell(str(error))
+            return {}
+
     users, beside = user_file(), store_file(store)
-    held = read_file(users, beside_store=False)
+    held = read(users, beside_store=False)
     if beside.absolute() != users.absolute():
-        above = read_file(beside, beside_store=True)
+        above = read(beside, beside_store=True)
         if not above.keys().isdisjoint(AREA_KEYS):
             held = {key: value for key, value in held.items() if key not in AREA_KEYS}
         held |= above

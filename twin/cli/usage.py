@@ -36,7 +36,7 @@ def usage_sentence(error: Any, group: Any, arguments: Sequence[str]) -> str:
     if parameter is not None:
         return _value_sentence(parameter, context, given)
     if option is not None:
-        return _option_sentence(option, context)
+        return _option_sentence(option, context, arguments)
     if not hasattr(command, "list_commands"):
         extra = command.make_parser(context).parse_args(list(given))[1]
         return f"`{path}` takes no {' '.join(extra)!r}: see `{path} --help`."
@@ -49,20 +49,24 @@ def usage_sentence(error: Any, group: Any, arguments: Sequence[str]) -> str:
 def _command_of(group: Any, arguments: Sequence[str]) -> tuple[Any, Sequence[str]]:
     """The context of the command that was meant, and the arguments that follow its name."""
     context = group.make_context("twin", [], resilient_parsing=True)
-    while arguments and hasattr(context.command, "get_command"):
-        command = context.command.get_command(context, arguments[0])
+    while hasattr(context.command, "get_command"):
+        # A group takes options of its own before the name of its command.
+        rest = context.command.make_parser(context).parse_args(list(arguments))[1]
+        command = context.command.get_command(context, rest[0]) if rest else None
         if command is None:
-            break
-        context = command.make_context(arguments[0], [], parent=context, resilient_parsing=True)
-        arguments = arguments[1:]
+            return context, rest
+        context = command.make_context(rest[0], [], parent=context, resilient_parsing=True)
+        arguments = rest[1:]
     return context, arguments
 
 
-def _option_sentence(option: str, context: Any) -> str:
+def _option_sentence(option: str, context: Any, arguments: Sequence[str]) -> str:
     command, path = context.command, context.command_path
     options = {name: each for each in command.params for name in (*each.opts, *each.secondary_opts)}
     if option not in options:
         above = context.find_root()
+        if context is above and (name := _taker(option, context, arguments)):
+            return f"{option} stands after the command: `{path} {name} {option}`."
         for each in above.command.params:
             if option in (*each.opts, *each.secondary_opts):
                 written = option if each.is_flag else f"{option} {each.metavar}"
@@ -72,6 +76,15 @@ def _option_sentence(option: str, context: Any) -> str:
     if options[option].is_flag:
         return f"{option} takes no value: write it alone."
     return f"{option} needs a value: write {wanted(options[option], command)}."
+
+
+def _taker(option: str, context: Any, arguments: Sequence[str]) -> str | None:
+    """The command among these words, where it takes the option that stands before its name."""
+    for word in arguments:
+        command = context.command.get_command(context, word)
+        if command is not None:
+            return word if any(option in each.opts for each in command.params) else None
+    return None
 
 
 def _value_sentence(parameter: Any, context: Any, given: Sequence[str]) -> str:
@@ -93,6 +106,8 @@ def wanted(parameter: Any, command: Any) -> str:
     kind, info = _declared(parameter, command)
     if choices := _choices(kind):
         return f"one of {', '.join(choices)}"
+    if kind is bool:
+        return "true or false"
     if kind is dt.datetime:
         return f"a day as {dt.date(2026, 6, 1):{info.formats[0]}}"
     if kind in (int, float):

@@ -120,6 +120,11 @@ def test_wrong_settings_are_one_sentence_with_file_and_cure(
     assert answer.err.count("\n") == 1
     assert "hemmelig" not in answer.err
     assert twin("status", "--help").code == 0
+    if "detector_every = 0" not in text and "fr" not in text:
+        shown = twin("config", "--store", store)
+        assert (shown.code, WRONG[text] in shown.err, "detector_every" in shown.out) == (0, True, True)
+    (home / "twin.toml").write_text(text, encoding="utf-8")
+    assert "twin.toml" in twin("help", "config").out
 
 
 def test_config_shows_no_secret(twin: Twin, home: Path, store: Path, monkeypatch: pytest.MonkeyPatch) -> None:

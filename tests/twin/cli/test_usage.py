@@ -29,6 +29,16 @@ SENTENCES = {
     "calibrate verify trip -x": (
         "`twin calibrate verify` has no option -x: see `twin calibrate verify --help`."
     ),
+    "--quiet match --tolerance wide": "--tolerance is wide: write a number.",
+    "-q findings --page x": "--page is x: write a whole number of at least 1.",
+    "-q calibrate example out --pictures 2": "--pictures is 2: write a whole number of at least 5.",
+    "--quiet match --tolerence 3": (
+        "`twin match` has no option --tolerence (perhaps --tolerance): see `twin match --help`."
+    ),
+    "--quiet mach": "There is no command `twin mach` (perhaps match): see `twin --help`.",
+    "--quiet --tolerance 3 match": "--tolerance stands after the command: `twin match --tolerance`.",
+    "--log-file": "--log-file needs a value: write FILE.",
+    "--frobnicate match": "`twin` has no option --frobnicate: see `twin --help`.",
     "--frobnicate": "`twin` has no option --frobnicate: see `twin --help`.",
     "match this too": "`twin match` takes no 'this too': see `twin match --help`.",
     "ingest-drive": "`twin ingest-drive` needs DRIVE: see `twin ingest-drive --help`.",
@@ -49,18 +59,39 @@ def test_usage_error_is_one_sentence_with_the_cure(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("before", [[], ["--quiet"], ["--log-file", "log"]])
+@pytest.mark.parametrize(
+    ("variable", "value", "command", "wanted"),
+    [
+        ("TWIN_SKRIV_REALM", "GUEST", "submit", "one of EMPLOYEE, SERVICE_ACCOUNT, EXTERNAL"),
+        ("TWIN_TOLERANCE", "abc", "match", "a number"),
+        ("TWIN_VEGNETT", "maybe", "sync-nvdb", "true or false"),
+    ],
+)
 def test_usage_error_of_an_environment_variable_names_it(
-    twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    twin: Twin,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    before: list[str],
+    variable: str,
+    value: str,
+    command: str,
+    wanted: str,
 ) -> None:
-    """Nobody looks for an option that was never typed."""
-    monkeypatch.setenv("TWIN_SKRIV_REALM", "GUEST")
-    answer = twin("submit", tmp_path)
-    assert answer.err == (
-        "twin: TWIN_SKRIV_REALM is GUEST: write one of EMPLOYEE, SERVICE_ACCOUNT, EXTERNAL.\n"
-    )
+    """Nobody looks for an option that was never typed, whatever stands before the command."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(variable, value)
+    answer = twin(*before, command, *([tmp_path] if command == "submit" else []))
+    assert (answer.code, answer.err) == (2, f"twin: {variable} is {value}: write {wanted}.\n")
 
 
-@pytest.mark.parametrize("group", [[], ["calibrate"]])
+def test_json_before_the_command_is_told_where_it_belongs(twin: Twin) -> None:
+    """As JSON, since that was asked for."""
+    told = twin("--quiet", "--json", "match").error
+    assert told["message"] == "--json stands after the command: `twin match --json`."
+
+
+@pytest.mark.parametrize("group", [[], ["calibrate"], ["--quiet", "calibrate"]])
 def test_group_without_a_command_shows_its_help(twin: Twin, group: list[str]) -> None:
     """Nothing asked, nothing wrong: the commands are listed, and the exit code says that none was run."""
     answer = twin(*group)
