@@ -85,6 +85,8 @@ class _Commands(_LazyGroup):
         "evaluate": "reports",
         "show": "show",
         "status": "reports",
+        "backup": "backup",
+        "restore": "backup",
         "config": "config",
         "confidence": "reports",
         "simulate": "samples",
