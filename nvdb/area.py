@@ -131,6 +131,15 @@ class Area:
             return f"box {', '.join(shown)} {_UTM33}"
         return _COUNTRY
 
+    def contains(self, other: Area) -> bool:
+        """Whether all kommuner, fylker or kontraktsområder of another area are named in this one too."""
+        pairs = (
+            (other.kommuner, self.kommuner),
+            (other.fylker, self.fylker),
+            (other.kontraktsomrader, self.kontraktsomrader),
+        )
+        return any(theirs and set(theirs) <= set(ours) for theirs, ours in pairs)
+
     def excludes(self, lokasjon: object) -> bool:
         """Whether an object's ``lokasjon`` of API Les V4 says that it lies elsewhere.
 

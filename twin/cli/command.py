@@ -10,7 +10,7 @@ from typing import Any
 from typer.core import TyperCommand
 
 from twin.cli import journal
-from twin.cli.settings import AREA_KEYS, BY_KEY, BY_VARIABLE, Held, chosen_store, held_settings
+from twin.cli.settings import AREA_KEYS, AREA_LISTS, BY_KEY, BY_VARIABLE, Held, chosen_store, held_settings
 from twin.errors import ConfigError
 
 _MENDERS = ("config", "help")
@@ -22,6 +22,7 @@ class Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put what files hold between environment and built-in defaults."""
         if not ctx.resilient_parsing and not set(args) & set(ctx.help_option_names):
+            args = self._joined(args)
             given = self.make_parser(ctx).parse_args(list(args))[0]
             journal.manner.command = ctx.command_path.removeprefix("twin ")
             held = self._held(given.get("store"))
@@ -37,6 +38,29 @@ class Command(TyperCommand):
             if self.name not in _MENDERS:
                 raise
             return {}
+
+    def _joined(self, args: list[str]) -> list[str]:
+        """Make one list of each option of an area that stands there several times.
+
+        The parser would take the last of them without a word.
+        """
+        lists = {name for one in self.params if one.envvar and one.name in AREA_LISTS for name in one.opts}
+        places: dict[str, int] = {}
+        joined: list[str] = []
+        rest = iter(args)
+        for arg in rest:
+            name, written, value = arg.partition("=")
+            following = next(rest, None) if name in lists and not written else value
+            if name not in lists or following is None:
+                joined.append(arg)
+            elif name in places:
+                joined[places[name]] += f",{following}"
+            else:
+                places[name] = len(joined)
+                joined.append(f"{name}={following}")
+            if arg == "--":
+                joined.extend(rest)
+        return joined
 
     def _defaults(self, held: Mapping[str, Held], given: Mapping[str, Any], ctx: Any) -> dict[str, Any]:
         """Values of files by parameter; ConfigError for one that the option does not take."""

@@ -40,10 +40,10 @@ class SourceName(StrEnum):
 
 KommuneOption = Annotated[
     str | None,
-    typer.Option(envvar="TWIN_KOMMUNE", help="Municipality numbers, separated by commas: 5001,5031."),
+    typer.Option(envvar="TWIN_KOMMUNE", help="Municipality numbers: 5001,5031, or the option again."),
 ]
 FylkeOption = Annotated[
-    str | None, typer.Option(envvar="TWIN_FYLKE", help="County numbers, separated by commas: 50,15.")
+    str | None, typer.Option(envvar="TWIN_FYLKE", help="County numbers: 50,15, or the option again.")
 ]
 KontraktsomradeOption = Annotated[
     str | None,

@@ -93,6 +93,8 @@ BY_KEY: Mapping[str, Setting] = {setting.key: setting for setting in SETTINGS}
 BY_VARIABLE: Mapping[str, Setting] = {setting.variable: setting for setting in SETTINGS}
 AREA_KEYS = ("kommune", "fylke", "kontraktsomrade", "bbox")
 """One area is named in one way: a key of them hides the others of files below."""
+AREA_LISTS = ("kommune", "fylke", "kontraktsomrade")
+"""Those that take several values, with commas between or each with an option of its own."""
 _SECRET = ("password", "passord", "token", "secret")
 
 Value = str | bool

@@ -13,7 +13,7 @@ from nvdb.area import Area
 from nvdb.client import Json, NvdbClient, Params
 from nvdb.datakatalog import Datakatalog, hent_datakatalog, katalog_from_document, snapshot
 from nvdb.datakatalog.diff import diff
-from nvdb.errors import AreaError, BodyError, HttpStatusError, SchemaError
+from nvdb.errors import AreaError, BodyError, HttpStatusError, SchemaError, TransportError
 from nvdb.mirror import (
     MAX_DELETED_SHARE,
     SKILT_TYPES,
@@ -214,10 +214,10 @@ def sync_nvdb(
         The store could not be written.
     """
     lock = store.path.with_name(store.path.name + ".sync-lock")
-    with exclusive(lock, f"sync of {store.path.name}"):
-        _check_area(store, area, replace)
-        with NvdbClient(api_url=api_url, contact=contact) as client:
-            return _sync(client, source, store, area, fresh, confirm_deletions, progress)
+    busy = exclusive(lock, f"sync of {store.path.name}")
+    with busy, NvdbClient(api_url=api_url, contact=contact) as client:
+        _check_area(store, area, replace, client)
+        return _sync(client, source, store, area, fresh, confirm_deletions, progress)
 
 
 def dry_run(
@@ -246,9 +246,9 @@ def dry_run(
     RefusedError
         The store mirrors another area.
     """
-    if store is not None:
-        _check_area(store, area, replace)
     with NvdbClient(api_url=api_url, contact=contact) as client, _Asking(api_url) as asking:
+        if store is not None:
+            _check_area(store, area, replace, client)
         followed = _source(source, client, snapshot())
         followed.check(area)
         refuse_unknown(client, area)
@@ -379,7 +379,7 @@ def _katalog(client: NvdbClient, store: Store) -> tuple[Datakatalog, list[str]]:
     return fetched, diff(last, fetched)
 
 
-def _check_area(store: Store, area: Area, replace: bool) -> None:
+def _check_area(store: Store, area: Area, replace: bool, client: NvdbClient) -> None:
     mirror = StoreMirror(store)
     following = mirror.following()
     # A mirror without a sign is of an area that was named wrongly: nothing is lost with it.
@@ -387,11 +387,15 @@ def _check_area(store: Store, area: Area, replace: bool) -> None:
         following is not None
         and following.area != area.text()
         and not replace
+        and not area.contains(Area.from_text(following.area))
         and any(mirror.count(t) for t in SKILT_TYPES)
     ):
+        with suppress(TransportError):  # a number that does not exist is no reason to replace anything
+            refuse_unknown(client, area)
         raise RefusedError(
-            f"The store {store.path} mirrors {following.area}, not {area.text()}: name another --store, "
-            "or let --replace throw the old mirror away."
+            f"The store {store.path} mirrors {following.area}, not {area.text()}: name another --store, or "
+            "both areas where they are of one kind (--kommune 5001,5031), or let --replace put the new "
+            "mirror in the old one's place: drives and decisions stay, and `twin match` then compares anew."
         )
 
 

@@ -122,6 +122,26 @@ def test_area_of_a_mirror_is_not_changed_by_the_way(twin: Twin, url: str, tmp_pa
     assert twin(*command, "--json").json["area"] == "fylke 03"
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--kommune", "5006"], "kommune 5001, 5006"),
+        (["--kommune=5006", "--kommune", "301"], "kommune 0301, 5001, 5006"),
+        (["--kommune", "5006,301"], "kommune 0301, 5001, 5006"),
+    ],
+)
+def test_areas_add_up(twin: Twin, url: str, tmp_path: Path, options: list[str], words: str) -> None:
+    """An option given again adds to the area, and a mirror grows to an area that holds its own."""
+    command = ["sync-nvdb", "--api-url", url, "--store", tmp_path / "a.db", "--kommune", "5001"]
+    assert twin(*command).code == 0
+    before = _mirrored(tmp_path / "a.db")
+    assert twin(*command, *options, "--json").json["area"] == words
+    after = _mirrored(tmp_path / "a.db")
+    assert all(before[kind] <= after[kind] for kind in before)
+    unknown = twin(*command[:-2], "--kommune", "5051")
+    assert (unknown.code, "--replace" in unknown.err) == (2, False), unknown.err
+
+
 def test_uberiket_refuses_areas_that_it_cannot_select(twin: Twin, url: str, tmp_path: Path) -> None:
     """Exit code 2 and the cure, before anything is asked or stored."""
     for options in (["--fylke", "50"], ["--kontraktsomrade", "17"], ["--kommune", "5001"]):
