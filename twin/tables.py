@@ -9,12 +9,16 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _DELIMITERS = ";\t,"
 _LONGEST_HEADER = 10_000
 _BEGINNING = 1_000
+_LIKE_A_NUMBER = re.compile(r"\d{9,}|0\d+|\d+e\d+|\d+,\d+", re.IGNORECASE)
+"""Text that Excel would take for a number, and show as another: an id 12345678e101, a list 5001,5031."""
+_KEPT_AS_TEXT = re.compile(r'="([^"]*)"')
 _SPACES = str.maketrans({"\u00a0": "", "\u202f": "", " ": "", "\u2212": "-"})
 """Between groups of three digits; and the minus sign of a Norwegian locale."""
 
@@ -63,7 +67,8 @@ class Table:
         """Yield each row that is not empty by the names of its columns; a cell that is not there is empty."""
         for cells in self:
             if any(cell.strip() for cell in cells):
-                filled = [*(cell.strip() for cell in cells), *[""] * (len(self.header) - len(cells))]
+                plain = [_KEPT_AS_TEXT.sub(r"\1", cell.strip()) for cell in cells]
+                filled = [*plain, *[""] * (len(self.header) - len(cells))]
                 yield dict(zip(self.header, filled, strict=False))
 
     def plain(self, cell: str) -> str:
@@ -98,18 +103,24 @@ def csv_bytes(columns: Sequence[str], rows: Iterable[Mapping[str, object]], *, e
     rows : iterable of mapping
         None becomes an empty cell. Numbers are to be rounded before.
     excel : bool
-        Semicolons, decimal commas, CRLF and a byte-order mark.
+        Semicolons, decimal commas, SANN and USANN, ``="12345678e101"`` for text that looks like a number,
+        CRLF and a byte-order mark.
     """
     text = io.StringIO()
     out = csv.writer(text, delimiter=";" if excel else ",", lineterminator="\r\n" if excel else "\n")
     out.writerow(columns)
     for row in rows:
         cells = [row[name] for name in columns]
-        out.writerow([_comma(cell) for cell in cells] if excel else cells)
+        out.writerow([_for_excel(cell) for cell in cells] if excel else cells)
     return text.getvalue().encode("utf-8-sig" if excel else "utf-8")
 
 
-def _comma(cell: object) -> object:
+def _for_excel(cell: object) -> object:
+    """A cell as Norwegian Excel takes it for what it is."""
+    if isinstance(cell, bool):
+        return "SANN" if cell else "USANN"
+    if isinstance(cell, str) and _LIKE_A_NUMBER.fullmatch(cell):
+        return f'="{cell}"'
     if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@")):
         # What strangers have written is text, and no formula that Excel would work out.
         return f"'{cell}"

@@ -104,6 +104,30 @@ def test_bytes_that_are_no_text_are_refused() -> None:
         Table(b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR")
 
 
+@pytest.mark.parametrize(
+    ("cell", "written"),
+    [
+        ("123456789012", '"=""123456789012"""'),
+        ("12345678e101", '"=""12345678e101"""'),
+        ("0301", '"=""0301"""'),
+        ("5001,5031", '"=""5001,5031"""'),
+        ("3f09a1b2c4d5", "3f09a1b2c4d5"),
+        ("5001", "5001"),
+        ("362.50", "362.50"),
+        ("=1+1", "'=1+1"),
+        (True, "SANN"),
+        (False, "USANN"),
+        (0.5, "0,5"),
+    ],
+)
+def test_excel_takes_a_cell_for_what_it_is(cell: object, written: str) -> None:
+    """Ids and lists of numbers stay text, truth is Norwegian; and our own reader has the text again."""
+    content = csv_bytes(["a"], [{"a": cell}], excel=True)
+    assert content.decode("utf-8-sig") == f"a\r\n{written}\r\n"
+    (row,) = Table(content).by_name()
+    assert row["a"] == (cell if written.startswith('"') else written)
+
+
 def test_excel_csv_is_read_back_as_it_was_written() -> None:
     """Numbers, empty cells, line breaks and Norwegian letters come home through our own reader."""
     rows = [{"name": "Vær; så\ngod", "x": 1.25, "n": 3}, {"name": "", "x": None, "n": -7}]

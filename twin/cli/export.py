@@ -51,13 +51,14 @@ def export(
         SetDecision, typer.Option(help="accept: change sets to send. open: previews, of what is undecided.")
     ] = SetDecision.ACCEPT,
     project: Annotated[
-        bool,
+        bool | None,
         typer.Option(
             "--project/--no-project",
             envvar="TWIN_PROJECT",
-            help="With a QGIS project in twin_utm33.gpkg: see twin qgis.",
+            help="With a QGIS project in twin_utm33.gpkg: see twin qgis.  [default: if one is there already]",
+            show_default=False,
         ),
-    ] = False,
+    ] = None,
     api_url: SkrivApiOption = DEFAULT_SKRIV_API,
     lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
@@ -70,16 +71,18 @@ def export(
     see twin submit.
     """
     from twin.export import export_findings as write
+    from twin.export.open_in_qgis import has_project
     from twin.store.store import Store
 
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         progress("reading the store")  # before the layers' libraries, which take a second to load
+        stood_there = has_project(folder)
         report = write(
             opened,
             folder,
             by=person(by),
             decision=decision,
-            project=project,
+            project=stood_there if project is None else project,
             api_url=api_url,
             lang=lang,
             progress=progress,
@@ -93,6 +96,8 @@ def export(
         print_json({**told, **_change_sets_as_json(report.change_sets)})
     else:
         _print_export(report.files, folder)
+        if stood_there and not project:
+            note(say(lang, "opening.project_kept" if project is None else "opening.project_gone"))
         if not report.matched:
             note(
                 "There are no findings, and no change sets: the store was not matched with NVDB. "

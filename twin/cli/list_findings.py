@@ -17,7 +17,15 @@ from twin.cli.findings import (
     SinceOption,
     UntilOption,
 )
-from twin.cli.options import DEFAULT_STORE, ExcelOption, JsonOption, LangOption, StoreOption, need_csv
+from twin.cli.options import (
+    DEFAULT_STORE,
+    ExcelOption,
+    JsonOption,
+    LangOption,
+    StoreOption,
+    need_csv,
+    need_place,
+)
 from twin.cli.output import note, print_json, print_table, warn
 from twin.errors import ConfigError
 from twin.reports.orders import Order
@@ -119,6 +127,7 @@ def findings(
         raise ConfigError(
             "Standard output takes one of --json, --ids, --csv - and --geojson -, no workbook: name files."
         )
+    need_place({"--csv": csv, "--xlsx": xlsx, "--geojson": geojson})
     selection = Selection(
         drives=tuple(drive or ()),
         area=area,

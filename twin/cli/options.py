@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import getpass
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -61,6 +63,26 @@ def need_csv(excel: bool, csv: Path | None) -> None:
     """Refuse ``--excel`` where no CSV is written."""
     if excel and csv is None:
         raise ConfigError("--excel says how --csv is written: name a file by --csv too.")
+
+
+def need_place(files: Mapping[str, Path | None]) -> None:
+    """Refuse a file whose ending belongs to another option, and make the folders of the others.
+
+    Parameters
+    ----------
+    files : mapping of str to Path or None
+        Option → the file that it names.
+    """
+    for option, path in files.items():
+        fits = _ENDINGS.get("" if path is None else path.suffix.lower(), option)
+        if fits != option:
+            raise ConfigError(f"{option} {path}: a file with this ending is written by {fits} {path}.")
+    for path in filter(None, files.values()):
+        with suppress(OSError):  # whoever writes the file says why that cannot be
+            path.parent.mkdir(parents=True, exist_ok=True)
+
+
+_ENDINGS = {".csv": "--csv", ".xlsx": "--xlsx", ".geojson": "--geojson"}
 
 
 def person(by: str | None) -> str:

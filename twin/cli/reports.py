@@ -19,6 +19,7 @@ from twin.cli.options import (
     LangOption,
     StoreOption,
     need_csv,
+    need_place,
 )
 from twin.cli.output import cell, note, print_json, print_pairs, print_table, warn
 from twin.words import Lang, decision_title, number_text, say, verdict_title
@@ -94,6 +95,7 @@ def evaluate(
     need_csv(excel, csv)
     if plots_as is not None and plots is None:
         raise ConfigError("--plots-as says how --plots are drawn: name a folder by --plots too.")
+    need_place({"--csv": csv})
     truths = read_truth(truth, epsg=epsg)
     with Store.open(store, create=False) as opened:
         evaluation = run(opened, truths, by=by.value, within_m=within)

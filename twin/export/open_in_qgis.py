@@ -8,11 +8,12 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from twin.errors import FileError, RefusedError
+from twin.errors import ExportRefusedError, FileError, RefusedError
 from twin.export.folder import UTM33
 from twin.export.geopackage import contents_of, edited_answers
 from twin.export.layers import description
@@ -111,6 +112,14 @@ def qgis_export(folder: Path, lang: Lang = Lang.EN) -> QgisExport:
         decisions=found.decisions,
         edited={change: answer.decision for change, answer in edited_answers(file).items()},
     )
+
+
+def has_project(folder: Path) -> bool:
+    """Whether a folder holds an export with a QGIS project; what is no export has none."""
+    file = folder / UTM33
+    with suppress(ExportRefusedError):
+        return file.is_file() and PROJECT in contents_of(file).projects
+    return False
 
 
 def qgis_program() -> str:

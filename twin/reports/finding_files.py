@@ -45,7 +45,7 @@ def xlsx_of(rows: Sequence[FindingRow], lang: Lang = Lang.EN) -> bytes:
     with Workbook(file, options) as book:
         sheet = book.add_worksheet(say(lang, "findings.sheet"))
         bold = book.add_format({"bold": True, "bottom": 1})
-        share = book.add_format({"num_format": "0.0%"})
+        share = book.add_format({"num_format": "0.00%"})
         sheet.write_row(0, 0, [say(lang, f"findings.{name}") for name in COLUMNS], bold)
         for number, row in enumerate(rows, start=1):
             for column, (name, value) in enumerate(asdict(row).items()):

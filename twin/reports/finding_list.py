@@ -269,7 +269,7 @@ class _Teller:
             verdict=finding.verdict.value,
             decision=status.decision.value,
             is_new=status.change_id in self.fresh,
-            confidence=round(finding.confidence, 4),
+            confidence=_chance(finding.confidence),
             sign=sign_titles(finding.skiltnummer_seen or finding.skiltnummer_nvdb, self.names),
             skiltnummer_seen=";".join(finding.skiltnummer_seen),
             skiltnummer_nvdb=";".join(finding.skiltnummer_nvdb),
@@ -289,6 +289,11 @@ class _Teller:
             seen=seen_sentence(finding, self.lang, days, alone=False),
             reason=reason_of(finding, self.lang, self.names),
         )
+
+
+def _chance(value: float) -> float:
+    """Four decimals; what is not certain is not rounded to certainty."""
+    return min(max(round(value, 4), 1e-4), 1 - 1e-4) if 0.0 < value < 1.0 else value
 
 
 def _rounded(value: float | None) -> float | None:

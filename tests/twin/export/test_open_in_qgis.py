@@ -65,6 +65,19 @@ def test_qgis_without_a_project_says_how_to_get_one(twin: Twin, store: Path, tmp
     assert f"`twin export {tmp_path / 'out'} --project` puts one in" in answer.err
 
 
+@pytest.mark.parametrize(
+    ("option", "said", "is_there"),
+    [((), "written anew", True), (("--no-project",), "is gone", False), (("--project",), "", True)],
+)
+def test_a_project_does_not_go_without_a_word(
+    twin: Twin, store: Path, exported: Path, option: tuple[str, ...], said: str, is_there: bool
+) -> None:
+    """An export to where a project stands writes it anew, unless it is told not to."""
+    answer = twin("export", exported, *option, "--store", store)
+    assert said in answer.err
+    assert (twin("qgis", exported, "--json").json["project"] is not None) == is_there
+
+
 def test_qgis_of_an_export_without_a_match_asks_for_no_decision(
     twin: Twin, trip: Path, tmp_path: Path
 ) -> None:

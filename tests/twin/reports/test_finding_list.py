@@ -100,6 +100,21 @@ def test_findings_as_files_are_the_same_list(twin: Twin, store: Path, tmp_path: 
     assert [line.split("\t")[0] for line in piped] == [row["change_id"] for row in rows]
 
 
+@pytest.mark.parametrize(
+    ("option", "name", "cure"),
+    [("--csv", "f.xlsx", "--xlsx"), ("--xlsx", "f.CSV", "--csv"), ("--geojson", "f.csv", "--csv")],
+)
+def test_a_file_is_what_its_ending_says(
+    twin: Twin, store: Path, tmp_path: Path, option: str, name: str, cure: str
+) -> None:
+    """An ending of another option is refused with that option; a missing folder is made."""
+    answer = twin("findings", "--store", store, option, tmp_path / "new" / name)
+    assert (answer.code, f"is written by {cure} {tmp_path / 'new' / name}" in answer.err) == (2, True)
+    assert not (tmp_path / "new").exists()
+    assert twin("findings", "--store", store, cure, tmp_path / "new" / name).code == 0
+    assert (tmp_path / "new" / name).stat().st_size > 0
+
+
 def test_stale_findings_are_listed_with_a_warning(twin: Twin, store: Path) -> None:
     """After a sync or an ingest the list is that of the last match, and says so; --new needs two matches."""
     assert "There was only one match" in twin("findings", "--store", store, "--new").err
