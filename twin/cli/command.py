@@ -64,8 +64,6 @@ class Command(TyperCommand):
 
     def _defaults(self, held: Mapping[str, Held], given: Mapping[str, Any], ctx: Any) -> dict[str, Any]:
         """Values of files by parameter; ConfigError for one that the option does not take."""
-        from twin.cli.usage import UsageError, wanted
-
         defaults: dict[str, Any] = {}
         for parameter in self.params:
             setting = BY_VARIABLE.get(str(parameter.envvar))
@@ -74,11 +72,7 @@ class Command(TyperCommand):
                 continue
             if setting.key in AREA_KEYS and self._names_an_area(given):
                 continue
-            try:
-                parameter.process_value(ctx, one.value)
-            except UsageError as error:
-                told = wanted(parameter, self)
-                raise ConfigError(f"{one.file} sets {setting.key} to {one.value}: write {told}.") from error
+            check_value(ctx, parameter, setting.key, one)
             defaults[str(parameter.name)] = one.value
         return defaults
 
@@ -86,6 +80,40 @@ class Command(TyperCommand):
         """Whether options or the environment say which area."""
         asked = any(given.get(name) for name in (*AREA_KEYS, "everything"))
         return asked or any(os.environ.get(BY_KEY[key].variable) for key in AREA_KEYS)
+
+
+def check_value(ctx: Any, parameter: Any, key: str, one: Held) -> None:
+    """Refuse a file's value that an option does not take.
+
+    Parameters
+    ----------
+    ctx : typer.Context
+        Of the command that the option belongs to.
+    parameter : TyperOption
+    key : str
+        Of the setting.
+    one : Held
+
+    Raises
+    ------
+    ConfigError
+        It names the file and the key.
+    """
+    from nvdb.errors import AreaError
+    from twin.cli.usage import UsageError, wanted
+
+    said = f"{one.file} sets {key} to {one.value}"
+    try:
+        parameter.process_value(ctx, one.value)
+    except UsageError as error:
+        raise ConfigError(f"{said}: write {wanted(parameter, ctx.command)}.") from error
+    if key in AREA_KEYS:
+        from twin.mirror.sync import area_from_options
+
+        try:
+            area_from_options(Path(), **{key: str(one.value)})
+        except AreaError as error:
+            raise ConfigError(f"{said}. {error}") from error
 
 
 def _open_log(held: Mapping[str, Held], command: str) -> None:

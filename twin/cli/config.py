@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from twin.cli.command import check_value
 from twin.cli.journal import PASSWORD, without_secrets
 from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
 from twin.cli.output import print_json, print_table, warn
@@ -88,6 +89,8 @@ def _told(ctx: Any, setting: Setting, held: Held | None) -> tuple[Any, str]:
     """A setting's value and the parser's name for its source, asked of an option that it stands for."""
     context = next(each for each in _contexts(ctx) if _option(each, setting) is not None)
     option = _option(context, setting)
+    if held is not None:
+        check_value(context, option, setting.key, held)
     if option.name in context.params:  # of `twin` itself, or of this command
         value, source = context.params[option.name], context.get_parameter_source(option.name)
     else:

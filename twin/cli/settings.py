@@ -180,16 +180,23 @@ def read_file(path: Path, *, beside_store: bool) -> dict[str, Held]:
     ConfigError
         As :func:`held_settings`.
     """
+    path = path.absolute()
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (FileNotFoundError, NotADirectoryError):
         return {}
     except OSError as error:
         if not _may_enter(path.parent):
             return {}  # another user's: of a store there the store itself says it
         raise ConfigError(f"The settings {path} cannot be read ({error.strerror}): mend that.") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"The settings {path} are not in UTF-8: save the file as UTF-8.") from error
     except ValueError as error:
-        raise ConfigError(f"The settings {path} are no TOML ({error}): mend that line.") from error
+        raise ConfigError(
+            f"The settings {path} are no TOML ({error}): mend that line. A text stands in quotes, also a "
+            'number that begins with 0 ("0301"); several values in brackets ([5001, 5031]); a path has / '
+            "instead of \\; yes is true, and no is false."
+        ) from error
     return {key: Held(_value(key, value, path, beside_store), path) for key, value in table.items()}
 
 

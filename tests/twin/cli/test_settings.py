@@ -102,6 +102,10 @@ WRONG = {
     'store = "x.db"': "sets store, which only the user's own file can",
     'skriv_password = "hemmelig"': "keep API Skriv's password in the environment as TWIN_SKRIV_PASSWORD",
     "lang = nb": "are no TOML",
+    "kommune = 0301": 'also a number that begins with 0 ("0301")',
+    "kommune = 5001,5031": "several values in brackets ([5001, 5031])",
+    'labels = "C:\\Users\\kari"': "a path has / instead of \\;",
+    "vegnett = ja": "yes is true",
 }
 
 
@@ -125,6 +129,37 @@ def test_wrong_settings_are_one_sentence_with_file_and_cure(
         assert (shown.code, WRONG[text] in shown.err, "detector_every" in shown.out) == (0, True, True)
     (home / "twin.toml").write_text(text, encoding="utf-8")
     assert "twin.toml" in twin("help", "config").out
+
+
+@pytest.mark.parametrize(
+    ("text", "command", "told"),
+    [
+        ('lang = "fr"', "config", "sets lang to fr: write one of en, nb."),
+        ('method = "best"', "config", "sets method to best: write one of"),
+        ("detector_every = 0", "config", "sets detector_every to 0: write a whole number of at least 1."),
+        ('kommune = "Oslo"', "config", "sets kommune to Oslo. "),
+        ('kommune = "Oslo"', "sync-nvdb", "sets kommune to Oslo. "),
+        ("bbox = [1, 2, 3]", "config", "sets bbox to 1,2,3. "),
+    ],
+)
+def test_a_wrong_value_is_told_with_its_file(
+    twin: Twin, home: Path, store: Path, text: str, command: str, told: str
+) -> None:
+    """`twin config` checks a file as the commands do that take its values."""
+    path = store.parent / "twin.toml"
+    path.write_text(text, encoding="utf-8")
+    answer = twin(command, "--store", store)
+    assert (answer.code, f"{path} {told}" in answer.err, answer.err.count("\n")) == (2, True, 1), answer.err
+
+
+def test_a_file_of_notepad_is_read(twin: Twin, home: Path, store: Path) -> None:
+    """A byte-order mark is no fault; another encoding is told, with the cure."""
+    path = store.parent / "twin.toml"
+    path.write_bytes(b'\xef\xbb\xbfby = "K\xc3\xa5re"\r\n')
+    assert held(twin, "by", "--store", store)[0] == "K\u00e5re"
+    path.write_bytes('by = "K\u00e5re"'.encode("cp1252"))
+    answer = twin("config", "--store", store)
+    assert (answer.code, f"{path} are not in UTF-8: save the file as UTF-8" in answer.err) == (2, True)
 
 
 def test_config_shows_no_secret(twin: Twin, home: Path, store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
