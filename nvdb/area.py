@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -154,6 +154,15 @@ class Area:
         name, numbers = ("kommuner", self.kommuner) if self.kommuner else ("fylker", self.fylker)
         found = lokasjon.get(name)
         return isinstance(found, list) and set(numbers).isdisjoint(found)
+
+
+READERS: Final[Mapping[str, Callable[[str], Area]]] = {
+    "kommune": Area.from_kommuner_text,
+    "fylke": Area.from_fylker_text,
+    "kontraktsomrade": Area.from_kontraktsomrader_text,
+    "bbox": Area.from_bbox_text,
+}
+"""How an area is named → what reads it as typed."""
 
 
 def _check_numbers(numbers: tuple[int, ...], possible: range, what: str) -> None:

@@ -20,6 +20,9 @@ Exit codes live in :mod:`twin.cli.exit_codes` alone.
 from __future__ import annotations
 
 import errno
+import shlex
+import subprocess
+import sys
 
 _RIGHTS = "give this user the right to it, or name another"
 _SPACE = "free space on the disk, or name another place"
@@ -34,6 +37,12 @@ CURES = {
     errno.EMFILE: "allow this process more open files (ulimit -n)",
 }
 """Error number of the system → what helps."""
+
+
+def to_type(*words: object) -> str:
+    """Write a command as people type it in this system's shell, with quotes where they are needed."""
+    texts = [str(word) for word in words]
+    return subprocess.list2cmdline(texts) if sys.platform == "win32" else shlex.join(texts)
 
 
 class TwinError(Exception):

@@ -10,6 +10,7 @@ import typer
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, warn
 from twin.cli.pages import OpenOption, PageLangOption, PortOption, serve_page
+from twin.errors import to_type
 from twin.words import SignNames
 
 app = typer.Typer()
@@ -43,7 +44,8 @@ def annotate(
     serve_page(
         lambda address: annotate_app(recording, options, address), port=port, open_browser=open_browser
     )
-    note(f"The annotation page is closed; every mark is in {drive}. Next: twin ingest-drive {drive}")
+    following = to_type("twin", "ingest-drive", drive)
+    note(f"The annotation page is closed; every mark is in {drive}. Next: {following}")
 
 
 def _signs(store: Path) -> tuple[SignNames, frozenset[str]]:

@@ -99,7 +99,6 @@ def check_value(ctx: Any, parameter: Any, key: str, one: Held) -> None:
     ConfigError
         It names the file and the key.
     """
-    from nvdb.errors import AreaError
     from twin.cli.usage import UsageError, wanted
 
     said = f"{one.file} sets {key} to {one.value}"
@@ -108,10 +107,11 @@ def check_value(ctx: Any, parameter: Any, key: str, one: Held) -> None:
     except UsageError as error:
         raise ConfigError(f"{said}: write {wanted(parameter, ctx.command)}.") from error
     if key in AREA_KEYS:
-        from twin.mirror.sync import area_from_options
+        from nvdb.area import READERS
+        from nvdb.errors import AreaError
 
         try:
-            area_from_options(Path(), **{key: str(one.value)})
+            READERS[key](str(one.value))
         except AreaError as error:
             raise ConfigError(f"{said}. {error}") from error
 

@@ -13,6 +13,7 @@ from twin.cli.journal import manner
 from twin.cli.made_store import made_store
 from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
 from twin.cli.output import note, print_json, print_line, print_pairs, print_table, steps, warn
+from twin.errors import to_type
 from twin.store.kinds import Method
 
 if TYPE_CHECKING:
@@ -342,7 +343,7 @@ def _print(inspection: Inspection, out: Path | None, picture: Path | None) -> No
     elif out is not None:
         note(f"Nothing in {inspection.path} has a time, so there is no timeline to draw.")
     if inspection.ready:
-        note(f"Ready: twin ingest-drive {inspection.path}")
+        note(f"Ready: {to_type('twin', 'ingest-drive', inspection.path)}")
     for refusal in inspection.refusals:
         note(f"twin ingest-drive would refuse: {refusal}")
 

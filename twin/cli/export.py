@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
-import subprocess
 import sys
 from collections.abc import Sequence
 from enum import StrEnum
@@ -26,6 +24,7 @@ from twin.cli.options import (
     person,
 )
 from twin.cli.output import note, print_json, print_paths, print_table, steps, warn
+from twin.errors import to_type
 from twin.store.kinds import Decision
 from twin.words import Lang, say
 
@@ -95,33 +94,30 @@ def export(
         }
         print_json({**told, **_change_sets_as_json(report.change_sets)})
     else:
-        _print_export(report.files, folder)
+        _print_export(report.files, folder, lang)
         if stood_there and not project:
             note(say(lang, "opening.project_kept" if project is None else "opening.project_gone"))
         if not report.matched:
-            note(
-                "There are no findings, and no change sets: the store was not matched with NVDB. "
-                "`twin sync-nvdb`, then `twin match` makes them."
-            )
+            note(say(lang, "exported.not_matched"))
         if report.n_unmasked:
             note(say(lang, "evidence.unmasked", n=report.n_unmasked))
-        _print_change_sets(report.change_sets, folder, api_url)
+        _print_change_sets(report.change_sets, folder, api_url, lang)
     if any(sett.errors for sett in report.change_sets.setts):
         raise typer.Exit(EXIT_DATA)
 
 
-def _print_export(files: Sequence[Path], folder: Path) -> None:
+def _print_export(files: Sequence[Path], folder: Path, lang: Lang) -> None:
     from geoloc.earth.heights import nn2000_from_ellipsoidal
 
     if not manner.quiet:
-        print_paths("Written:", files)
-    note(f"How to open them in QGIS, and decide there: twin qgis {folder}")
+        print_paths(say(lang, "exported.written"), files)
+    note(say(lang, "exported.open", command=to_type("twin", "qgis", folder)))
     geoid = nn2000_from_ellipsoidal([], [], [])
     if math.isnan(geoid.sigma_m):
         note(geoid.how)
 
 
-def _print_change_sets(change_sets: ChangeSets, folder: Path, api_url: str) -> None:
+def _print_change_sets(change_sets: ChangeSets, folder: Path, api_url: str, lang: Lang) -> None:
     """Say what became of the findings: sets, warnings, what was left out."""
     from twin.changesets.left_out import left_out_sentence
 
@@ -135,16 +131,16 @@ def _print_change_sets(change_sets: ChangeSets, folder: Path, api_url: str) -> N
         warn(item.sentence)
     for number, sett in enumerate(change_sets.setts, start=1):
         for sentence in sett.warnings:
-            note(f"set {number}: {sentence}")
+            note(say(lang, "exported.set_note", number=number, sentence=sentence))
         for sentence in sett.errors:
-            warn(f"set {number} is not written: {sentence}")
+            warn(say(lang, "exported.set_not_written", number=number, sentence=sentence))
         for clause in sett.not_undone:
-            note(f"set {number} cannot be undone by twin: {clause}.")
+            note(say(lang, "exported.set_not_undone", number=number, clause=clause))
     n = sum(len(sett.groups) for sett in change_sets.setts if not sett.errors)
     if n and change_sets.is_preview:
-        note(f"Previews of change sets: they cannot be sent, since nobody has accepted these findings ({n}).")
+        note(say(lang, "exported.previews", n=n))
     elif n:
-        note(f"Check the change sets with `twin submit {folder}`, send them with --go.")
+        note(say(lang, "exported.submit", command=to_type("twin", "submit", folder)))
 
 
 def _change_sets_as_json(change_sets: ChangeSets) -> dict[str, Any]:
@@ -159,7 +155,8 @@ def _change_sets_as_json(change_sets: ChangeSets) -> dict[str, Any]:
 @app.command("qgis", epilog="Example: twin qgis out   with QGIS started: twin qgis out --open")
 def qgis(
     folder: Annotated[
-        Path, typer.Argument(help="The folder that twin export wrote to.", metavar="[FOLDER]")
+        Path,
+        typer.Argument(help="What twin export wrote: the folder, or its GeoPackage.", metavar="[FOLDER]"),
     ] = Path("out"),
     start: Annotated[bool, typer.Option("--open", help="Start QGIS with it.")] = False,
     lang: LangOption = Lang.EN,
@@ -169,6 +166,7 @@ def qgis(
     from twin.export.open_in_qgis import qgis_export, qgis_program, start_qgis
 
     exported = qgis_export(folder, lang)
+    folder = exported.file.parent
     if not json_output:
         _print(exported, folder, lang)
     program = qgis_program() if start else "qgis"
@@ -193,10 +191,9 @@ def _print(exported: QgisExport, folder: Path, lang: Lang) -> None:
     from twin.export.qgis.project import PROJECT
 
     how = say(lang, "opening.how")
-    join = subprocess.list2cmdline if sys.platform == "win32" else shlex.join
-    sys.stdout.write(f"{how}\n  {join(['qgis', *exported.arguments])}\n")
+    sys.stdout.write(f"{how}\n  {to_type('qgis', *exported.arguments)}\n")
     if exported.uri is None:
-        note(say(lang, "opening.no_project", folder=str(folder)))
+        note(say(lang, "opening.no_project", command=to_type("twin", "export", folder, "--project")))
     else:
         note(say(lang, "opening.project", project=PROJECT, file=exported.file.name))
     layers = [(layer.name, f"{layer.rows:,}", layer.what) for layer in exported.layers]
@@ -211,5 +208,5 @@ def _print(exported: QgisExport, folder: Path, lang: Lang) -> None:
     print_table(say(lang, "opening.decisions"), [say(lang, key) for key in columns], decisions)
     if exported.edited:
         note(say(lang, "opening.edited", n=len(exported.edited)))
-    again = f"twin export {folder}" + (" --project" if exported.uri else "")
+    again = to_type("twin", "export", folder)
     note(say(lang, "opening.decide", again=again))

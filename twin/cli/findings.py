@@ -35,11 +35,12 @@ if TYPE_CHECKING:
 app = typer.Typer()
 _UNDO = "undo"
 _DONE = {
-    Decision.ACCEPT: "accepted",
-    Decision.DISMISS: "dismissed",
-    Decision.DEFER: "deferred",
-    Decision.OPEN: "opened again",
+    Decision.ACCEPT: "decided.accept",
+    Decision.DISMISS: "decided.dismiss",
+    Decision.DEFER: "decided.defer",
+    Decision.OPEN: "decided.open",
 }
+_MOST_IDS = 10
 MOST_SHOWN = 50
 """Findings that a table shows unless more are asked for."""
 
@@ -288,16 +289,16 @@ def decide(
             _refuse(
                 bool(words) or selects or dry_run or temporary, "--from takes nothing but --reason and --by"
             )
-            outcome = _from_file(opened, from_file, who, reason)
+            outcome = _from_file(opened, from_file, who, reason, lang)
         else:
             verb, others = _verb_and_others(words or ())
             if verb == _UNDO:
                 _refuse(selects or bool(reason) or dry_run or temporary, "undo takes only a number and --by")
-                outcome = _undo(opened, others, who)
+                outcome = _undo(opened, others, who, lang)
             else:
                 change_ids = _meant(opened, others, selection, lang if dry_run and not json_output else None)
                 options = {"temporary": temporary, "dry_run": dry_run}
-                outcome = _decide(opened, change_ids, verb, by=who, reason=reason, **options)
+                outcome = _decide(opened, change_ids, verb, by=who, reason=reason, lang=lang, **options)
     if json_output:
         print_json(outcome.document)
     else:
@@ -308,7 +309,7 @@ def _verb_and_others(words: Sequence[str]) -> tuple[str, list[str]]:
     """The one word that says what to do, and the others."""
     choices = (Decision.ACCEPT, Decision.DISMISS, Decision.DEFER, Decision.OPEN, _UNDO)
     verbs = [word for word in words if word in choices]
-    _refuse(len(verbs) != 1, f"say one of {', '.join(choices)}, once")
+    _refuse(len(verbs) != 1, f"say exactly one of {', '.join(choices)}")
     return verbs[0], [word for word in words if word not in choices]
 
 
@@ -352,28 +353,31 @@ def _decide(
     reason: str,
     temporary: bool,
     dry_run: bool,
+    lang: Lang,
 ) -> _Outcome:
     from twin.decisions.record import decide
 
     done = decide(store, change_ids, decision, by=by, reason=reason, temporary=temporary, dry_run=dry_run)
-    findings = _findings(len(done.change_ids))
+    n, ids = len(done.change_ids), _listed(done.change_ids)
     if dry_run:
-        sentence = f"Would {decision} {findings}; nothing was decided (--dry-run)."
+        sentence = say(lang, "decided.would", decision=decision, n=n, ids=ids)
     else:
-        already = f"; {len(done.already):,} had it already" if done.already else ""
-        sentence = f"{findings} {_DONE[Decision(decision)]}{already}."
+        already = say(lang, "decided.already", n=len(done.already)) if done.already else ""
+        what = say(lang, _DONE[Decision(decision)], n=n)
+        sentence = say(lang, "decided.by", done=what, by=by, ids=ids, already=already)
     return _Outcome({"would_decide" if dry_run else "decided": decision, **asdict(done)}, sentence)
 
 
-def _from_file(store: Store, path: Path, by: str, reason: str) -> _Outcome:
+def _from_file(store: Store, path: Path, by: str, reason: str, lang: Lang) -> _Outcome:
     from twin.export import decide_as_in
 
     change_ids = decide_as_in(store, path, by=by, reason=reason)
     document = {"from": str(path), "change_ids": list(change_ids)}
-    return _Outcome(document, f"{_findings(len(change_ids))} decided as in {path}.")
+    n, ids = len(change_ids), _listed(change_ids)
+    return _Outcome(document, say(lang, "decided.from_file", path=str(path), n=n, ids=ids))
 
 
-def _undo(store: Store, numbers: Sequence[str], by: str) -> _Outcome:
+def _undo(store: Store, numbers: Sequence[str], by: str, lang: Lang) -> _Outcome:
     from twin.decisions.record import undo
 
     _refuse(
@@ -383,9 +387,9 @@ def _undo(store: Store, numbers: Sequence[str], by: str) -> _Outcome:
     )
     change_ids = undo(store, int(numbers[0]) if numbers else 1, by=by)
     document = {"undone": True, "change_ids": list(change_ids)}
-    has = "has" if len(change_ids) == 1 else "have"
-    return _Outcome(document, f"Taken back: {_findings(len(change_ids))} {has} the decision of before again.")
+    return _Outcome(document, say(lang, "decided.undone", n=len(change_ids), ids=_listed(change_ids)))
 
 
-def _findings(n: int) -> str:
-    return "1 finding" if n == 1 else f"{n:,} findings"
+def _listed(change_ids: Sequence[str]) -> str:
+    """Ids in brackets; nothing where they are too many to read."""
+    return f" ({', '.join(change_ids)})" if 0 < len(change_ids) <= _MOST_IDS else ""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.cli.output import note, steps, warn
+from twin.errors import to_type
 
 if TYPE_CHECKING:
     from twin.drives.starting.found import Found
@@ -101,10 +102,11 @@ def init(
         warn(warning)
     for refusal in inspection.refusals:
         note(f"twin ingest-drive would refuse: {refusal}")
+    ingest, annotate = (to_type("twin", command, folder) for command in ("ingest-drive", "annotate"))
     if found.annotations or answers.annotations:
-        note(f"Next: twin ingest-drive {folder}")
+        note(f"Next: {ingest}")
     else:
-        note(f"No annotations yet. Next: twin annotate {folder}, then twin ingest-drive {folder}")
+        note(f"No annotations yet. Next: {annotate}, then {ingest}")
 
 
 def _instant(text: str) -> int:

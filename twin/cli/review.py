@@ -9,6 +9,7 @@ import typer
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note
 from twin.cli.pages import LOOPBACK, OpenOption, PageLangOption, PortOption, serve_page
+from twin.words import Lang, say
 
 app = typer.Typer()
 
@@ -54,7 +55,6 @@ def review(
             port=port,
             open_browser=open_browser,
         )
-    if read_only:
-        note("The review page is closed; nothing could be answered in it.")
-    else:
-        note("The review page is closed; every answer is in the store.")
+        read_only = read_only or opened.read_only is not None
+    closed = "review.closed_read_only" if read_only else "review.closed"
+    note(say(lang or Lang.EN, closed))

@@ -10,6 +10,7 @@ import typer
 
 from twin.cli.options import JsonOption
 from twin.cli.output import note, print_json, print_pairs, print_paths, print_table, steps
+from twin.errors import to_type
 
 if TYPE_CHECKING:
     from twin.samples.simulation import SimulateReport
@@ -79,7 +80,7 @@ def simulate(
         print_json(report)
         return
     _print_simulated(report)
-    note(f"Next: twin ingest-drive {out}, then twin evaluate {report.files[-2]}")
+    note(f"Next: {to_type('twin', 'ingest-drive', out)}, then twin evaluate {report.files[-2]}")
 
 
 def _print_simulated(report: SimulateReport) -> None:
@@ -136,5 +137,5 @@ def demo(
     print_errors(report.evaluation.methods)
     print_paths("Open these:", report.files)
     note(f"Decide: twin review --store {out / 'demo.db'}")
-    note(f"In QGIS: twin qgis {out} --open")
+    note(f"In QGIS: {to_type('twin', 'qgis', out)} --open")
     note(f"Why a sign stands where it does: twin show P01 --store {out / 'demo.db'} --out P01.png")

@@ -116,7 +116,7 @@ def decide(
         change_ids = whole_ids(change_ids, evidence)
         if unknown := sorted(set(change_ids) - evidence.keys()):
             raise ConfigError(
-                f"The last match found no change {', '.join(unknown[:5])}: take an id, or its first"
+                f"The last match found no change {', '.join(unknown[:5])}: take an id, or at least its first"
                 f" {SHORTEST_ID} digits, from `twin findings` or from the column change_id of an export."
             )
         now = utc_now()

@@ -111,6 +111,11 @@ def export_findings(
     if decided:
         if progress is not None:
             progress(f"keeping {len(decided)} decision(s) made in QGIS")
+        if store.read_only is not None:
+            raise StoreError(
+                f"{folder} holds {len(decided)} decision(s) made in QGIS, which the store would have to keep "
+                f"first: export to another folder, or mend this. {store.read_only}"
+            ) from store.read_only
         edits: dict[str, Edit] = {}
         for path in (folder / name for name in GEOPACKAGES if (folder / name).exists()):
             edits = {**_edits(path, decided), **edits}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from twin.errors import ExportRefusedError, FileError, RefusedError
+from twin.errors import ExportRefusedError, FileError, RefusedError, to_type
 from twin.export.folder import UTM33
 from twin.export.geopackage import contents_of, edited_answers
 from twin.export.layers import description
@@ -101,9 +101,10 @@ def qgis_export(folder: Path, lang: Lang = Lang.EN) -> QgisExport:
     ExportRefusedError
         It is not an export of twin.
     """
-    file = folder / UTM33
+    file = folder if folder.is_file() else folder / UTM33
     if not file.exists():
-        raise FileError(f"There is no {file}: run `twin export {folder} --project` first.")
+        again = to_type("twin", "export", folder, "--project")
+        raise FileError(f"There is no {file}: run `{again}` first.")
     found = contents_of(file)
     return QgisExport(
         file=file,

@@ -99,6 +99,8 @@ def match(
     StoreError
         No drive was ingested, nothing was synced, or no drive was ingested by the method.
     """
+    if store.read_only is not None:  # at once, not after the work
+        raise store.read_only
     config = config or MatchConfig()
     say = progress or (lambda _text: None)
     method = choose_method(store, method)

@@ -218,7 +218,7 @@ def _opened(path: Path, *, create: bool) -> tuple[sa.Engine, StoreError | None, 
         raise StoreError(f"The store {path} could not be used ({error.strerror}): {_ALLOW}.") from error
     if not existed and not create:
         raise StoreError(
-            f"There is no store at {path}: run `twin sync-nvdb` or `twin ingest-drive` first, "
+            f"There is no store at {path.absolute()}: run `twin sync-nvdb` or `twin ingest-drive` first, "
             "or name another with --store."
         )
     if not path.parent.is_dir():

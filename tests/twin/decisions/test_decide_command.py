@@ -52,7 +52,9 @@ def test_decide_one_by_one_and_back(twin: Twin, store: Path) -> None:
     answer = twin("decide", ids[0], "dismiss", ids[1], "--reason", "road works", "--store", store, "--json")
     assert answer.json == {"decided": "dismiss", "change_ids": sorted(ids), "already": []}
     answer = twin("decide", "accept", ids[0], "--by", "ola", "--store", store)
-    assert "1 finding accepted." in answer.err
+    assert f"1 finding accepted by ola ({ids[0]})." in answer.err
+    again = twin("decide", "accept", ids[0], "--by", "ola", "--store", store, "--lang", "nb")
+    assert "0 funn godtatt av ola; 1 hadde avgjørelsen fra før." in again.err
     assert twin("decide", "undo", "--store", store, "--json").json["change_ids"] == [ids[0]]
     history = twin("explain", ids[0], "--store", store, "--json").json["history"]
     assert [(e["decision"], e["by"]) for e in history] == [
@@ -91,11 +93,11 @@ def test_decide_in_bulk_says_how_many_and_never_nothing(twin: Twin, store: Path,
     area.write_text(json.dumps(shapely.geometry.mapping(shapely.Polygon(np.column_stack([lon, lat])))))
     bulk = ["decide", "accept", "--area", area, "--class", "142", "--since", "2026-06-01", "--store", store]
     answer = twin(*bulk, "--dry-run")
-    assert "Would accept 1 finding; nothing was decided" in answer.err
+    assert f"Would accept 1 finding ({new['change_id']}); nothing was decided" in answer.err
     assert new["change_id"] in answer.out
     answer = twin(*bulk)
     assert answer.code == 0
-    assert "1 finding accepted." in answer.err
+    assert f"1 finding accepted by kari ({new['change_id']})." in answer.err
     answer = twin(*bulk)
     assert answer.code == 5
     assert "No open finding fits" in answer.err

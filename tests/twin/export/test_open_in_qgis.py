@@ -31,7 +31,8 @@ def test_qgis_says_how_to_open_the_project_and_what_is_in_it(twin: Twin, exporte
     for layer in COLUMNS:
         assert layer in answer.out
     assert "Decide in the column decision of the layer changes" in answer.err
-    assert "--project" in answer.err
+    assert f"`twin export '{exported}'` keeps" in answer.err
+    assert twin("qgis", exported / "twin_utm33.gpkg").out == answer.out
     norwegian = twin("qgis", exported, "--lang", "nb")
     assert "Hvor bilen kjørte" in norwegian.out
     assert "Avgjør i kolonnen decision" in norwegian.err
