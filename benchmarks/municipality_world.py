@@ -13,9 +13,8 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.simulation.car import simulated_rig
 from geoloc.trajectory.poses import Poses
-from twin.matching.absence import Passage, PlaceViews, front_views
+from twin.matching.absence import Passage, PlaceViews, front_views, views_of_places
 from twin.matching.config import MatchConfig
-from twin.matching.match_store import views_of_places
 from twin.matching.plates.readings import family
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site

@@ -11,6 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.geodesy import geographic_from_utm33, metres_per_degree
+from geoloc.locate.visibility import views
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.trajectory import Poses
 from twin.matching.config import MatchConfig
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
@@ -32,6 +36,28 @@ class PlaceViews:
 
     place: IntArray
     azimuth_deg: FloatArray
+
+
+def views_of_places(
+    rig: Rig,
+    poses: Poses,
+    east: FloatArray,
+    north: FloatArray,
+    config: MatchConfig,
+    *,
+    cameras: Sequence[str],
+) -> PlaceViews:
+    """Find the camera images that had each place (EPSG:25833) in view, and where the car stood from it."""
+    place, azimuth = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    if len(east):
+        lat, lon = geographic_from_utm33(east, north)
+        for seen in views(rig, poses, lat, lon, max_range_m=config.view_range_m, cameras=list(cameras)):
+            per_east, per_north = metres_per_degree(lat[seen.site])
+            de = (poses.longitude_deg[seen.pose] - lon[seen.site]) * per_east
+            dn = (poses.latitude_deg[seen.pose] - lat[seen.site]) * per_north
+            place.append(seen.site)
+            azimuth.append(np.rad2deg(np.arctan2(de, dn)) % 360.0)
+    return PlaceViews(np.concatenate(place), np.concatenate(azimuth))
 
 
 @dataclass(frozen=True, slots=True)

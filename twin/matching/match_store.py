@@ -13,16 +13,16 @@ import numpy as np
 import sqlalchemy as sa
 
 from geoloc.arrays import FloatArray
-from geoloc.earth.geodesy import geographic_from_utm33, metres_per_degree, utm33_from_geographic
-from geoloc.locate.visibility import views
+from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory.trajectory import Poses
 from twin import __version__
 from twin.errors import StoreError
-from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, still_seen
+from twin.matching.absence import Passage, evidence_of_absence, still_seen, views_of_places
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
 from twin.matching.news import News
+from twin.matching.poles.ahead import ahead_of_nvdb
 from twin.matching.poles.keys import Mark, with_known_keys
 from twin.matching.poles.many_drives import Driven, with_fused_places
 from twin.matching.poles.map_aided import map_aided
@@ -40,7 +40,14 @@ from twin.store.poses import poses_from_blob
 from twin.store.records import Corrections, Estimate, Finding
 from twin.store.store import Row, Snapshot, Store, utc_now
 from twin.words import sentence
-from twin.words.reasons import DriveDoesNotFit, Misfit, misfit_from_json
+from twin.words.reasons import (
+    DriveAhead,
+    DriveBehind,
+    DriveDoesNotFit,
+    DriveDoubted,
+    Misfit,
+    misfit_from_json,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +116,9 @@ def match(
     with store.snapshot() as view:
         say("grouping estimates into poles")
         observed = _observed(view, method, config)
-    drives, poles = observed.drives, observed.poles
+    poles = observed.poles
     sites = _sites(store, observed.points, observed.plates, config, has_network=observed.has_network)
+    drives = [drive.beside(sites, observed.once) for drive in observed.drives]
     tied = ""
     if config.map_aided:
         say("tying drives to measured signs")
@@ -236,6 +244,19 @@ class _Drive:
     rig: Rig
     driven: Driven
     cameras: tuple[str, ...]
+    ahead: DriveAhead | DriveBehind | None = None
+    """Of all its signs against NVDB's."""
+
+    def beside(self, sites: Sequence[Site], estimates: Sequence[Estimate]) -> _Drive:
+        """Find out whether one shift brings all its signs to NVDB's, unless it is doubted already."""
+        if self.misfits:
+            return self
+        mine = [one for one in estimates if one.drive_id == self.drive_id]
+        found = ahead_of_nvdb(mine, self.poses, sites)
+        if found is None:
+            return self
+        kind = DriveAhead if found.late_s > 0 else DriveBehind
+        return replace(self, ahead=kind(self.name, abs(found.along_m), abs(found.late_s)))
 
     @property
     def poses(self) -> Poses:
@@ -245,12 +266,12 @@ class _Drive:
     @property
     def is_evidence(self) -> bool:
         """Whether a sign that it passed and did not see is gone."""
-        return self.is_complete and not self.absence_gap and not self.misfits
+        return self.is_complete and not self.absence_gap and self.doubt is None
 
     @property
-    def doubt(self) -> DriveDoesNotFit | None:
-        """In which ways it does not fit itself; None where it does."""
-        return DriveDoesNotFit(self.name, self.misfits) if self.misfits else None
+    def doubt(self) -> DriveDoubted | None:
+        """Why its positions are not trusted; None where they are."""
+        return DriveDoesNotFit(self.name, self.misfits) if self.misfits else self.ahead
 
     def warnings(self) -> Iterator[str]:
         """What to know of its findings."""
@@ -319,28 +340,6 @@ def _places(drives: Sequence[_Drive], poles: Sequence[ObservedPole]) -> FloatArr
 
 
 _COARSE_DEG = 0.002
-
-
-def views_of_places(
-    rig: Rig,
-    poses: Poses,
-    east: FloatArray,
-    north: FloatArray,
-    config: MatchConfig,
-    *,
-    cameras: Sequence[str],
-) -> PlaceViews:
-    """Find the camera images that had each place (EPSG:25833) in view, and where the car stood from it."""
-    place, azimuth = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
-    if len(east):
-        lat, lon = geographic_from_utm33(east, north)
-        for seen in views(rig, poses, lat, lon, max_range_m=config.view_range_m, cameras=list(cameras)):
-            per_east, per_north = metres_per_degree(lat[seen.site])
-            de = (poses.longitude_deg[seen.pose] - lon[seen.site]) * per_east
-            dn = (poses.latitude_deg[seen.pose] - lat[seen.site]) * per_north
-            place.append(seen.site)
-            azimuth.append(np.rad2deg(np.arctan2(de, dn)) % 360.0)
-    return PlaceViews(np.concatenate(place), np.concatenate(azimuth))
 
 
 def _drives(view: Snapshot, method: str) -> list[_Drive]:

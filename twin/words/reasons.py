@@ -317,10 +317,30 @@ class DriveDoesNotFit(_Kind, frozen=True):
     misfits: tuple[Misfit, ...]
 
 
-class Doubtful(_Kind, frozen=True):
-    """What would contradict NVDB, if the drive fitted itself."""
+class DriveAhead(_Kind, frozen=True):
+    """A drive whose signs fit NVDB's after one shift along the road: they lie ahead of them."""
 
-    doubt: DriveDoesNotFit
+    drive: str
+    along_m: float
+    late_s: float
+
+
+class DriveBehind(_Kind, frozen=True):
+    """The same, where they lie behind."""
+
+    drive: str
+    along_m: float
+    early_s: float
+
+
+DriveDoubted = DriveDoesNotFit | DriveAhead | DriveBehind
+"""Why the positions of a drive are not trusted."""
+
+
+class Doubtful(_Kind, frozen=True):
+    """What would contradict NVDB, if the drive were to be trusted."""
+
+    doubt: DriveDoubted
     verdict: str
     reason: Why
 
@@ -387,7 +407,7 @@ Why = (
 """Why a finding is what it is."""
 
 
-Sayable = Why | DriveDoesNotFit | Cause | Misfit | Difference
+Sayable = Why | DriveDoubted | Cause | Misfit | Difference
 """Everything that a sentence, or a clause of one, is made of."""
 
 

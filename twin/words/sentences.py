@@ -40,7 +40,7 @@ def sentence(why: r.Sayable, lang: Lang = Lang.EN, names: SignNames = NO_NAMES) 
 _FAMILY = {
     **dict.fromkeys(get_args(r.Misfit), "misfit"),
     **dict.fromkeys(get_args(r.Difference), "changed"),
-    **dict.fromkeys((*get_args(r.Why), r.DriveDoesNotFit), "reason"),
+    **dict.fromkeys((*get_args(r.Why), *get_args(r.DriveDoubted)), "reason"),
     **dict.fromkeys((r.Temporary, r.NearTemporary, r.WorksOver), "cause"),
 }
 """In which file of the table the messages of a kind stand, under the kind's name."""

@@ -46,7 +46,7 @@ def kinds() -> Iterator[type[msgspec.Struct]]:
     """Every kind that a sentence is made of by its fields."""
     for union in (r.Why, r.Misfit, r.Difference):
         yield from get_args(union)
-    yield r.DriveDoesNotFit
+    yield from get_args(r.DriveDoubted)
     yield from GAP_KEYS
 
 

@@ -16,7 +16,7 @@ from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
 from twin.store.kinds import Verdict
 from twin.store.records import Finding
-from twin.words.reasons import Doubtful, DriveDoesNotFit, SignSite
+from twin.words.reasons import Doubtful, DriveDoubted, SignSite
 
 
 def change_id(*identity: object) -> str:
@@ -116,12 +116,12 @@ def other_poles(alternatives: Alternatives, poles: Sequence[ObservedPole]) -> li
 _CLAIMS = (Verdict.NEW, Verdict.MOVED, Verdict.WRONG_TYPE, Verdict.MISSING)
 
 
-def doubtful_as_review(findings: Sequence[Finding], doubts: Mapping[str, DriveDoesNotFit]) -> list[Finding]:
+def doubtful_as_review(findings: Sequence[Finding], doubts: Mapping[str, DriveDoubted]) -> list[Finding]:
     """Turn what contradicts NVDB into ``review`` where it rests on a drive whose positions are not trusted.
 
     Parameters
     ----------
-    doubts : mapping of drive id to DriveDoesNotFit
+    doubts : mapping of drive id to DriveDoubted
         Of the drives that are not trusted alone.
     """
 

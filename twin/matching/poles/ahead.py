@@ -1,0 +1,149 @@
+"""Drives whose signs all lie ahead of NVDB's, or behind: the start of the video was stated wrongly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from geoloc.arrays import FloatArray, IntArray
+from geoloc.earth.geodesy import grid_convergence_deg, utm33_from_geographic
+from geoloc.trajectory.trajectory import Poses
+from twin.matching.sites import Site
+from twin.store.records import Estimate
+
+_LATEST_S, _STEP_S = 10.0, 0.1
+_FEWEST = 4
+"""Signs that must agree on one shift: three of one code may by chance."""
+_LEAST_M = 3.0
+"""Less may be a datum, or satellites that are a little off for the whole drive."""
+_OWN_SIGMAS = 1.5
+"""Less is what the drive says of itself: no sign counts as moved by it."""
+_SCATTER, _WIDEST_M = 1 / 3, 10.0
+"""How near a shifted sign must come to NVDB's: a share of the shift, and at most so far. In a bend no
+shift is exact: a sign hangs on all the places that it was seen from."""
+_NEAREST_S = 0.7
+"""So long before its last sighting a sign is best placed: near, and still in the picture."""
+
+
+class Ahead(NamedTuple):
+    """One shift along the drive's own path that brings its signs to NVDB's.
+
+    Attributes
+    ----------
+    along_m : float
+        How far its signs lie ahead of NVDB's; below zero: behind.
+    late_s : float
+        By how much the camera's clock would have to be late for that; below zero: early.
+    """
+
+    along_m: float
+    late_s: float
+
+
+def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[Site]) -> Ahead | None:
+    """Find the one error of the camera's clock that brings a drive's signs to NVDB's, as they are not.
+
+    A clock that is stated to a second is no contradiction within the drive: a path without landmarks fits any
+    start. NVDB's signs are landmarks. Each sign keeps its place before the camera, and the camera moves along
+    the path; the sign then has to come near a site with one of its codes.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate
+        Of one drive, one a pole.
+    poses : Poses
+        Where it drove, in time order.
+    sites : sequence of Site
+        Of which those that NVDB has on the centre line do not count.
+
+    Returns
+    -------
+    Ahead or None
+        None where the drive fits as it is, or too few signs agree on another shift.
+    """
+    read = [one for one in estimates if one.codes and one.last_ns]
+    near = [site for site in sites if site.own_geometry and site.codes]
+    if len(read) < _FEWEST or len(near) < _FEWEST or poses.epoch_ns.size < 2:
+        return None
+    place = np.array([(one.east_m, one.north_m) for one in read])
+    late_s = np.linspace(-_LATEST_S, _LATEST_S, round(2 * _LATEST_S / _STEP_S) + 1, dtype=np.float64)
+    shifted = _shifted(read, place, poses, late_s)
+    pairs = _pairs(read, near, shifted)
+    sign, site = pairs.T
+    if np.unique(sign).size < _FEWEST:
+        return None
+    there = np.array([(one.east_m, one.north_m) for one in near])
+    with np.errstate(invalid="ignore"):
+        off_m = np.hypot(*np.moveaxis(shifted[sign] - there[site][:, None], -1, 0))
+        moved_m = np.hypot(*np.moveaxis(shifted - place[:, None], -1, 0))
+    as_is_m = np.hypot(*(place[sign] - there[site]).T)
+    along_m = _median(moved_m)
+    within_m = np.minimum(_WIDEST_M, _SCATTER * along_m)
+    count = np.array([_paired(pairs[off_m[:, k] <= within_m[k]]) for k in range(late_s.size)])
+    as_is = np.array([_paired(pairs[as_is_m <= within]) for within in within_m])
+    own_m = _median(_own_sigma_m(read, shifted - place[:, None]))
+    clear = (along_m > _LEAST_M) & (along_m > _OWN_SIGMAS * own_m)
+    clear &= (count >= np.maximum(_FEWEST, 2 * as_is + 2)) & (2 * count >= np.unique(sign).size)
+    if not clear.any():
+        return None
+    scatter_m = np.where(off_m <= within_m, off_m, np.nan)
+    best = min(np.flatnonzero(clear).tolist(), key=lambda k: (-count[k], np.nanmean(scatter_m[:, k])))
+    late = float(late_s[best])
+    return Ahead(float(np.copysign(along_m[best], late)), late)
+
+
+def _shifted(read: Sequence[Estimate], place: FloatArray, poses: Poses, late_s: FloatArray) -> FloatArray:
+    """Places (n, shifts, 2) of the signs if the clock is late by so much; NaN beyond the ends of the path."""
+    east, north = utm33_from_geographic(poses.latitude_deg, poses.longitude_deg)
+    turned = poses.heading_deg - grid_convergence_deg(poses.latitude_deg, poses.longitude_deg)
+    heading = np.unwrap(np.deg2rad(turned))
+    at_s = 1e-9 * (poses.epoch_ns - poses.epoch_ns[0])
+    seen_s = 1e-9 * (np.array([one.last_ns for one in read]) - poses.epoch_ns[0]) - _NEAREST_S
+    true_s = seen_s[:, None] - late_s
+    there, here = (
+        [np.interp(time, at_s, column, left=np.nan, right=np.nan) for column in (east, north, heading)]
+        for time in (true_s, seen_s[:, None])
+    )
+    turn = there[2] - here[2]
+    cos, sin = np.cos(turn), np.sin(turn)
+    de, dn = place[:, :1] - here[0], place[:, 1:] - here[1]
+    # Headings turn clockwise.
+    return np.stack([there[0] + cos * de + sin * dn, there[1] - sin * de + cos * dn], axis=-1)
+
+
+def _pairs(read: Sequence[Estimate], near: Sequence[Site], shifted: FloatArray) -> IntArray:
+    """Numbers (k, 2) of signs and of the sites with a code of theirs that some shift brings them near to."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree([(site.east_m, site.north_m) for site in near])
+    pairs = []
+    for number, (one, places) in enumerate(zip(read, shifted, strict=True)):
+        known = places[np.isfinite(places[:, 0])]
+        if known.size:
+            found = {j for some in tree.query_ball_point(known, _WIDEST_M) for j in some}
+            alike = sorted(j for j in found if not set(one.codes).isdisjoint(near[j].codes))
+            pairs += list(product([number], alike))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def _paired(pairs: IntArray) -> int:
+    """How many signs, each with a site of its own at most."""
+    return min(np.unique(pairs[:, 0]).size, np.unique(pairs[:, 1]).size)
+
+
+def _own_sigma_m(read: Sequence[Estimate], moved: FloatArray) -> FloatArray:
+    """One sigma (n, shifts) of each sign's place in the direction in which it is shifted."""
+    ee, en, nn = (one[:, None] for one in np.array([one.covariance_m2 for one in read]).T)
+    east, north = np.moveaxis(moved, -1, 0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        square: FloatArray = (ee * east**2 + 2 * en * east * north + nn * north**2) / (east**2 + north**2)
+    return np.sqrt(square)
+
+
+def _median(of_signs: FloatArray) -> FloatArray:
+    """Median of the signs for each shift; NaN where none is on the path."""
+    known = np.where(np.isfinite(of_signs).any(axis=0), of_signs, 0.0)
+    return np.where(np.isfinite(of_signs).any(axis=0), np.nanmedian(known, axis=0), np.nan)
