@@ -19,6 +19,7 @@ from twin.cli.exit_codes import (
     EXIT_MACHINE,
     EXIT_NO_READER,
     EXIT_OK,
+    EXIT_TERMINATED,
     EXIT_USAGE,
     exit_code,
 )
@@ -28,15 +29,14 @@ from twin.cli.streams import OutputError, watch_streams
 
 __all__ = ["main", "run"]
 
-_INTERRUPTED = (
-    "Interrupted: the store shows the old state or the whole new one; run the command again to go on."
-)
+_INTERRUPTED = "{how}: the store shows the old state or the whole new one; run the command again to go on."
 _BUG = "An error in twin itself ({kind}): please report it, with the lines above."
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run `twin` and leave with its exit code."""
     try:
+        _watch_sigterm()
         watch_streams()
         watch_memory()
         code = run(arguments)
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code, sentence = refused or (EXIT_BUG, _BUG.format(kind=type(error).__name__))
         # What colours a sentence may be what there is no memory for.
         sys.stderr.write(json_message("error", sentence, code) if as_json else f"twin: {sentence}\n")
-    if code == EXIT_INTERRUPTED:
+    if code in (EXIT_INTERRUPTED, EXIT_TERMINATED):
         _leave_at_once(code)
     sys.exit(code)
 
@@ -74,16 +74,36 @@ def _leave_uninterrupted() -> None:
     """Ignore Ctrl-C from here on.
 
     What was to be done is done and told. At its end Python gives SIGINT back to the system, which would kill
-    the process and make an exit code of 130 out of a success.
+    the process and make an exit code of 130 out of a success. So with SIGTERM.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM, which is to end everything as Ctrl-C does."""
+
+    came = False
+
+
+def _watch_sigterm() -> None:
+    """Let SIGTERM leave ``with`` blocks in order, unless whoever started twin wants it ignored."""
+
+    def leave(_signal: int, _frame: object) -> NoReturn:
+        # Kept too: what is between here and there may make another exception of it.
+        _Terminated.came = True
+        raise _Terminated
+
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, leave)
 
 
 def _interrupted() -> int:
     from twin.cli.output import error_line
 
-    error_line(_INTERRUPTED, EXIT_INTERRUPTED)
-    return EXIT_INTERRUPTED
+    code = EXIT_TERMINATED if _Terminated.came else EXIT_INTERRUPTED
+    error_line(_INTERRUPTED.format(how="Terminated" if _Terminated.came else "Interrupted"), code)
+    return code
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 EXIT_OK, EXIT_BUG, EXIT_USAGE, EXIT_NETWORK, EXIT_DATA, EXIT_REFUSED, EXIT_MACHINE = range(7)
-EXIT_INTERRUPTED, EXIT_NO_READER = 130, 141
+EXIT_INTERRUPTED, EXIT_NO_READER, EXIT_TERMINATED = 130, 141, 143
 EXIT_OPEN_FINDINGS = 1
 """As of ``git diff --exit-code``, and only where it was asked for."""
 
@@ -40,8 +40,9 @@ EXIT_CODES = (
     ExitCode(
         EXIT_DATA,
         "data",
-        "Bad data: a file or folder that is missing, damaged, or cannot be read or written; an answer of "
-        "NVDB that is not as documented; a drive that is not ready; a change set that is refused.",
+        "Bad data: a file or folder that is missing, damaged, or cannot be read or written, also for want of "
+        "space; an answer of NVDB that is not as documented; a drive that is not ready; a change set that is "
+        "refused.",
     ),
     ExitCode(EXIT_REFUSED, "refused", "Refused: doing it would lose or overwrite something."),
     ExitCode(
@@ -54,6 +55,11 @@ EXIT_CODES = (
         EXIT_NO_READER,
         "no_reader",
         "The reader of standard output has left, as in `twin match | head -1`. No message, and no fault.",
+    ),
+    ExitCode(
+        EXIT_TERMINATED,
+        "terminated",
+        "Ended by SIGTERM, as `systemctl stop` or a shutdown sends it. Run the command again to go on.",
     ),
 )
 """All of them, in order."""

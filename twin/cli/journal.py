@@ -111,7 +111,7 @@ class _OfNvdb(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Show one record."""
         if not record.name.startswith("nvdb.replay"):
-            say("note", without_secrets(record.getMessage()), logged=True)
+            say("note", record.getMessage(), logged=True)
 
 
 def _utc(seconds: float) -> str:
@@ -218,6 +218,7 @@ def say(kind: str, text: str, *, code: int | None = None, logged: bool = False) 
     logged : bool
         Whether the log file has it already.
     """
+    text = without_secrets(text)
     if not logged:
         _log.log(_LEVELS[kind], "%s", text, extra={} if code is None else {"exit_code": code})
     if kind == "note" and manner.quiet:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from filelock import lock_descriptor
 
-from twin.errors import RefusedError
+from twin.errors import FileError, RefusedError
 from twin.store.store import utc_now
 
 _HOLDER_BYTE = 1
@@ -35,14 +35,13 @@ def exclusive(path: Path, what: str) -> Iterator[None]:
     ------
     RefusedError
         Another process holds the lock; the message says which.
+    FileError
+        The lock file cannot be written.
     """
     try:
         file = path.open("a+b")
     except OSError as error:
-        raise RefusedError(
-            f"The lock file {path} cannot be written ({error.strerror}): give this user the right to write "
-            "in that folder, or name another --store."
-        ) from error
+        raise FileError(_unwritable(path, error)) from error
     with file:
         try:
             is_ours = lock_descriptor(file.fileno(), blocking=False)
@@ -62,3 +61,14 @@ def exclusive(path: Path, what: str) -> Iterator[None]:
             yield
         finally:
             file.truncate(0)
+
+
+def _unwritable(path: Path, error: OSError) -> str:
+    """Say which: the file, which another user has made (root, by hand), or its folder."""
+    try:
+        owner = path.owner()
+    except (OSError, KeyError, NotImplementedError):  # none there; a number without a name; Windows
+        cure = "give this user the right to write in that folder, or name another --store"
+    else:
+        cure = f"it belongs to {owner}; run this as {owner}, or give the file to this user (chown)"
+    return f"The lock file {path} cannot be written ({error.strerror}): {cure}."

@@ -229,6 +229,29 @@ def test_ctrl_c_while_modules_are_loaded_says_so() -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM to catch")
+def test_sigterm_ends_with_a_sentence_and_a_line_in_the_log(tmp_path: Path) -> None:
+    """What systemd sends ends a command as Ctrl-C does, with a code of its own."""
+    code = (
+        "import builtins, signal\n"
+        "from twin import cli\n"
+        "real = builtins.__import__\n"
+        "def load(name, *rest):\n"
+        "    if name == 'twin.store.store':\n"
+        "        signal.raise_signal(signal.SIGTERM)\n"
+        "    return real(name, *rest)\n"
+        "builtins.__import__ = load\n"
+        "cli.main(['--log-file', 'log', 'status'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=False, capture_output=True, text=True, cwd=tmp_path
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (143, 1)
+    assert done.stderr.startswith("twin: Terminated:")
+    last = json.loads((tmp_path / "log").read_text("utf-8").splitlines()[-1])
+    assert (last["what"], last["exit_code"]) == ("ended", 143)
+
+
 def test_exit_code_of_the_unexpected_is_one() -> None:
     """What twin does not know is a bug, not bad data."""
     assert exit_code(ValueError("?")) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -110,8 +111,17 @@ def test_without_secrets(text: str, shown: str) -> None:
     assert without_secrets(text) == shown
 
 
+def test_no_message_shows_what_is_secret(twin: Twin, tmp_path: Path) -> None:
+    """An address that is refused is told without its user, password and token."""
+    url = "https://kari:hysjhysj@host.no/x?token=abcabc"
+    for form in ([], ["--json"]):
+        answer = twin("sync-nvdb", "--kommune", "5001", "--api-url", url, "--store", tmp_path / "t.db", *form)
+        assert (answer.code, "host.no" in answer.err) == (2, True)
+        assert not {"hysjhysj", "abcabc", "kari"} & set(re.findall(r"\w+", answer.err))
+
+
 def test_exit_codes_are_those_of_the_conventions() -> None:
     """Every code once, each with a word of its own and a sentence."""
-    assert [one.code for one in EXIT_CODES] == [0, 1, 2, 3, 4, 5, 6, 130, 141]
+    assert [one.code for one in EXIT_CODES] == [0, 1, 2, 3, 4, 5, 6, 130, 141, 143]
     assert len({one.kind for one in EXIT_CODES}) == len(EXIT_CODES)
     assert all(one.meaning.endswith(".") for one in EXIT_CODES)

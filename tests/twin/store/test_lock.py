@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.errors import RefusedError
+from twin.errors import FileError, RefusedError
 from twin.store.lock import exclusive
 
 HOLDER = """
@@ -80,7 +80,16 @@ def test_lock_is_free_after_an_error(tmp_path: Path) -> None:
 def test_lock_file_that_cannot_be_made_names_the_cure(tmp_path: Path) -> None:
     """A folder in which nothing can be written is refused with one sentence."""
     with (
-        pytest.raises(RefusedError, match=r"lock file .* cannot be written \(.*\): give this user the right"),
+        pytest.raises(FileError, match=r"lock file .* cannot be written \(.*\): give this user the right"),
         exclusive(tmp_path / "absent" / "a.sync-lock", "sync of a"),
     ):
         pytest.fail("there is no such folder")
+
+
+def test_lock_file_of_another_user_names_the_owner(tmp_path: Path) -> None:
+    """A lock file that is there and cannot be written (here a folder) is named with whose it is."""
+    path = tmp_path / "a.sync-lock"
+    path.mkdir()
+    whose = rf"lock file .*a\.sync-lock cannot be written \(.*\): it belongs to {path.owner()}; run this as"
+    with pytest.raises(FileError, match=whose), exclusive(path, "sync of a"):
+        pytest.fail("a folder is no lock file")
