@@ -145,6 +145,8 @@ def findings(
         listed = list_findings(opened, wanted, start=(page - 1) * (size or 0), limit=size, lang=lang)
     if not listed.is_current:
         warn(say(lang, "findings.outdated", at=listed.matched_at))
+    if listed.total and not listed.rows and size:
+        warn(say(lang, "findings.no_page", n=listed.total, last=-(-listed.total // size)))
     for path in _written(listed.rows, csv, xlsx, geojson, excel=excel, lang=lang):
         note(say(lang, "findings.wrote", path=str(path), n=len(listed.rows)))
     if json_output:
@@ -199,7 +201,8 @@ def _cells(row: FindingRow, lang: Lang) -> tuple[str, ...]:
 
 def _print_page(listed: FindingList, page: int, lang: Lang) -> None:
     if not listed.rows:
-        note(say(lang, "findings.none" if listed.total == 0 else "findings.no_page", n=listed.total))
+        if not listed.total:
+            note(say(lang, "findings.none"))
         return
     title = say(lang, "findings.title", at=listed.matched_at)
     columns = [say(lang, f"findings.{name}") for name in _COLUMNS]

@@ -161,8 +161,8 @@ def area_from_options(
 def _mirrored_area(path: Path) -> Area | None:
     """The area of a store's mirror, or of its unfinished backfill."""
     with suppress(PermissionError):  # of which opening it says more
-        if not path.exists():
-            return None
+        if not path.exists() or (path.is_file() and not path.stat().st_size):
+            return None  # a sync would make the store there
     with Store.open(path, create=False) as store:
         mirror = StoreMirror(store)
         state = mirror.following() or mirror.backfill()

@@ -232,7 +232,7 @@ def _opened(path: Path, *, create: bool) -> tuple[sa.Engine, StoreError | None, 
                 raise
             refused = error
     else:
-        refused = StoreError(f"The store {path} cannot be written: {_ALLOW}.")
+        refused = _unwritable(path)
     # What others are writing stands in the log.
     frozen = not _has_log(path)
     try:
@@ -283,7 +283,6 @@ _CURES = {
     sqlite3.SQLITE_BUSY: _WAIT,
     sqlite3.SQLITE_LOCKED: _WAIT,
     sqlite3.SQLITE_PERM: _ALLOW,
-    sqlite3.SQLITE_READONLY: _ALLOW,
     sqlite3.SQLITE_CANTOPEN: _ALLOW,
     sqlite3.SQLITE_FULL: _FREE,
     sqlite3.SQLITE_IOERR: _FREE,
@@ -298,8 +297,14 @@ def store_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except sa.exc.DBAPIError as error:
+        if _code(error) == sqlite3.SQLITE_READONLY:
+            raise _unwritable(path) from error
         cure = _CURES.get(_code(error), "nothing was changed")
         raise StoreError(f"The store {path} could not be used ({error.orig}): {cure}.") from error
+
+
+def _unwritable(path: Path) -> StoreError:
+    return StoreError(f"The store {path} cannot be written: {_ALLOW}.")
 
 
 def _code(error: BaseException | None) -> int:

@@ -90,6 +90,8 @@ def test_sync_needs_exactly_one_area(twin: Twin, tmp_path: Path) -> None:
         assert answer.code == 2
         assert answer.err.count("\n") == 1
     assert not store.exists()
+    (tmp_path / "empty.db").touch()
+    assert "Say which signs" in twin("sync-nvdb", "--store", tmp_path / "empty.db").err
 
 
 def test_whole_job_finds_what_the_sample_was_made_to_hold(

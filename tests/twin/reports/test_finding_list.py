@@ -69,6 +69,14 @@ def test_findings_come_in_order_and_page_by_page(twin: Twin, store: Path) -> Non
     assert [row["confidence"] for row in surest] == sorted((r["confidence"] for r in surest), reverse=True)
 
 
+def test_page_that_is_not_there_is_told_with_those_that_are(twin: Twin, store: Path) -> None:
+    """On a pipe too, where nothing at all would look like no finding."""
+    n = len(_ids(twin, store, "--limit", 1000))
+    answer = twin("findings", "--store", store, "--limit", 2, "--page", 99)
+    assert (answer.code, answer.out) == (0, "")
+    assert f"{n} findings fit, on pages 1 to {(n + 1) // 2}." in answer.err
+
+
 def test_findings_as_files_are_the_same_list(twin: Twin, store: Path, tmp_path: Path) -> None:
     """CSV, CSV for Excel, GeoJSON and a workbook hold each finding once; a pipe has a line for each."""
     rows = twin("findings", "--store", store, "--json", "--lang", "nb").json["rows"]

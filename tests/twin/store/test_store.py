@@ -157,7 +157,7 @@ def test_store_locked_by_another_process_is_said(empty: Store, monkeypatch: pyte
     ("code", "cure"),
     [
         (sqlite3.SQLITE_BUSY_SNAPSHOT, "another process is writing"),
-        (sqlite3.SQLITE_READONLY_DIRECTORY, "give this user the right"),
+        (sqlite3.SQLITE_READONLY_DIRECTORY, r"twin\.db cannot be written: give this user the right"),
         (sqlite3.SQLITE_IOERR_WRITE, "free some space"),
         (sqlite3.SQLITE_CORRUPT_INDEX, "not a twin store"),
         (sqlite3.SQLITE_MISMATCH, "nothing was changed"),
