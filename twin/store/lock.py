@@ -39,7 +39,7 @@ def exclusive(path: Path, what: str) -> Iterator[None]:
         The lock file cannot be written.
     """
     try:
-        file = path.open("a+b")
+        file = path.open("a+b", buffering=0)
     except OSError as error:
         raise FileError(_unwritable(path, error)) from error
     with file:
@@ -53,10 +53,15 @@ def exclusive(path: Path, what: str) -> Iterator[None]:
         if not is_ours:
             holder = file.read(500).decode("utf-8", "replace").strip() or "another process"
             raise RefusedError(f"{holder} is at work: wait until it has ended, then run this again.")
-        file.truncate(0)
         holder = f"A {what} (process {os.getpid()} on {socket.gethostname()}, since {utc_now()})"
-        file.write(b"\n" + holder.encode())
-        file.flush()
+        try:
+            file.truncate(0)
+            file.write(b"\n" + holder.encode())
+        except OSError as error:
+            raise FileError(
+                f"The lock file {path} cannot be written ({error.strerror}): free space on the disk that the "
+                "store is on."
+            ) from error
         try:
             yield
         finally:

@@ -93,3 +93,15 @@ def test_lock_file_of_another_user_names_the_owner(tmp_path: Path) -> None:
     whose = rf"lock file .*a\.sync-lock cannot be written \(.*\): it belongs to {path.owner()}; run this as"
     with pytest.raises(FileError, match=whose), exclusive(path, "sync of a"):
         pytest.fail("a folder is no lock file")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such limit")
+def test_lock_file_on_a_full_disk_is_named(tmp_path: Path) -> None:
+    """Where it opens and takes no byte, the sentence says which file and what helps."""
+    path = tmp_path / "a.sync-lock"
+    limited = f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)){HOLDER}"
+    done = subprocess.run(
+        [sys.executable, "-c", limited, path], capture_output=True, text=True, check=False, input=""
+    )
+    assert f"FileError: The lock file {path} cannot be written (File too large): free space" in done.stderr
+    assert done.stdout == ""
