@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_group
 from typer.models import ParameterInfo
 
+from twin.cli.flags import without_type_of_flags
 from twin.cli.journal import set_manner
 
 _SETTINGS: Any = {
@@ -27,6 +28,9 @@ class _LazyGroup(TyperGroup):
 
     modules: ClassVar[Mapping[str, str]]
     """Command → module, in the order of the help."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        return without_type_of_flags(super().get_params(ctx))
 
     def list_commands(self, ctx: Any) -> list[str]:
         return [*self.modules, *(name for name in super().list_commands(ctx) if name not in self.modules)]

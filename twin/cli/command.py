@@ -10,6 +10,7 @@ from typing import Any
 from typer.core import TyperCommand
 
 from twin.cli import journal
+from twin.cli.flags import without_type_of_flags
 from twin.cli.settings import AREA_KEYS, AREA_LISTS, BY_KEY, BY_VARIABLE, Held, chosen_store, held_settings
 from twin.errors import ConfigError
 
@@ -18,6 +19,10 @@ _MENDERS = ("config", "help")
 
 class Command(TyperCommand):
     """A command whose options have the values of ``twin.toml`` where nothing else gives one."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return options and arguments as the help shows them."""
+        return without_type_of_flags(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put what files hold between environment and built-in defaults."""

@@ -218,7 +218,8 @@ VerdictOption = Annotated[list[FindingVerdict] | None, typer.Option(help="Findin
 DriveOption = Annotated[list[str] | None, typer.Option(help="Findings of this drive: its id or name.")]
 AreaOption = Annotated[Path | None, typer.Option(help="Findings inside the polygons of a GeoJSON file.")]
 ClassOption = Annotated[
-    list[str] | None, typer.Option("--class", help="Sign code seen or in NVDB: 362.50, or 362 for all.")
+    list[str] | None,
+    typer.Option("--class", help="Sign code seen or in NVDB: 362.50; 362 or 3 for all such."),
 ]
 SinceOption = Annotated[
     dt.datetime | None,

@@ -33,7 +33,8 @@ def help_(
     from twin.cli import run
 
     words, pages, group = topic or [], help_pages(), context.find_root().command
-    name, is_command = " ".join(words), " ".join(words) in command_names(group)
+    name = " ".join(words).lower().removesuffix(".md")
+    is_command = name in command_names(group)
     if not name:
         _list(pages)
     elif name in pages:
@@ -41,9 +42,9 @@ def help_(
         if is_command:
             note(f"The options of the command: twin {name} --help")
     elif is_command:
-        run([*words, "--help"])
+        run([*name.split(), "--help"])
     else:
-        _refuse(name, [*pages, *command_names(group)])
+        _refuse(name, [*pages, *command_names(group)], pages)
 
 
 def help_pages() -> dict[str, Path]:
@@ -105,9 +106,21 @@ def _show(page: Path, pages: dict[str, Path]) -> None:
     terminal.print(Markdown(_LINK.sub(told, text)))
 
 
-def _refuse(name: str, names: list[str]) -> None:
+def _telling(word: str, pages: dict[str, Path]) -> list[str]:
+    """Pages that say something of a word: first those with it in a heading, then by how often it stands."""
+    found: dict[str, tuple[int, int]] = {}
+    for topic, page in pages.items():
+        lines = page.read_text(encoding="utf-8").casefold().splitlines()
+        headings = sum(word in line for line in lines if line.startswith("#"))
+        if n := sum(line.count(word) for line in lines):
+            found[topic] = (headings, n)
+    return sorted(found, key=lambda topic: found[topic], reverse=True)
+
+
+def _refuse(name: str, names: list[str], pages: dict[str, Path]) -> None:
     from twin.errors import ConfigError
 
-    near = dict.fromkeys([*(one for one in names if name in one), *get_close_matches(name, names)])
+    called = [*(one for one in names if name in one), *get_close_matches(name, names)]
+    near = dict.fromkeys(called or _telling(name, pages))
     perhaps = f" (perhaps {', '.join(list(near)[:4])})" if near else ""
     raise ConfigError(f"There is no topic {name!r}{perhaps}: `twin help` lists them.")

@@ -116,7 +116,8 @@ def findings(
 ) -> None:
     """List the findings of the last match: filter, sort, page, or write them as CSV, Excel or GeoJSON.
 
-    Nothing is changed. On a pipe each finding is one line, its cells parted by tabs.
+    Without --verdict only those that ask for a decision: signs that are unchanged, or could not be seen, are
+    left out. Nothing is changed. On a pipe each finding is one line, its cells parted by tabs.
     """
     from twin.decisions.findings import Selection
     from twin.reports.finding_list import Wanted, list_findings
@@ -145,7 +146,9 @@ def findings(
         listed = list_findings(opened, wanted, start=(page - 1) * (size or 0), limit=size, lang=lang)
     if not listed.is_current:
         warn(say(lang, "findings.outdated", at=listed.matched_at))
-    if listed.total and not listed.rows and size:
+    if not listed.total:
+        note(say(lang, "findings.none"))
+    elif not listed.rows and size:
         warn(say(lang, "findings.no_page", n=listed.total, last=-(-listed.total // size)))
     for path in _written(listed.rows, csv, xlsx, geojson, excel=excel, lang=lang):
         note(say(lang, "findings.wrote", path=str(path), n=len(listed.rows)))
@@ -154,7 +157,7 @@ def findings(
     elif ids:
         sys.stdout.writelines(f"{row.change_id}\n" for row in listed.rows)
     elif to_look_at:
-        _print_page(listed, page, lang)
+        _print_page(listed, page, lang, "findings.shown" if verdict else "findings.shown_asking")
     elif not (csv or xlsx or geojson):
         for row in listed.rows:
             # A line a finding, whatever is written on a sign.
@@ -199,15 +202,13 @@ def _cells(row: FindingRow, lang: Lang) -> tuple[str, ...]:
     return row.change_id, verdict, decision, chance_text(row.confidence, lang), road, row.sign, told
 
 
-def _print_page(listed: FindingList, page: int, lang: Lang) -> None:
+def _print_page(listed: FindingList, page: int, lang: Lang, footer: str) -> None:
     if not listed.rows:
-        if not listed.total:
-            note(say(lang, "findings.none"))
         return
     title = say(lang, "findings.title", at=listed.matched_at)
     columns = [say(lang, f"findings.{name}") for name in _COLUMNS]
     print_table(title, columns, [_cells(row, lang) for row in listed.rows], right_from=len(columns))
     last = listed.start + len(listed.rows)
-    note(say(lang, "findings.shown", first=listed.start + 1, last=last, n=listed.total))
+    note(say(lang, footer, first=listed.start + 1, last=last, n=listed.total))
     if last < listed.total:
         note(say(lang, "findings.next", page=page + 1))

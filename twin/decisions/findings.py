@@ -23,6 +23,8 @@ from twin.words.reasons import Reopened, Told, cause_from_json
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
+NORWAY_DEG = (-10.0, 57.0, 35.0, 82.0)
+"""Longitude and latitude, least and most, with Svalbard and Jan Mayen."""
 SHORTEST_ID = 6
 """Digits of a change id that are taken for the whole of it, where no other begins with them."""
 
@@ -98,7 +100,7 @@ class Selection:
     verdicts : tuple of Verdict
         Without any, every verdict that asks for a decision.
     classes : tuple of str
-        Sign codes seen or in NVDB: ``362.50``, or ``362`` for all of its kind.
+        Sign codes seen or in NVDB: ``362.50``, ``362`` for all of its kind, ``3`` for the 300s.
     since, until : date or None
         Days (UTC, both included) of at least one of the finding's drives.
     decisions : tuple of Decision
@@ -232,7 +234,8 @@ def read_area(path: Path) -> BaseGeometry:
     FileError
         It cannot be read.
     ConfigError
-        It is no GeoJSON, has no polygon, or its coordinates are no longitude and latitude.
+        It is no GeoJSON, has no polygon, or its coordinates are no longitude and latitude
+        in Norway.
     """
     import shapely
 
@@ -251,6 +254,12 @@ def read_area(path: Path) -> BaseGeometry:
     if max(-west, east) > 180 or max(-south, north) > 90:
         raise ConfigError(
             f"The area {path} is not in longitude and latitude: save it as GeoJSON in EPSG:4326 (WGS84)."
+        )
+    least_lon, least_lat, most_lon, most_lat = NORWAY_DEG
+    if east < least_lon or west > most_lon or north < least_lat or south > most_lat:
+        raise ConfigError(
+            f"The area {path} lies outside Norway, from longitude {west:.2f} to {east:.2f} and latitude "
+            f"{south:.2f} to {north:.2f}: GeoJSON has longitude first, then latitude."
         )
     return shapely.union_all([shapely.make_valid(polygon) for polygon in polygons])
 
@@ -284,7 +293,9 @@ def _briefs(ask: Ask) -> list[Brief]:
 
 def _has_class(finding: Brief, classes: Collection[str]) -> bool:
     codes = (*finding.skiltnummer_seen, *finding.skiltnummer_nvdb)
-    return any(code.strip() == c or code.strip().startswith(f"{c}.") for code in codes for c in classes)
+    # One digit is the whole hundred: 3 for every prohibitory sign.
+    beginnings = [c if len(c) == 1 else f"{c}." for c in classes]
+    return any(code.strip() in classes or code.strip().startswith(tuple(beginnings)) for code in codes)
 
 
 def _drives(ask: Ask, wanted: Selection) -> set[str]:

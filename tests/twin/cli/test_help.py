@@ -87,3 +87,19 @@ def test_wheel_carries_the_pages() -> None:
     docs = ROOT / "docs"
     assert {f"twin/pages/{page.relative_to(docs).as_posix()}" for page in help_pages().values()} <= packed
     assert not [path for path in packed if path.endswith(".png") and path.startswith("twin/pages/")]
+
+
+@pytest.mark.parametrize(
+    ("word", "page"), [("excel", "daily"), ("toml", "drive-toml"), ("undo", "decisions-and-review")]
+)
+def test_a_word_is_looked_for_in_the_pages(twin: Twin, word: str, page: str) -> None:
+    """What no page is called by is found where pages tell of it."""
+    answer = twin("help", word)
+    assert (answer.code, page in answer.err) == (2, True), answer.err
+
+
+def test_a_topic_may_be_written_as_its_file(twin: Twin) -> None:
+    """Capitals and the ending do not matter; and flags take no value in the help."""
+    assert twin("help", "QGIS.md").out == twin("help", "qgis").out != ""
+    for line in (["--help"], ["decide", "--help"], ["calibrate", "--help"]):
+        assert "bool" not in twin(*line).out

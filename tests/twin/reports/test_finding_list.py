@@ -46,6 +46,8 @@ def test_findings_fit_every_criterion(twin: Twin, store: Path) -> None:
     assert _ids(twin, store, "--verdict", "new", "--verdict", "moved") == [by["new"], by["moved"]]
     assert len(_ids(twin, store, "--verdict", "unchanged")) == 12
     assert _ids(twin, store, "--class", "516") == [by["missing"]]
+    assert by["missing"] in _ids(twin, store, "--class", "5")
+    assert _ids(twin, store, "--class", "51") == []
     assert by["moved"] in _ids(twin, store, "--road", "kv. 2210 S1D1", "--kommune", 5001)
     assert _ids(twin, store, "--road", "KV22") == _ids(twin, store, "--kommune", 301) == []
     assert _ids(twin, store, "--text", "GANGFELT") == [by["missing"]]
@@ -121,6 +123,33 @@ def test_a_file_is_what_its_ending_says(
     assert not (tmp_path / "new").exists()
     assert twin("findings", "--store", store, cure, tmp_path / "new" / name).code == 0
     assert (tmp_path / "new" / name).stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("corner", "said"),
+    [
+        ((63.4, 10.4), "lies outside Norway"),
+        ((0.5, 51.5), "lies outside Norway"),
+        ((569000.0, 7.0e6), "EPSG:4326"),
+    ],
+)
+def test_an_area_elsewhere_is_told(
+    twin: Twin, store: Path, tmp_path: Path, corner: tuple[float, float], said: str
+) -> None:
+    """Latitude before longitude, another country, metres: refused, not an empty list."""
+    x, y = corner
+    ring = [[x, y], [x + 0.1, y], [x + 0.1, y + 0.1], [x, y]]
+    area = tmp_path / "area.geojson"
+    area.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    answer = twin("findings", "--store", store, "--area", area)
+    assert (answer.code, said in answer.err) == (2, True), answer.err
+
+
+def test_nothing_found_is_said_on_a_pipe_too(twin: Twin, store: Path) -> None:
+    """Without a terminal, on stderr: what is left out and what to check."""
+    answer = twin("findings", "--store", store, "--kommune", 301)
+    assert (answer.code, answer.out) == (0, "")
+    assert "No finding fits: check --road, --kommune and --class" in answer.err
 
 
 def test_stale_findings_are_listed_with_a_warning(twin: Twin, store: Path) -> None:
