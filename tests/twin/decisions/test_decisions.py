@@ -295,7 +295,7 @@ def test_decide_refuses_what_it_cannot_know(store: Store) -> None:
     with pytest.raises(StoreError, match="no findings yet"):
         decide(store, ["a"], "accept", by="kari")
     match(store, change("a"))
-    with pytest.raises(ConfigError, match="found no change x, y: take an id, or its first 6 digits"):
+    with pytest.raises(ConfigError, match="found no change x, y: take an id, or at least its first 6 digits"):
         decide(store, ["a", "y", "x"], "accept", by="kari")
     with pytest.raises(ConfigError, match="'yes' is no decision: choose one of open, accept, dismiss, defer"):
         decide(store, ["a"], "yes", by="kari")
