@@ -25,7 +25,7 @@ def init(
     lens: Annotated[
         str | None,
         typer.Option(
-            help="Camera model, field of view across the picture in degrees, or a calibration file.",
+            help="Camera model, field of view across the longer side in degrees, or a calibration file.",
             show_default=False,
         ),
     ] = None,
@@ -61,7 +61,7 @@ def init(
         bool, typer.Option("--replace", help="Write a new drive.toml; the old one is kept beside it.")
     ] = False,
 ) -> None:
-    """Write drive.toml for a folder with a video and a GNSS track: looks, asks at most five questions."""
+    """Write drive.toml for a folder with a video and a GNSS track: looks, asks at most six questions."""
     from twin.drives.inspection.inspect import inspect_drive
     from twin.drives.starting.found import look
     from twin.drives.starting.settings_text import settings_text, usual_answers
@@ -89,17 +89,16 @@ def init(
         "all": complete,
     }
     open_questions = {name for name, value in asked.items() if value is None}
-    if yes or not sys.stdin.isatty():
-        _tell_defaults(found, given, open_questions)
-        answers = given
-    else:
-        answers = _ask(found, given, open_questions)
+    asks = not yes and sys.stdin.isatty()
+    answers = _ask(found, given, open_questions) if asks else given
     for path in write_settings(folder, settings_text(found, answers), replace=replace_file):
         note(f"wrote {path}")
+    if open_questions and not asks:
+        _tell_defaults(found, given, open_questions)
     with steps() as say:
         inspection = inspect_drive(folder, progress=say)
-    for warning in inspection.warnings:
-        warn(warning)
+    if inspection.warnings:
+        note(f"What the folder lacks, and what that costs: twin inspect {folder}")
     for refusal in inspection.refusals:
         note(f"twin ingest-drive would refuse: {refusal}")
     ingest, annotate = (to_type("twin", command, folder) for command in ("ingest-drive", "annotate"))
@@ -128,17 +127,22 @@ def _tell(found: Found) -> None:
     """Say what was found, before anything is asked."""
     width, height = found.size_px
     note(f"Camera {found.camera}: {found.video}, {width} x {height} pixels.")
+    if height > width:
+        warn(
+            f"{found.video} is upright: it sees little to the sides, and loses near signs. Mount"
+            " the camera with the longer side level. A field of view is still stated across the longer side."
+        )
     if found.track is not None:
         note(f"Track: {found.track}.")
     if found.start is not None:
-        outside = "" if found.start.fits else " The video then lies OUTSIDE the track: give --start."
+        outside = "" if found.start.fits else " The video then lies OUTSIDE the track."
         note(f"The video's start is known by {found.start.why}.{outside}")
 
 
 def _tell_defaults(found: Found, answers: Answers, unasked: set[str]) -> None:
     from twin.drives.starting.settings_text import HEIGHT_M, MOUNTED_DEG, UNKNOWN_FOV_DEG
 
-    lens = answers.lens or f"unknown: {UNKNOWN_FOV_DEG:g}° across, to 15 % (--lens)"
+    lens = answers.lens or f"unknown: {UNKNOWN_FOV_DEG:g}° across the longer side, to 15 % (--lens)"
     told = {
         "lens": f"lens {lens}",
         "height": f"camera {HEIGHT_M:g} m over the road (--height), level to {MOUNTED_DEG:g}°",
@@ -155,14 +159,20 @@ def _ask(found: Found, given: Answers, questions: set[str]) -> Answers:
     from twin.drives.starting.settings_text import HEIGHT_M, UNKNOWN_FOV_DEG
 
     answers = given
+    if given.start_ns is None and not (found.start and found.start.fits):
+        answers = replace(
+            answers, start_ns=_instant(_prompt("When did the video begin, with its zone", None))
+        )
     if "lens" in questions:
         note(f"Cameras that twin knows: {', '.join(nominal_lenses())}.")
         unknown = f"unknown, about {UNKNOWN_FOV_DEG:g}"
-        said = _prompt("Camera model, or field of view across the picture (°)", given.lens or unknown)
+        question = "Camera model, or field of view across the longer side of the picture (°)"
+        said = _prompt(question, given.lens or unknown)
         answers = replace(answers, lens="" if said == unknown else said)
     if "height" in questions:
-        said = _prompt("Height of the camera over the road (m)", f"{HEIGHT_M:g}, a guess")
-        answers = replace(answers, height_m=None if "guess" in said else _number(said, "a height in metres"))
+        guess = f"{HEIGHT_M:g}, a guess"
+        said = _prompt("Height of the camera over the road (m)", guess)
+        answers = replace(answers, height_m=None if said == guess else _number(said, "a height in metres"))
     if "clock" in questions:
         said = _prompt("How well is the start of the video known (s)", f"{given.clock_s:g}")
         answers = replace(answers, clock_s=_number(said, "seconds"))
@@ -175,7 +185,7 @@ def _ask(found: Found, given: Answers, questions: set[str]) -> Answers:
     return answers
 
 
-def _prompt(text: str, default: str) -> str:
+def _prompt(text: str, default: str | None) -> str:
     return str(typer.prompt(text, default=default, err=True)).strip()
 
 

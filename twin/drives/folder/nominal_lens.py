@@ -47,7 +47,7 @@ def lens_called(name: str) -> NominalLens:
     if found is None:
         raise DriveError(
             f"There is no lens {name[:80]!r} in the table of common cameras ({', '.join(lenses)}): take one"
-            " of them, or state the field of view across the picture, fov_deg."
+            " of them, or state the field of view across the longer side, fov_deg."
         )
     return found
 

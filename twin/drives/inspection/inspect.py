@@ -138,22 +138,25 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
     path = Path(path)
     folder, parts = DriveFolder(path), _Parts()
     notes = ReadingNotes(progress)
-    settings = parts.tried(lambda: _settings(folder)) or DriveSettings()
-    read = parts.tried(lambda: rig_of_folder(folder, settings, notes))
+    stated = parts.tried(lambda: _settings(folder))
+    settings = stated or DriveSettings()
+    # What the folder lacks beside a drive.toml that cannot be read is what that file may say.
+    rest = parts if stated else _Parts()
+    read = rest.tried(lambda: rig_of_folder(folder, settings, notes))
     rig = None if read is None else read[0]
     # Without a rig the recordings still say when they were made.
-    track = parts.tried(lambda: read_track(folder, settings, rig or Rig({}, {}, "the rig"), notes))
+    track = rest.tried(lambda: read_track(folder, settings, rig or Rig({}, {}, "the rig"), notes))
     annotated: AnnotationsRead | None = None
     pictures: Mapping[str, Pictures] = {}
     stamps: dict[str, tuple[IntArray, str]] = {}
     if rig is not None:
         known = rig
-        pictures = parts.tried(lambda: find_pictures(folder, settings, known)) or {}
+        pictures = rest.tried(lambda: find_pictures(folder, settings, known)) or {}
         image_frames = {camera: of.frame_of() for camera, of in pictures.items() if of.images}
-        annotated = parts.tried(
+        annotated = rest.tried(
             lambda: read_annotations(folder, settings, known, notes, image_frames=image_frames)
         )
-        stamps = _stamps(folder, settings, known, annotated, pictures, notes, parts)
+        stamps = _stamps(folder, settings, known, annotated, pictures, notes, rest)
         # Of annotated cameras reading the drive says it, as far as it matters for what was annotated.
         to_annotate = set(pictures) - set(annotated.cameras if annotated else ())
         notes.warn(DriveDoubt.PICTURES, *size_contradictions(pictures, to_annotate, known))

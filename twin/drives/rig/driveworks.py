@@ -18,6 +18,8 @@ from twin.errors import DriveError
 LARGEST_RIG_BYTES = 50_000_000
 """No rig file comes near it; larger JSON files are something else and are not opened."""
 
+_VIDEOS = (".mp4", ".mov", ".mkv", ".avi", ".ts")
+
 
 def find_rig(folder: DriveFolder) -> str:
     """Name of the folder's rig file, found by content.
@@ -55,6 +57,13 @@ def _no_drive(folder: DriveFolder, broken: list[str]) -> str:
     names = folder.names()
     shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
     reason = f" ({'; '.join(broken)})" if broken else ""
+    videos = [name for name in names if name.casefold().endswith(_VIDEOS)]
+    if videos and not folder.has(SETTINGS_FILE):
+        return (
+            f"{folder.root} has no {SETTINGS_FILE} and no rig file{reason}, but the video {videos[0]}: twin"
+            f" init {folder.root} writes {SETTINGS_FILE} for a dashcam, an action camera or a telephone with"
+            " a GNSS track. For a car with a rig, add its rig file (`twin help drive-folder`)."
+        )
     return (
         f"{folder.root} holds no drive: looked for {SETTINGS_FILE} that names a rig, and for a DriveWorks rig"
         f" file (*.json with rig.sensors){reason}; found {shown or 'no files'}. Add the rig file of the car,"

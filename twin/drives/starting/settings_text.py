@@ -130,6 +130,12 @@ def _check(found: Found, answers: Answers) -> None:
             f"{found.video} does not say when it began, neither in its tags nor in its name: give --start"
             ' "2026-06-10T09:59:59+02:00", the instant of its first picture.'
         )
+    if answers.start_ns is None and found.start is not None and not found.start.fits:
+        raise ConfigError(
+            f"{found.video} would lie outside the track {found.track}: its start is known by"
+            f' {found.start.why}. Give --start "2026-06-10T09:59:59+02:00", the instant of its first picture,'
+            " or the track of this drive."
+        )
 
 
 def _lens(found: Found, answers: Answers) -> tuple[list[str], list[str]]:
@@ -157,8 +163,7 @@ def _start(found: Found, answers: Answers) -> list[str]:
         return [f"start = {_toml(_instant(answers.start_ns))}   # as you said"]
     if found.start is None:
         return []
-    note = "" if found.start.fits else "; OUTSIDE the track: correct it"
-    return [f"start = {_toml(_instant(found.start.epoch_ns))}   # {found.start.why}{note}"]
+    return [f"start = {_toml(_instant(found.start.epoch_ns))}   # {found.start.why}"]
 
 
 def _track(found: Found, position: list[float]) -> list[str]:

@@ -69,21 +69,33 @@ def test_a_start_in_another_zone_is_found_by_the_track(
 
 
 def test_what_is_not_known_is_said_or_refused(tmp_path: Path) -> None:
-    """A start outside the track is told; two videos, no track and no start are refused with the cure."""
+    """A start outside the track, two videos, no track and no start are refused with the cure."""
     folder = small_folder(tmp_path / "drive", START_NS + 1234 * NS)
     found = look(folder)
     assert found.start is not None
     assert not found.start.fits
-    assert "OUTSIDE the track" in settings_text(found, usual_answers(found))
+    with pytest.raises(ConfigError, match=r"outside the track ride\.gpx.*Give --start"):
+        settings_text(found, usual_answers(found))
+    assert "as you said" in settings_text(found, replace(usual_answers(found), start_ns=START_NS))
     with pytest.raises(ConfigError, match="does not say when it began"):
         settings_text(replace(found, start=None), Answers())
     with pytest.raises(DriveError, match="Export the track as GPX"):
         settings_text(replace(found, track=None), Answers())
     with pytest.raises(ConfigError, match="There is no lens 'gopro hero'"):
-        settings_text(found, Answers(lens="gopro hero"))
+        settings_text(found, Answers(lens="gopro hero", start_ns=START_NS))
     (folder / "other.mp4").write_bytes((folder / "clip.mp4").read_bytes())
     with pytest.raises(DriveError, match=r"--video clip\.mp4"):
         look(folder)
+
+
+def test_inspect_points_to_what_writes_or_mends_the_settings(tmp_path: Path) -> None:
+    """A video without drive.toml is for twin init; of one that cannot be read, that is the only refusal."""
+    folder = small_folder(tmp_path / "drive", START_NS + NS)
+    (refusal,) = [one for one in inspect_drive(folder).refusals if "rig" in one]
+    assert f"twin init {folder} writes drive.toml" in refusal
+    (folder / "drive.toml").write_text("[cameras.clip]\nfov_dge = 110\n")
+    (refusal,) = inspect_drive(folder).refusals
+    assert "fov_dge" in refusal
 
 
 def test_a_settings_file_that_stands_is_kept(tmp_path: Path) -> None:
