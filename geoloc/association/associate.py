@@ -196,6 +196,7 @@ def check_ids(
     ids: TextArray,
     poses: Poses | None = None,
     rules: AssociationRules = _DEFAULT_RULES,
+    focal_share: float = 0.0,
 ) -> tuple[IdFinding, ...]:
     """Find ids that hold two signs, and several ids that are one sign.
 
@@ -211,6 +212,9 @@ def check_ids(
         The rig's pose at each sighting. Default: `poses_by_objects`.
     observations, label, rules
         As in `associate`.
+    focal_share : float
+        One sigma of a focal length that nobody calibrated, as a share of it. Rays that miss one another by
+        what that explains are no contradiction; nor does it make one sign of two.
 
     Returns
     -------
@@ -227,7 +231,9 @@ def check_ids(
     association = associate(observations, label, poses, rules)
     _, numbers = np.unique(label, return_inverse=True)
     seen, _ = bearings_from_sightings(observations, poses, numbers.astype(np.int64), rules)
-    return contradictions(seen, association.object[seen.row], ids[seen.row], rules)
+    rough = replace(rules, focal_share=max(focal_share, rules.focal_share))
+    by_lens, _ = bearings_from_sightings(observations, poses, numbers.astype(np.int64), rough)
+    return contradictions(seen, by_lens, association.object[seen.row], ids[seen.row], rules)
 
 
 def join_cameras(

@@ -27,6 +27,8 @@ class AssociationRules:
     """Annotator and detector."""
     angle_deg: float = 0.25
     """Direction of a ray: body motion that poses do not show (0.15°) and mounting of the camera (0.2°)."""
+    focal_share: float = 0.0
+    """Focal length that nobody calibrated: directions err by this share of their angle off the axis."""
     time_ms: float = 12.0
     """Camera clock and rolling shutter: times the speed, how far the camera stands off its pose."""
     ground_deg: float = 0.7
@@ -162,6 +164,8 @@ def _in_rig(
         rays, known = camera.model.camera_ray_from_pixel(pixel)
         ray[rows], offset[rows] = rays @ camera.rig_R_camera.T, camera.rig_t_camera_m
         sigma[rows] = np.hypot(np.radians(rules.angle_deg), rules.pixel_px * _rad_per_px(camera, pixel, rays))
+        off_axis = np.arccos(np.clip(rays[:, 2], -1.0, 1.0))
+        sigma[rows] = np.hypot(sigma[rows], rules.focal_share * off_axis)
         why = np.where(known, "", Reason.OUTSIDE_CAMERA)
         why = np.where(known & on_the_car_itself(camera, pixel), Reason.ON_CAR, why)
         reason[rows] = np.where(reason[rows] == "", why, reason[rows])

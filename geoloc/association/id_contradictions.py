@@ -46,13 +46,15 @@ class _Suspect(NamedTuple):
 
 
 def contradictions(
-    seen: Bearings, group: IntArray, ids: NDArray[np.str_], rules: AssociationRules
+    seen: Bearings, by_lens: Bearings, group: IntArray, ids: NDArray[np.str_], rules: AssociationRules
 ) -> tuple[IdFinding, ...]:
     """Compare ids with objects, and confirm each difference by fitting points.
 
     Parameters
     ----------
     seen : Bearings (n,)
+    by_lens : Bearings (n,)
+        The same with directions as poor as the lens makes them: what contradicts also these is two signs.
     group : int64 (n,)
         Objects found without the ids.
     ids : str (n,)
@@ -62,9 +64,12 @@ def contradictions(
     tuple of IdFinding
     """
     findings = []
-    for kind, suspects in (("split", _splits(seen, group, ids)), ("merge", _merges(seen, group, ids))):
+    for kind, rays, suspects in (
+        ("split", by_lens, _splits(seen, group, ids)),
+        ("merge", seen, _merges(seen, group, ids)),
+    ):
         held = list(suspects)
-        one = fit_together(seen, [side for suspect in held for side in suspect.sides], rules)
+        one = fit_together(rays, [side for suspect in held for side in suspect.sides], rules)
         findings += [
             IdFinding(
                 kind,

@@ -279,7 +279,8 @@ def _id_doubts(
         later_ns = round(1e6 * sighted.adjusted.time_offset_ms.value)
         in_time = replace(drive, camera_offset_ns=drive.camera_offset_ns + later_ns)
     say("checking the annotators' ids")
-    return clocks_apart(id_warnings(in_time, trajectory), drive, trajectory, budget)
+    focal_share = max((budget.lens_of(one).focal_share for one in drive.rig.cameras.values()), default=0.0)
+    return clocks_apart(id_warnings(in_time, trajectory, focal_share), drive, trajectory, budget)
 
 
 def _ground(

@@ -106,11 +106,16 @@ def _with_cameras_joined(drive: Drive, trajectory: Trajectory) -> Drive:
     )
 
 
-def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
+def id_warnings(drive: Drive, trajectory: Trajectory, focal_share: float = 0.0) -> tuple[Doubt, ...]:
     """Say which ids mark two signs, and which two ids of one camera mark the same sign.
 
     Tracks of one sign in several cameras have ids of their own unless the annotator tied them together: that
     is no mistake, and is not reported.
+
+    Parameters
+    ----------
+    focal_share : float
+        One sigma of focal lengths that nobody calibrated, as a share of them.
 
     Returns
     -------
@@ -124,7 +129,8 @@ def id_warnings(drive: Drive, trajectory: Trajectory) -> tuple[Doubt, ...]:
         return ()
     messages: dict[tuple[str, ...], str] = {}
     between: set[str] = set()
-    for finding in check_ids(*association_input(drive, trajectory, ids), ids):
+    found = check_ids(*association_input(drive, trajectory, ids), ids, focal_share=focal_share)
+    for finding in found:
         one, other = (set(annotations.camera[rows].tolist()) for rows in finding.rows)
         few, many = sorted(rows.size for rows in finding.rows)
         if finding.kind == "merge" and one & other and not _in_one_picture(drive, finding.ids):

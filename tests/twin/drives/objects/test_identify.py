@@ -150,6 +150,20 @@ def test_right_ids_on_a_track_of_ordinary_fixes_give_no_warning() -> None:
     assert id_warnings(poor, trajectory_of(poor)) == ()
 
 
+def test_right_ids_of_a_lens_that_nobody_calibrated_give_no_warning() -> None:
+    """A focal length 15 % off lets rays miss one another: no id is doubted but one on two signs."""
+    drive, trajectory = sample_drive()
+    notes = drive.annotations
+    middle_px = np.array([959.5, 603.5])
+    longer = replace(notes, pixel_px=middle_px + 1.15 * (notes.pixel_px - middle_px))
+    nominal = replace(drive, annotations=longer)
+    assert id_warnings(nominal, trajectory, 0.15) == ()
+    ids = np.where((notes.object == "P09") & (notes.frame % 2 == 0), "P02", notes.object)
+    wrong = replace(drive, annotations=replace(longer, object=ids))
+    (told,) = [w.sentence for w in id_warnings(wrong, trajectory, 0.15) if "'P02'" in w.sentence]
+    assert "marks two signs" in told
+
+
 @pytest.mark.parametrize(
     ("one", "other", "sentence"),
     [
