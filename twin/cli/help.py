@@ -18,6 +18,8 @@ _ROOTS = (_PACKAGE / "pages", _PACKAGE.parent / "docs")
 """Package data of a wheel, or the folder of a source tree."""
 _FOLDERS = {"tutorials": "Start here", "": "Pages", "reference": "Reference"}
 """Folder of pages → how the list calls it."""
+_ALSO = {"units": "conventions", "sigma": "conventions", "sigmas": "conventions"}
+"""What people look for → the page that has it."""
 _LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((?:[\w.-]+/)*([\w-]+)\.md(?:#[^)\s]*)?\)")
 
 
@@ -35,6 +37,7 @@ def help_(
     words, pages, group = topic or [], help_pages(), context.find_root().command
     name = " ".join(words).lower().removesuffix(".md")
     is_command = name in command_names(group)
+    name = _ALSO.get(name, name)
     if not name:
         _list(pages)
     elif name in pages:
