@@ -82,6 +82,10 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "sigma_azimuth_deg": "direction of the long axis, from true north",
         "cep95_m": _CEP,
         "flags": "remarks, joined by ;",
+        "sigma_height_m": "one sigma of its height; null where the method does not tell",
+        "sigma_east_m": "one sigma of grid east, EPSG:25833",
+        "sigma_north_m": "one sigma of grid north, likewise",
+        "correlation": "of east and north, -1 to 1",
     },
     "ellipses": {
         "estimate_id": "drive:object:method",

@@ -121,6 +121,10 @@ _COLUMNS: dict[str, tuple[tuple[str, str] | tuple[str, str, str], ...]] = {
         ("sigma_azimuth_deg", "float64", "° clockwise"),
         ("cep95_m", "float64", "m"),
         ("flags", "str"),
+        ("sigma_height_m", "float64", "m"),
+        ("sigma_east_m", "float64", "m"),
+        ("sigma_north_m", "float64", "m"),
+        ("correlation", "float64"),
     ),
     "ellipses": (
         ("estimate_id", "str"),

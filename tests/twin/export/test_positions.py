@@ -6,6 +6,7 @@ import csv
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import sqlalchemy as sa
 from command_line import Twin
@@ -33,6 +34,11 @@ def test_positions_of_a_drive_alone_are_exported_with_sigmas(
         assert float(row["easting"]) == pytest.approx(estimate["east_m"], abs=1e-4)
         assert float(row["northing"]) == pytest.approx(estimate["north_m"], abs=1e-4)
         sigmas = float(row["sigma_major_m"]), float(row["sigma_minor_m"])
+        assert float(row["sigma_height_m"]) == pytest.approx(estimate["sigma_height_m"], abs=1e-4)
+        east, north = (float(row[f"sigma_{axis}_m"]) for axis in ("east", "north"))
+        assert (east**2, north**2) == pytest.approx((estimate["cov_ee_m2"], estimate["cov_nn_m2"]), abs=1e-4)
+        both = float(row["correlation"]) * np.sqrt(estimate["cov_ee_m2"] * estimate["cov_nn_m2"])
+        assert both == pytest.approx(estimate["cov_en_m2"], abs=1e-6)
         trace = estimate["cov_ee_m2"] + estimate["cov_nn_m2"]
         assert sigmas[0] ** 2 + sigmas[1] ** 2 == pytest.approx(trace, abs=1e-4)
         place = float(row["longitude"]), float(row["latitude"])

@@ -74,6 +74,10 @@
   <alias field="sigma_azimuth_deg" index="18" name="Error ellipse from true north (° clockwise)" />
   <alias field="cep95_m" index="19" name="CEP95 (m)" />
   <alias field="flags" index="20" name="Flags" />
+  <alias field="sigma_height_m" index="21" name="Standard deviation of the height (m)" />
+  <alias field="sigma_east_m" index="22" name="Standard deviation, east (m)" />
+  <alias field="sigma_north_m" index="23" name="Standard deviation, north (m)" />
+  <alias field="correlation" index="24" name="Correlation of east and north" />
  </aliases>
  <editable>
   <field name="fid" editable="0" />
@@ -97,6 +101,10 @@
   <field name="sigma_azimuth_deg" editable="0" />
   <field name="cep95_m" editable="0" />
   <field name="flags" editable="0" />
+  <field name="sigma_height_m" editable="0" />
+  <field name="sigma_east_m" editable="0" />
+  <field name="sigma_north_m" editable="0" />
+  <field name="correlation" editable="0" />
  </editable>
  <previewExpression>"object" || ' ' || "skiltnummer"</previewExpression>
  <mapTip enabled="1">&lt;b&gt;[% coalesce(nullif(replace(replace("skiltnummer", '&amp;', '&amp;amp;'), '&lt;', '&amp;lt;'), ''), '–') %]&lt;/b&gt; &amp;nbsp; object [% coalesce(nullif(replace(replace("object", '&amp;', '&amp;amp;'), '&lt;', '&amp;lt;'), ''), '–') %], drive [% coalesce(nullif(replace(replace("drive_id", '&amp;', '&amp;amp;'), '&lt;', '&amp;lt;'), ''), '–') %]
