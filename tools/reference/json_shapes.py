@@ -237,6 +237,7 @@ SHAPES: Mapping[str, Any] = {
     "export": _shape(
         "Exported",
         files=_FILES,
+        method=(str, "of the positions: adjusted, single-frame or paper"),
         matched=(bool, "whether the store had findings; else only positions went out"),
         errors=(list[str], "why a change set cannot be sent, a sentence each"),
         left_out=(dict[str, str], "accepted finding → why it is in no change set"),

@@ -89,6 +89,7 @@ def export(
     if json_output:
         told = {
             "files": [str(path) for path in report.files],
+            "method": report.method,
             "matched": report.matched,
             "unmasked_pictures": report.n_unmasked,
         }
@@ -97,6 +98,7 @@ def export(
         _print_export(report.files, folder, lang)
         if stood_there and not project:
             note(say(lang, "opening.project_kept" if project is None else "opening.project_gone"))
+        note(say(lang, "exported.method", method=report.method))
         if not report.matched:
             note(say(lang, "exported.not_matched"))
         if report.n_unmasked:

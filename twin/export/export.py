@@ -35,6 +35,8 @@ class ExportReport:
     change_sets : ChangeSets
         What became of the decided findings: sets, errors in sets (which are then not written), findings left
         out.
+    method : str
+        Of the positions: the one that was matched, else the best of the store.
     matched : bool
         Whether there was a match; without one there are positions, and no findings.
     n_unmasked : int
@@ -43,6 +45,7 @@ class ExportReport:
 
     files: tuple[Path, ...]
     change_sets: ChangeSets
+    method: str
     matched: bool = True
     n_unmasked: int = 0
 
@@ -139,7 +142,8 @@ def export_findings(
         progress=progress,
     )
     drop_pictures(folder, pictures)
-    return ExportReport(tuple(files), change_sets, n_unmasked=n_unmasked_crops(store.rows))
+    n_unmasked = n_unmasked_crops(store.rows)
+    return ExportReport(tuple(files), change_sets, last["method"], n_unmasked=n_unmasked)
 
 
 def _export_positions(
@@ -155,12 +159,13 @@ def _export_positions(
     held = store.methods()
     if not held:
         raise StoreError(f"The store {store.path} has nothing to export yet: run `twin ingest-drive` first.")
-    layers = layers_from_store(store, min(held, key=METHODS.index))
+    method = min(held, key=METHODS.index)
+    layers = layers_from_store(store, method)
     if store.fact("last_match") is not None:
         raise RefusedError(f"The store {store.path} was matched during the export: export again.")
     files = export_all(layers, folder, project=project, lang=lang, progress=progress)
     drop_pictures(folder, {})
-    return ExportReport(tuple(files), ChangeSets(decision), matched=False)
+    return ExportReport(tuple(files), ChangeSets(decision), method, matched=False)
 
 
 def decide_as_in(store: Store, path: Path | str, *, by: str, reason: str = "") -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from typing import BinaryIO
 
 from filelock import lock_descriptor
 
-from twin.errors import CURES, ExportRefusedError
+from twin.errors import CURES, ExportRefusedError, TwinError
 
 STAGING = ".twin-export"
 _LOCK = "lock"
@@ -110,8 +110,8 @@ def replace_file(path: Path, content: bytes) -> None:
 
     Raises
     ------
-    ExportRefusedError
-        The folder does not exist or cannot be written, or the disk is full.
+    TwinError
+        The folder does not exist: ExportRefusedError if it cannot be written, or the disk is full.
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:
@@ -127,7 +127,9 @@ def replace_file(path: Path, content: bytes) -> None:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         cure = f": {CURES[error.errno]}." if error.errno in CURES else ""
-        raise ExportRefusedError(f"cannot write {path}: {error.strerror or error}{cure}") from error
+        # A folder that is missing is no refusal: nothing would be lost.
+        kind = TwinError if isinstance(error, FileNotFoundError) else ExportRefusedError
+        raise kind(f"cannot write {path}: {error.strerror or error}{cure}") from error
 
 
 def _is_locked(path: Path) -> bool:

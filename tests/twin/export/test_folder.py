@@ -16,7 +16,7 @@ import pytest
 from checkout import ROOT
 from qgis_edits import decide_in_qgis
 
-from twin.errors import ExportRefusedError
+from twin.errors import ExportRefusedError, TwinError
 from twin.export import FILES, ExportLayers, export_all
 from twin.export.folder import GEOJSON, UTM33, WGS84
 from twin.export.geopackage import Answer
@@ -322,5 +322,5 @@ def test_replace_file_writes_all_or_refuses(tmp_path: Path) -> None:
     replace_file(tmp_path / "a.png", b"old")
     replace_file(tmp_path / "a.png", b"new")
     assert _bytes(tmp_path) == {"a.png": b"new"}
-    with pytest.raises(ExportRefusedError, match=r"cannot write .*nowhere.*No such file"):
+    with pytest.raises(TwinError, match=r"cannot write .*nowhere.*No such file"):
         replace_file(tmp_path / "nowhere" / "a.png", b"new")

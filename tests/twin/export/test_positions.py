@@ -23,6 +23,7 @@ def test_positions_of_a_drive_alone_are_exported_with_sigmas(
     assert twin("ingest-drive", sample / "trip_trondheim", "--store", path, "--json").code == 0
     answer = twin("export", out, "--store", path)
     assert answer.code == 0
+    assert "by the method adjusted" in answer.err
     with Store.open(path) as opened:
         estimates = {row["estimate_id"]: row for row in opened.rows(sa.select(schema.estimate))}
     with (out / "positions.csv").open(encoding="utf-8") as file:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from twin.errors import ConfigError, ExportRefusedError
+from twin.errors import ConfigError, TwinError
 from twin.export import ExportLayers, empty_layers, render_map
 from twin.export.appearance import MARKS
 from twin.export.picture.labels import place_labels
@@ -129,7 +129,7 @@ def test_map_is_written_as_its_name_ends(
 
 def test_picture_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     """The sentence names the file."""
-    with pytest.raises(ExportRefusedError, match=r"cannot write .*map\.png"):
+    with pytest.raises(TwinError, match=r"cannot write .*map\.png"):
         render_map(empty_layers(), tmp_path / "nowhere" / "map.png", dpi=40)
 
 
