@@ -146,10 +146,7 @@ def findings(
         listed = list_findings(opened, wanted, start=(page - 1) * (size or 0), limit=size, lang=lang)
     if not listed.is_current:
         warn(say(lang, "findings.outdated", at=listed.matched_at))
-    if not listed.total:
-        note(say(lang, "findings.none"))
-    elif not listed.rows and size:
-        warn(say(lang, "findings.no_page", n=listed.total, last=-(-listed.total // size)))
+    _tell_empty(listed, size, lang)
     for path in _written(listed.rows, csv, xlsx, geojson, excel=excel, lang=lang):
         note(say(lang, "findings.wrote", path=str(path), n=len(listed.rows)))
     if json_output:
@@ -193,6 +190,14 @@ def _written(
 
 
 _COLUMNS = ("change_id", "verdict", "decision", "confidence", "road", "sign", "reason")
+
+
+def _tell_empty(listed: FindingList, size: int | None, lang: Lang) -> None:
+    """Say that nothing fits, or that there is no such page."""
+    if not listed.total:
+        note(say(lang, "findings.none"))
+    elif not listed.rows and size:
+        warn(say(lang, "findings.no_page", n=listed.total, last=-(-listed.total // size)))
 
 
 def _cells(row: FindingRow, lang: Lang) -> tuple[str, ...]:

@@ -158,7 +158,7 @@ def test_a_file_of_notepad_is_read(twin: Twin, home: Path, store: Path) -> None:
     path.write_bytes(b'\xef\xbb\xbfby = "K\xc3\xa5re"\r\n')
     assert held(twin, "by", "--store", store)[0] == "K\u00e5re"
     path.write_bytes('by = "K\u00e5re"'.encode("cp1252"))
-    answer = twin("config", "--store", store)
+    answer = twin("status", "--store", store)
     assert (answer.code, f"{path} are not in UTF-8: save the file as UTF-8" in answer.err) == (2, True)
 
 
