@@ -29,6 +29,8 @@ settings.load_profile("twin")
 # What takes longest comes first: a long file that begins last would leave the other cores idle (`make test`
 # gives each core whole files, for what their tests share).
 _LONGEST = (
+    "twin/test_wheel.py",
+    "test_notebooks.py",
     "twin/review/test_page.py",
     "twin/calibrate/test_calibrate_intrinsics.py",
     "twin/calibrate/test_mounting_recipe.py",
