@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from geoloc.adjustment.ground import Ground, MeasuredGround
 from geoloc.adjustment.initial_points import first_guesses
-from geoloc.adjustment.model import Ground, MeasuredGround, Model
+from geoloc.adjustment.model import Model
 from geoloc.adjustment.scene import (
     Bodies,
     Rays,

@@ -7,6 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from geoloc.adjustment.ground import Ground, MeasuredGround
+from geoloc.adjustment.rotations import (
+    cross_matrix,
+    into,
+    rotated,
+    rotation_derivative,
+    rotation_matrix_back,
+    turned_back,
+    turned_matrix,
+)
 from geoloc.adjustment.scene import Bodies, Scene
 from geoloc.adjustment.unknowns import (
     AXLES,
@@ -23,9 +33,7 @@ from geoloc.adjustment.unknowns import (
 )
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.cameras.nominal import moves_at
-from geoloc.earth.terrain import Terrain
 
-_SLOPE_STEP_M = 1.0
 # A node's first unknowns are those of the pose.
 _POSE = 6
 
@@ -54,69 +62,6 @@ class _Seen(NamedTuple):
     beta: FloatArray
     attitude: FloatArray
     turn: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Ground:
-    """What is known of the ground under the feet.
-
-    Attributes
-    ----------
-    point : int64 (f,)
-    body : Bodies (f,)
-        Where the car stood nearest: its road's plane runs through each foot but for `sigma_m`.
-    origin_m : float64 (f, 3)
-        The rig's origin then, in the point's local frame.
-    sigma_m : float64 (f,)
-    beside_m : float64 (f, 2)
-        How far to the left and to the right of the car each foot stands; one of the two is 0.
-    left, share : int64, float64 (f,)
-        Node before that epoch, and how far on the way to the next.
-    """
-
-    point: IntArray
-    body: Bodies
-    origin_m: FloatArray
-    sigma_m: FloatArray
-    beside_m: FloatArray
-    left: IntArray
-    share: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class MeasuredGround:
-    """A terrain under the feet, instead of the road's plane.
-
-    Attributes
-    ----------
-    point : int64 (f,)
-    terrain : Terrain
-    grid_m : float64 (f, 2)
-        Each point's anchor, EPSG:25833.
-    grid_R_enu : float64 (f, 2, 2)
-        From true east and north to the grid's.
-    above_m : float64 (f,)
-        How much higher the car stood than the terrain, where it was nearest to the point.
-    sigma_m : float64 (f,)
-    """
-
-    point: IntArray
-    terrain: Terrain
-    grid_m: FloatArray
-    grid_R_enu: FloatArray
-    above_m: FloatArray
-    sigma_m: FloatArray
-
-    def height_and_slope(self, offset_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Ellipsoidal height (f,) under offsets (f, 2) from the anchors, and its rise east and north."""
-
-        def height(shift_m: FloatArray) -> FloatArray:
-            east, north = (self.grid_m + (self.grid_R_enu @ (offset_m + shift_m)[:, :, None])[:, :, 0]).T
-            return self.terrain.height_m(east, north) + self.above_m
-
-        steps = np.eye(2) * _SLOPE_STEP_M
-        rise = [(height(step) - height(-step)) / (2.0 * _SLOPE_STEP_M) for step in steps]
-        return height(np.zeros(2)), np.stack(rise, axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,15 +142,15 @@ class Model:
         # By the point in the camera frame: what turns the ray, over the distance.
         along = by_ray @ s.ray[:, :, None]
         by_c = (by_ray - along * s.ray[:, None, :]) / s.distance[:, None, None]
-        by_beta = by_c @ _rotation_derivative(s.c, s.beta)
+        by_beta = by_c @ rotation_derivative(s.c, s.beta)
         by_q = by_c @ s.camera_R_rig
-        by_attitude = by_q @ _rotation_derivative(s.q, s.attitude)
+        by_attitude = by_q @ rotation_derivative(s.q, s.attitude)
         by_pitching = by_attitude[:, :, 2:] * s.attitude[:, 1, None, None]
         by_attitude[:, :, 1] += x[PITCHING] * by_attitude[:, :, 2]
         by_rig = by_q @ s.back
-        enu_R = _turned_matrix(body.enu_R_rig, s.turn)
+        enu_R = turned_matrix(body.enu_R_rig, s.turn)
         by_point = by_rig @ np.swapaxes(enu_R, 1, 2)
-        drift = -_into(enu_R, body.velocity_mps)
+        drift = -into(enu_R, body.velocity_mps)
         drift[:, 0] += body.yaw_rate_radps * s.in_rig[:, 1]
         drift[:, 1] -= body.yaw_rate_radps * s.in_rig[:, 0]
         by_time = by_rig @ drift[:, :, None]
@@ -298,15 +243,15 @@ class Model:
         away = np.maximum(np.hypot(sight[:, 0], sight[:, 1]), 1.0)
         delta[:, :2] -= (self.radius_m / away)[:, None] * sight
         turn = late * body.yaw_rate_radps
-        in_rig = _turned_back(_into(body.enu_R_rig, delta), turn)
+        in_rig = turned_back(into(body.enu_R_rig, delta), turn)
         attitude = self._attitude(x, slow)
-        back = _rotation_matrix_back(attitude)
+        back = rotation_matrix_back(attitude)
         q = (back @ in_rig[:, :, None])[:, :, 0]
         # A handful of cameras: their matrices are made once and handed out.
         cameras = np.arange(layout.n_cameras)
         beta = x[layout.boresight(cameras)]
         arm = scene.rig_t_camera_m + x[layout.camera_position(cameras)]
-        camera_R_rig = (_rotation_matrix_back(beta) @ np.swapaxes(scene.rig_R_camera, 1, 2))[scene.camera]
+        camera_R_rig = (rotation_matrix_back(beta) @ np.swapaxes(scene.rig_R_camera, 1, 2))[scene.camera]
         c = (camera_R_rig @ (q - arm[scene.camera])[:, :, None])[:, :, 0]
         distance = np.linalg.norm(c, axis=1)
         return _Seen(
@@ -327,12 +272,12 @@ class Model:
         g = self.ground
         slow = self._slow(x, g.left, g.share, g.body)
         delta = self.points_m(x)[g.point] - g.origin_m - self._shift(slow, g.body.enu_R_rig)
-        in_rig = _into(g.body.enu_R_rig, delta)
+        in_rig = into(g.body.enu_R_rig, delta)
         attitude = slow[:, :3]
-        q = _rotated(in_rig, attitude)
-        by_point = np.einsum("nj,nij->ni", _rotation_matrix_back(attitude)[:, 2], g.body.enu_R_rig)
+        q = rotated(in_rig, attitude)
+        by_point = np.einsum("nj,nij->ni", rotation_matrix_back(attitude)[:, 2], g.body.enu_R_rig)
         by_swing = np.einsum("ni,nij->nj", by_point, self._swing(g.body.enu_R_rig))
-        by_attitude = _rotation_derivative(q, attitude)[:, 2] - by_swing
+        by_attitude = rotation_derivative(q, attitude)[:, 2] - by_swing
         beside = g.beside_m
         fall = self._between(x, g.left, g.share)[:, _POSE:] + x[[FALL_LEFT, FALL_RIGHT]]
         above = q[:, 2] - (beside * fall).sum(axis=1) - x[RISE]
@@ -392,7 +337,7 @@ class Model:
 
     def _swing(self, enu_R_rig: FloatArray) -> FloatArray:
         """Move of the rig's origin, east, north and up, by a turn about the antennas (n, 3, 3)."""
-        return np.asarray(enu_R_rig @ _cross_matrix(self.measured_at_m[None])[0])
+        return np.asarray(enu_R_rig @ cross_matrix(self.measured_at_m[None])[0])
 
     def _slow(self, x: FloatArray, left: IntArray, share: FloatArray, body: Bodies) -> FloatArray:
         """Corrections (n, 6) of the pose: a rotation vector about the rig's axes, and a shift."""
@@ -405,49 +350,3 @@ class Model:
         """Unknowns of nodes (n, 8) in between."""
         before, after = x[self.layout.node(left)], x[self.layout.node(left + 1)]
         return np.asarray(before + share[:, None] * (after - before))
-
-
-def _into(rotation: FloatArray, vector: FloatArray) -> FloatArray:
-    """Vectors (n, 3) seen from the frames whose axes are the columns of ``rotation (n, 3, 3)``."""
-    return np.asarray(np.einsum("nji,nj->ni", rotation, vector))
-
-
-def _turned_back(vector: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    """Vectors (n, 3) seen from a body that has turned left by small angles about its z."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    x, y, z = vector.T
-    return np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=1)
-
-
-def _turned_matrix(rotation: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    """``rotation @ Rz(angle)``."""
-    cos, sin = np.cos(angle_rad)[:, None], np.sin(angle_rad)[:, None]
-    x, y, z = (rotation[:, :, axis] for axis in range(3))
-    return np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=2)
-
-
-def _rotation_matrix_back(vector: FloatArray) -> FloatArray:
-    """Rotation matrices ``exp(-[v]×)`` (n, 3, 3) by Rodrigues' formula."""
-    angle = np.linalg.norm(vector, axis=1)
-    a = np.sinc(angle / np.pi)
-    b = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    cross = _cross_matrix(vector)
-    return np.asarray(np.eye(3) - a[:, None, None] * cross + b[:, None, None] * (cross @ cross))
-
-
-def _rotated(vector: FloatArray, turn: FloatArray) -> FloatArray:
-    """Vectors seen from frames that have turned by rotation vectors: ``exp(-[turn]×) vector``."""
-    return np.asarray(np.einsum("nij,nj->ni", _rotation_matrix_back(turn), vector))
-
-
-def _rotation_derivative(rotated: FloatArray, turn: FloatArray) -> FloatArray:
-    """Derivative (n, 3, 3) of `_rotated` by the rotation vector, to second order in it."""
-    half = np.eye(3) - 0.5 * _cross_matrix(turn)
-    return np.asarray(_cross_matrix(rotated) @ half)
-
-
-def _cross_matrix(vector: FloatArray) -> FloatArray:
-    """``[v]×`` (n, 3, 3): ``[v]× w = v × w``."""
-    x, y, z = vector.T
-    o = np.zeros_like(x)
-    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=1).reshape(-1, 3, 3)

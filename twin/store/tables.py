@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from twin.store.store import Snapshot
 
 
+class _Snapshots(Protocol):
+    def snapshot(self) -> AbstractContextManager[Snapshot]: ...
+
+
 class Tables:
     """Tables of a store as GeoDataFrames, only read; :data:`twin.store.frames.COLUMNS` has the units."""
 
-    def snapshot(self) -> AbstractContextManager[Snapshot]:
-        """Give a view of one and the same state."""
-        raise NotImplementedError
-
-    def estimates(self, method: str | None = None) -> gpd.GeoDataFrame:
+    def estimates(self: _Snapshots, method: str | None = None) -> gpd.GeoDataFrame:
         """Return where the annotated objects stand: a point an object, drive and method, EPSG:25833.
 
         Parameters
@@ -41,7 +41,7 @@ class Tables:
         with self.snapshot() as view:
             return frames.estimates(view, method)
 
-    def findings(self) -> gpd.GeoDataFrame:
+    def findings(self: _Snapshots) -> gpd.GeoDataFrame:
         """Return what the last match says of each sign, and what people decided: a point a finding.
 
         Returns
@@ -62,7 +62,7 @@ class Tables:
         with self.snapshot() as view:
             return frames.findings(view)
 
-    def sightings(self, method: str | None = None) -> gpd.GeoDataFrame:
+    def sightings(self: _Snapshots, method: str | None = None) -> gpd.GeoDataFrame:
         """Return every annotated pixel or box, with the position that it gives by itself, EPSG:25833.
 
         Parameters
@@ -86,7 +86,7 @@ class Tables:
         with self.snapshot() as view:
             return frames.sightings(view, method)
 
-    def drives(self) -> gpd.GeoDataFrame:
+    def drives(self: _Snapshots) -> gpd.GeoDataFrame:
         """Return the recorded drives, the oldest first: a line each, EPSG:25833.
 
         Returns
