@@ -30,6 +30,7 @@ from twin.drives.inspection.sensors import SensorSpan
 from twin.evidence.forgetting import Forgotten
 from twin.evidence.make import EvidenceReport
 from twin.ingest.ingest import IngestReport
+from twin.ingest.pixel import PixelPosition
 from twin.matching.match_store import MatchReport
 from twin.mirror.sync import SyncPlan, SyncResult
 from twin.reports.confidences import ConfidenceReport
@@ -210,6 +211,13 @@ SHAPES: Mapping[str, Any] = {
         median=(dict[str, float], "sigma → its median: metres or degrees, as its name says"),
         warnings=(list[str], "sentences for a person"),
     ),
+    "locate": _shape(
+        "PixelPosition",
+        PixelPosition,
+        height_m=(float | None, "ellipsoidal, metres; of --method paper that of the fix"),
+        height_nn2000_m=(float | None, "NN2000, metres; null without HREF2018B"),
+        covariance_m2=(list[list[float]], "grid east and grid north"),
+    ),
     "match": _shape(
         "Matched",
         MatchReport,
@@ -280,6 +288,7 @@ SHAPES: Mapping[str, Any] = {
         neighbours=(list[dict[str, Any]], "NVDB's signs within 15 m"),
         picture=_PICTURE,
     ),
+    "show --frame": _shape("DrawnInto", pictures=(list[str], "the files that were written: picture, film")),
     "findings": FindingList,
     "config": _shape(
         "Config",

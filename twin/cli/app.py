@@ -76,6 +76,7 @@ class _Commands(_LazyGroup):
         "drives": "drives",
         "inspect": "drives",
         "trajectory": "drives",
+        "locate": "locate",
         "match": "findings",
         "findings": "list_findings",
         "explain": "explain",

@@ -12,6 +12,7 @@ import typer
 
 from twin.cli.options import DEFAULT_STORE, JsonOption, LangOption, StoreOption
 from twin.cli.output import note, print_json, print_pairs, print_table
+from twin.cli.overlay import Wish, show_pictures
 from twin.cli.told import Told, told_in
 from twin.errors import ConfigError
 from twin.words import (
@@ -46,15 +47,62 @@ def show(
             metavar="ID",
         ),
     ],
-    out: Annotated[Path | None, typer.Option(help="Also draw it: PNG, SVG or PDF.", metavar="FILE")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Also draw it: PNG, SVG or PDF; where --frame writes: PNG or JPEG.", metavar="FILE"
+        ),
+    ] = None,
+    frame: Annotated[
+        str | None,
+        typer.Option(
+            help="Draw into the drive's own picture: CAMERA:NUMBER, or `nearest`. ID may be a drive's.",
+            metavar="PICTURE",
+        ),
+    ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            help="Draw into every picture around an object's annotations, or of a drive: MP4.", metavar="FILE"
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None, typer.Option(help="Of --video and --frame nearest.  [default: that saw it most often]")
+    ] = None,
+    masker: Annotated[
+        Path | None,
+        typer.Option(help="Network that finds people and vehicles: of --frame and --video.", metavar="ONNX"),
+    ] = None,
+    unmasked: Annotated[
+        bool, typer.Option("--unmasked", help="Mask nothing; such pictures are to stay on this machine.")
+    ] = False,
     lang: LangOption = Lang.EN,
     store: StoreOption = DEFAULT_STORE,
     json_output: JsonOption = False,
 ) -> None:
     """Explain one estimate: its position, what its error comes from, the frames that it rests on.
 
-    Of a finding: its verdict and decision, and the estimate that it rests on.
+    Of a finding: its verdict and decision, and the estimate that it rests on. With --frame or --video it is
+    drawn into the drive's pictures, masked, with what was annotated, NVDB's signs, distances and horizon.
     """
+    if frame is not None or video is not None:
+        written = show_pictures(
+            which,
+            Wish(frame, out, video, camera, masker, is_masked=not unmasked, lang=lang),
+            store,
+            quiet=json_output,
+        )
+        if json_output:
+            print_json({"pictures": [str(path) for path in written]})
+        return
+    if camera is not None or masker is not None or unmasked:
+        raise ConfigError(
+            "--camera, --masker and --unmasked belong to --frame or --video: give one of these."
+        )
+    _show_estimate(which, out, store, lang, json_output=json_output)
+
+
+def _show_estimate(which: str, out: Path | None, store: Path, lang: Lang, *, json_output: bool) -> None:
     from twin.reports.estimate import explain_estimate
     from twin.reports.estimate_picture import draw_estimate
     from twin.reports.finding_shown import finding_shown

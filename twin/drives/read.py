@@ -38,7 +38,7 @@ A ``drive.toml`` with every key::
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,6 +73,7 @@ def read_drive(
     *,
     detector: DetectorOptions | None = None,
     labels: Path | None = None,
+    cameras: Collection[str] = (),
     progress: Progress | None = None,
 ) -> Drive:
     """Read and check a recorded drive.
@@ -85,6 +86,8 @@ def read_drive(
         Find the signs by a network in the pictures of all cameras; annotations are then left unread.
     labels : Path, optional
         What labels mean (:mod:`twin.drives.annotations.labels`), instead of the folder's own ``labels.toml``.
+    cameras : collection of str
+        Whose frames get time stamps, annotated or not; those that the rig does not have are left out.
     progress : callable, optional
         Called with one sentence a step.
 
@@ -115,8 +118,12 @@ def read_drive(
             folder, settings, track.rig, notes, labels=labels, image_frames=image_frames
         )
         annotation_files = folder.entered() - before
-        cameras = {*annotated.cameras, *(settings.annotations or ())}
-        stamps, stamp_files, clocks = read_stamps(folder, settings, track.rig, cameras, pictures, notes)
+        timed = {
+            *annotated.cameras,
+            *(settings.annotations or ()),
+            *(track.rig.cameras.keys() & set(cameras)),
+        }
+        stamps, stamp_files, clocks = read_stamps(folder, settings, track.rig, timed, pictures, notes)
         check_picture_sizes(pictures, annotated.unsized, track.rig)
         if settings.first_frame is None:
             notes.warn(

@@ -15,7 +15,7 @@ from twin.evidence.faces import find_faces, outline_of
 from twin.evidence.masker import Found, Masker
 from twin.evidence.masks import BY_GEOMETRY, BY_NETWORK, RULES, Image, Limits, Regions, filled, masked
 from twin.evidence.shots import Look
-from twin.evidence.sights import FACE_HALF_WIDTH_M, Sight
+from twin.evidence.sights import FACE_HALF_WIDTH_M, Marked, Sight
 
 MOST_OF_FRAME = 0.2
 """Largest share of a frame that a crop shows."""
@@ -77,7 +77,7 @@ class Patch:
 
 def patch_of(image: Image, look: Look, codes: tuple[str, ...], masker: Masker | None) -> Patch:
     """Take from a frame what its crops need."""
-    faces, face_from = _faces(image, look, codes)
+    faces, face_from = faces_of(image, look.sight, look.marked, codes)
     size = image.shape[1], image.shape[0]
     shown = np.concatenate(faces) if faces else _place_of_face(look)
     face_rect = _rect(shown, size, max(_MARGIN * float(np.ptp(shown, axis=0).max()), _MARGIN_PX))
@@ -125,7 +125,7 @@ def _cut(patch: Patch, role: Role, rect: Rect, masker: Masker | None, *, is_mask
     regions = Regions(
         faces=filled(shape, faces),
         window=filled(shape, [] if patch.faces_px else [sight.window_px - origin]),
-        found=filled(shape, [_corners(box) for box in boxes]),
+        found=filled(shape, [corners(box) for box in boxes]),
     )
     result = masked(image, regions, limits, sight.focal_px, sight.px_per_m)
     shown = result.image if is_masked else image.copy()
@@ -152,15 +152,17 @@ def _cut(patch: Patch, role: Role, rect: Rect, masker: Masker | None, *, is_mask
     return Cut(role, _webp(shown, lossless=role is Role.FACE), shape[1], shape[0], proof)
 
 
-def _faces(image: Image, look: Look, codes: tuple[str, ...]) -> tuple[tuple[FloatArray, ...], FaceFrom]:
-    """Outlines of the faces, in pixels of the frame, and how they are known."""
-    if look.marked.boxes_px:
-        boxes = [np.array(box) + _BOX_GROWN_PX * np.array([-1, -1, 1, 1]) for box in look.marked.boxes_px]
+def faces_of(
+    image: Image, sight: Sight, marked: Marked, codes: tuple[str, ...]
+) -> tuple[tuple[FloatArray, ...], FaceFrom]:
+    """Outlines of a sign's faces, in pixels of the frame, and how they are known."""
+    if marked.boxes_px:
+        boxes = [np.array(box) + _BOX_GROWN_PX * np.array([-1, -1, 1, 1]) for box in marked.boxes_px]
         outline = outline_of(codes[0]) if len(boxes) == len(codes) == 1 else None
-        faces = map(_corners, boxes) if outline is None else [_inscribed(outline, boxes[0])]
+        faces = map(corners, boxes) if outline is None else [_inscribed(outline, boxes[0])]
         return tuple(faces), FaceFrom.BOX
-    if look.marked.foot_px is not None or look.marked.centres_px:
-        found = find_faces(image, look.sight.window_px, codes, look.sight.metre_px)
+    if marked.foot_px is not None or marked.centres_px:
+        found = find_faces(image, sight.window_px, codes, sight.metre_px)
         if found:
             return found, FaceFrom.OUTLINE
     return (), FaceFrom.NOWHERE
@@ -181,7 +183,8 @@ def _place_of_face(look: Look) -> FloatArray:
     return np.concatenate([centres - half, centres + half])
 
 
-def _corners(box: FloatArray) -> FloatArray:
+def corners(box: FloatArray) -> FloatArray:
+    """The four corners (4, 2) of left, top, right, bottom."""
     left, top, right, low = box.tolist()
     return np.array([[left, top], [right, top], [right, low], [left, low]])
 
@@ -244,9 +247,7 @@ def _draw(image: Image, sight: Sight, faces: tuple[FloatArray, ...], origin: Flo
             cv2.polylines(image, whole, closed, shade, thickness, cv2.LINE_AA, 4)
 
     outline = np.concatenate(faces or (sight.window_px,))
-    line(
-        _corners(np.array([*outline.min(axis=0) - _BOX_AWAY_PX, *outline.max(axis=0) + _BOX_AWAY_PX])), _SEEN
-    )
+    line(corners(np.array([*outline.min(axis=0) - _BOX_AWAY_PX, *outline.max(axis=0) + _BOX_AWAY_PX])), _SEEN)
     if sight.ellipse_px is not None:
         line(sight.ellipse_px, _SEEN)
     if sight.nvdb_px is not None:

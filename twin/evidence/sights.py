@@ -174,7 +174,7 @@ def sight_of(
     wide = wide[np.isfinite(wide).all(axis=1)]
     ground = [] if nvdb is None else [nvdb._replace(height_m=float("nan") if is_face else place.height_m)]
     nvdb_px = _projected(camera, pose, ground, shift)
-    around = [] if covariance_m2 is None or is_face else _ellipse(place, covariance_m2)
+    around = [] if covariance_m2 is None or is_face else ellipse_places(place, covariance_m2)
     return Sight(
         window_px=window + shift,
         wide_px=wide + shift,
@@ -239,7 +239,8 @@ def _rectangle(
     return foot + height[:, None] * up + across[:, None] * right
 
 
-def _ellipse(place: Place, covariance_m2: Covariance) -> list[Place]:
+def ellipse_places(place: Place, covariance_m2: Covariance) -> list[Place]:
+    """Give places around the 95 % ellipse of a position, at its height."""
     ee, en, nn = covariance_m2
     major, minor, azimuth = (float(v) for v in ellipse(np.array([[ee, en], [en, nn]])))
     turn, angle = np.radians(azimuth), np.linspace(0, 2 * np.pi, _ELLIPSE_POINTS, endpoint=False)

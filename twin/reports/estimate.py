@@ -289,10 +289,19 @@ def _rig(drive: Row) -> Rig:
 
 
 def _neighbours(view: Snapshot, east_m: float, north_m: float) -> tuple[Site, ...]:
+    here = np.array([east_m, north_m])
+    sites = sites_between(view, here - NEIGHBOURS_M, here + NEIGHBOURS_M)
+    distance = {s: np.hypot(s.east_m - east_m, s.north_m - north_m) for s in sites if s.own_geometry}
+    return tuple(sorted((s for s in distance if distance[s] <= NEIGHBOURS_M), key=distance.__getitem__))
+
+
+def sites_between(view: Snapshot, low_m: FloatArray, high_m: FloatArray) -> list[Site]:
+    """Return the mirror's signs between two corners, south-west and north-east (EPSG:25833)."""
+
     def near(table: sa.Table) -> sa.ColumnElement[bool]:
         return sa.and_(
-            table.c.east_m.between(east_m - NEIGHBOURS_M, east_m + NEIGHBOURS_M),
-            table.c.north_m.between(north_m - NEIGHBOURS_M, north_m + NEIGHBOURS_M),
+            table.c.east_m.between(float(low_m[0]), float(high_m[0])),
+            table.c.north_m.between(float(low_m[1]), float(high_m[1])),
         )
 
     def rows(table: sa.Table, wanted: sa.ColumnElement[bool]) -> list[Row]:
@@ -302,9 +311,7 @@ def _neighbours(view: Snapshot, east_m: float, north_m: float) -> tuple[Site, ..
     points = rows(schema.skiltpunkt, near(schema.skiltpunkt))
     plate = schema.skiltplate
     of_these = plate.c.point_id.in_([point["nvdb_id"] for point in points])
-    sites = sites_from_mirror(points, rows(plate, sa.or_(near(plate), of_these)), MatchConfig())
-    distance = {s: np.hypot(s.east_m - east_m, s.north_m - north_m) for s in sites if s.own_geometry}
-    return tuple(sorted((s for s in distance if distance[s] <= NEIGHBOURS_M), key=distance.__getitem__))
+    return sites_from_mirror(points, rows(plate, sa.or_(near(plate), of_these)), MatchConfig())
 
 
 def _line(wkb: bytes) -> FloatArray:

@@ -135,6 +135,7 @@ def test_json_documents_are_of_their_types(
         "confidence": ["confidence"],
         "inspect": ["inspect", trip],
         "trajectory": ["trajectory", trip, "--out", tmp_path / "poses.csv"],
+        "locate": ["locate", trip, "C3_tricam120", 84, 1516, 800],
         "evaluate": ["evaluate", sample / "truth.csv"],
         "show": ["show", "P01"],
         "decide --dry-run": ["decide", "accept", "--verdict", "moved", "--dry-run"],
