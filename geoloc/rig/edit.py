@@ -14,10 +14,18 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
-from geoloc.rig.rig import FLU_R_RDF, looks_like_rig, rig_from_document
-
-_TRANSFORMS = ("nominalSensor2Rig_FLU", "sensor2Rig_FLU", "nominalSensor2Rig", "sensor2Rig")
-_CORRECTIONS = ("correction_sensor_R_FLU", "correction_rig_T")
+from geoloc.rig.poses import (
+    CALIBRATED,
+    FLU_R_RDF,
+    NOMINAL,
+    POSE_KEYS,
+    ROTATION_CORRECTION,
+    PoseKind,
+    SensorPose,
+    sensor_pose,
+)
+from geoloc.rig.rig import looks_like_rig
+from geoloc.rig.sensor_entry import SensorEntry
 
 
 def with_extrinsics(
@@ -48,9 +56,9 @@ def with_extrinsics(
         If the document is no rig, or has no such camera.
     """
     changed, sensor = _copied(document, camera, source)
-    for key in (*_TRANSFORMS, *_CORRECTIONS):
+    for key in POSE_KEYS:
         sensor.pop(key, None)
-    sensor["nominalSensor2Rig_FLU"] = {
+    sensor[NOMINAL[0]] = {
         "roll-pitch-yaw": rpy_from_rotation(rig_R_camera @ FLU_R_RDF.T),
         "t": np.asarray(rig_t_camera_m).tolist(),
     }
@@ -60,10 +68,12 @@ def with_extrinsics(
 def with_rotation_correction(
     document: Mapping[str, Any], camera: str, rig_R_camera: FloatArray, source: str
 ) -> dict[str, Any]:
-    """Turn a camera of a rig document by its ``correction_sensor_R_FLU``, its nominal pose kept.
+    """Turn a camera of a rig document, its place kept, so that its rotation becomes `rig_R_camera`.
 
-    DriveWorks turns by ``R_nominal R_correction``; the correction written here replaces one that was there,
-    so that the camera's rotation becomes `rig_R_camera`.
+    Where its nominal pose counts it is turned by ``correction_sensor_R_FLU``: DriveWorks turns by ``R_nominal
+    R_correction``, and the correction written here replaces one that was there. Where its calibrated pose
+    counts, which no correction belongs to, that is turned itself, in the form that it has; the nominal one
+    stays as it was.
 
     Parameters
     ----------
@@ -76,11 +86,29 @@ def with_rotation_correction(
         If the document is no rig, has no such camera, or gives it no pose.
     """
     changed, sensor = _copied(document, camera, source)
-    sensor.pop("correction_sensor_R_FLU", None)
-    nominal = rig_from_document(changed, source).camera(camera).rig_R_camera @ FLU_R_RDF.T
-    correction = nominal.T @ (rig_R_camera @ FLU_R_RDF.T)
-    sensor["correction_sensor_R_FLU"] = {"roll-pitch-yaw": rpy_from_rotation(correction)}
+    entry = SensorEntry.of(sensor, 0, source)
+    if sensor_pose(entry).kind is PoseKind.NOMINAL:
+        sensor.pop(ROTATION_CORRECTION, None)
+        correction = sensor_pose(entry).rig_R_flu.T @ rig_R_camera @ FLU_R_RDF.T
+        sensor[ROTATION_CORRECTION] = {"roll-pitch-yaw": rpy_from_rotation(correction)}
+    else:
+        _turn(sensor, sensor_pose(entry), rig_R_camera)
     return changed
+
+
+def _turn(sensor: dict[str, Any], pose: SensorPose, rig_R_camera: FloatArray) -> None:
+    """Give a calibrated pose another rotation; another form of it would contradict it."""
+    from scipy.spatial.transform import Rotation
+
+    for key in CALIBRATED:
+        if key != pose.key:
+            sensor.pop(key, None)
+    rotation = rig_R_camera @ FLU_R_RDF.T if pose.key.endswith("_FLU") else rig_R_camera
+    transform = sensor[pose.key]
+    if "roll-pitch-yaw" in transform:
+        transform["roll-pitch-yaw"] = rpy_from_rotation(rotation)
+    else:
+        transform["quaternion"] = Rotation.from_matrix(rotation).as_quat().tolist()
 
 
 def with_unknown_poses(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,8 +126,8 @@ def with_unknown_poses(document: Mapping[str, Any]) -> dict[str, Any]:
         if not isinstance(sensor, dict):
             continue
         is_camera = str(sensor.get("protocol")).strip().lower().startswith("camera")
-        if is_camera and all(sensor.get(key) is None for key in _TRANSFORMS):
-            sensor["nominalSensor2Rig_FLU"] = {"roll-pitch-yaw": [0.0, 0.0, 0.0], "t": [0.0, 0.0, 0.0]}
+        if is_camera and all(sensor.get(key) is None for key in (*NOMINAL, *CALIBRATED)):
+            sensor[NOMINAL[0]] = {"roll-pitch-yaw": [0.0, 0.0, 0.0], "t": [0.0, 0.0, 0.0]}
     return changed
 
 

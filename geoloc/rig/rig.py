@@ -10,7 +10,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,22 @@ from geoloc.cameras.nominal import EXACT, LensSigmas
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import camera_model, model_properties, unsupported_model
+from geoloc.rig.poses import FLU_R_RDF, sensor_pose
 from geoloc.rig.sensor_entry import SensorEntry, mask_document
 
-FLU_R_RDF: Final = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Turns camera axes (x right, y down, z forward) into body axes (x forward, y left, z up)."""
-FLU_R_RDF.setflags(write=False)
+__all__ = [
+    "FLU_R_RDF",
+    "Antenna",
+    "Rig",
+    "RigCamera",
+    "lens_properties",
+    "looks_like_rig",
+    "read_rig",
+    "rig_document",
+    "rig_from_document",
+    "rig_with_lever_arms",
+    "without_template_masks",
+]
 
 _RIG_FILE_VERSION = 7
 _LENS_KEYS = ("focal-share-sigma", "centre-px-sigma", "distortion-share-sigma")
@@ -165,12 +176,13 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
 
     Notes
     -----
-    Extrinsics are taken from the first of ``nominalSensor2Rig_FLU``, ``sensor2Rig_FLU``,
-    ``nominalSensor2Rig`` and ``sensor2Rig``, each with ``t`` and either ``roll-pitch-yaw`` (degrees,
-    ``Rz(yaw) Ry(pitch) Rx(roll)``, positive pitch nose down) or ``quaternion`` (x, y, z, w). The ``_FLU``
-    forms turn a camera whose axes were renamed to forward-left-up, the older forms the camera's own
-    right-down-forward axes. Corrections apply as in DriveWorks: ``R = R_nominal @ R_correction @ S`` with S
-    from RDF to FLU, ``t = t_nominal + correction_rig_T``.
+    Extrinsics are taken from the first of ``sensor2Rig_FLU``, ``sensor2Rig`` (calibrated),
+    ``nominalSensor2Rig_FLU`` and ``nominalSensor2Rig`` (drawn), each with ``t`` and either ``roll-pitch-yaw``
+    (degrees, ``Rz(yaw) Ry(pitch) Rx(roll)``, positive pitch nose down) or ``quaternion`` (x, y, z, w). The
+    ``_FLU`` forms turn a camera whose axes were renamed to forward-left-up, the older forms the camera's own
+    right-down-forward axes. Corrections apply to a nominal pose, as in DriveWorks: ``R = R_nominal @
+    R_correction @ S`` with S from RDF to FLU, ``t = t_nominal + correction_rig_T``. Where the two differ
+    `geoloc.rig.poses.pose_differences` says so, and `geoloc.rig.poses.with_pose_kind` chooses.
 
     Polynomials of an f-theta camera: ``polynomial`` with ``polynomial-type``, else ``bw-poly``. Of a pinhole
     camera: ``fx``, ``fy`` (or ``focal-x``, ``focalX``) and ``distortion``, "k1 k2 p1 p2 k3" in OpenCV's
@@ -280,14 +292,14 @@ def rig_document(rig: Rig) -> dict[str, Any]:
 
 
 def _camera(entry: SensorEntry) -> RigCamera:
-    rotation, position = _extrinsics(entry)
+    pose = sensor_pose(entry)
     parameter = entry.parameter()
     mask = entry.ego_mask()
     return RigCamera(
         name=entry.name,
         model=camera_model(entry),
-        rig_R_camera=_frozen(rotation @ FLU_R_RDF),
-        rig_t_camera_m=_frozen(position),
+        rig_R_camera=_frozen(pose.rig_R_flu @ FLU_R_RDF),
+        rig_t_camera_m=_frozen(pose.rig_t_sensor_m),
         video=parameter.get("video"),
         timestamps=parameter.get("timestamp"),
         ego_mask=None if mask is None else _frozen(mask),
@@ -308,22 +320,7 @@ def _lens(entry: SensorEntry) -> LensSigmas:
 
 
 def _antenna(entry: SensorEntry) -> Antenna:
-    return Antenna(entry.name, _frozen(_extrinsics(entry)[1]), entry.parameter().get("file"))
-
-
-def _extrinsics(entry: SensorEntry) -> tuple[FloatArray, FloatArray]:
-    """Rotation from the sensor's FLU axes to the rig and its position, corrections included."""
-    key, transform = entry.transform()
-    rotation = entry.rotation(key, transform)
-    if entry.kind == "camera" and not key.endswith("_FLU"):
-        rotation = rotation @ FLU_R_RDF.T
-    correction = entry.sensor.get("correction_sensor_R_FLU")
-    if correction is not None:
-        rotation = rotation @ entry.rotation("correction_sensor_R_FLU", correction)
-    position = entry.vector(f"{key}.t", transform.get("t"), 3)
-    if entry.sensor.get("correction_rig_T") is not None:
-        position = position + entry.vector("correction_rig_T", entry.sensor["correction_rig_T"], 3)
-    return rotation, position
+    return Antenna(entry.name, _frozen(sensor_pose(entry).rig_t_sensor_m), entry.parameter().get("file"))
 
 
 def _camera_entry(camera: RigCamera) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import rotation_from_rpy
 from geoloc.errors import CalibrationError
 
-_TRANSFORM_KEYS = ("nominalSensor2Rig_FLU", "sensor2Rig_FLU", "nominalSensor2Rig", "sensor2Rig")
 _MASK_KEY = "data/rle16-base64"
 LARGEST_MASK_PX = 100_000_000
 """Pixels of a car mask: no camera has more, and few runs could ask for terabytes."""
@@ -59,14 +58,18 @@ class SensorEntry:
         return {key.strip(): value.strip() for key, found, value in pairs if found and value.strip()}
 
     def property(self, *keys: str) -> str | None:
-        """First of these properties that is there and not blank; values are strings, blanks around them."""
+        """First of these properties that is there and not blank; values are strings, blanks around them.
+
+        A list, as which some programs write a polynomial, is its items with blanks between.
+        """
         properties = self.sensor.get("properties")
         if not isinstance(properties, Mapping):
             return None
         for key in keys:
             value = properties.get(key)
-            if value is not None and str(value).strip():
-                return str(value).strip()
+            text = " ".join(map(str, value)) if isinstance(value, list) else str(value).strip()
+            if value is not None and text:
+                return text
         return None
 
     def number(self, *keys: str, default: float | None = None) -> float:
@@ -100,17 +103,6 @@ class SensorEntry:
         if vector.shape != (length,) or not np.isfinite(vector).all():
             raise self.error(key, f"is {reprlib.repr(value)}: expected a list of {length} finite numbers.")
         return vector
-
-    def transform(self) -> tuple[str, Mapping[str, Any]]:
-        """Key and content of the extrinsics that count."""
-        for key in _TRANSFORM_KEYS:
-            transform = self.sensor.get(key)
-            if isinstance(transform, Mapping):
-                return key, transform
-        raise self.error(
-            _TRANSFORM_KEYS[0],
-            'is missing: add {"roll-pitch-yaw": [roll, pitch, yaw] in degrees, "t": [x, y, z] in metres}.',
-        )
 
     def rotation(self, key: str, transform: object) -> FloatArray:
         """Rotation of ``roll-pitch-yaw`` (degrees) or ``quaternion`` (x, y, z, w)."""

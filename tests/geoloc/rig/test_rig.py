@@ -99,12 +99,6 @@ def test_rig_reads_every_form_of_the_extrinsics(key: str) -> None:
     np.testing.assert_array_equal(camera.rig_t_camera_m, [1.0, 2.0, 3.0])
 
 
-def test_rig_prefers_the_nominal_extrinsics_in_flu() -> None:
-    """A file that keeps an older form beside the new one is read by the new one."""
-    older = {"quaternion": [0.0, 0.0, 0.0, 1.0], "t": [9.0, 9.0, 9.0]}
-    np.testing.assert_array_equal(front(sensor2Rig=older).rig_t_camera_m, LEVEL["t"])
-
-
 def test_rig_reads_antennas_with_their_lever_arms() -> None:
     """A gps sensor is an antenna: lever arm with its correction, and the recording's file."""
     rig = rig_from_document(document(gps_sensor(correction_rig_T=[0.0, 0.1, 0.0])), "car.json")
@@ -135,6 +129,19 @@ def test_rig_reads_polynomials_in_both_directions() -> None:
     forward = ftheta_of(**{"polynomial": "0 1000 1 2 3 4", "polynomial-type": "angle-to-pixeldistance"})
     assert forward.r_from_theta == (0.0, 1000.0, 1.0, 2.0, 3.0, 4.0)
     assert forward.theta_from_r is None
+
+
+def test_rig_reads_polynomials_that_are_lists() -> None:
+    """A JSON list of numbers, or of their texts, is the string with blanks; what is in it must be numbers."""
+    listed = [0.0, 1e-3, "2.0e-8", 4e-11, 1.2e-14]
+    assert front(properties={**FTHETA, "bw-poly": listed}).model == ftheta_of()
+    brown = [-0.2, 0.05, 1e-3, -1e-3, 0]
+    assert front(properties={**PINHOLE, "distortion": brown}).model == pinhole_of(
+        distortion="-0.2 0.05 1e-3 -1e-3 0"
+    )
+    for bad in ([0.0, None], [[0.0, 1e-3]], [0.0, True]):
+        with pytest.raises(CalibrationError, match="bw-poly of sensor front .* expected finite numbers"):
+            front(properties={**FTHETA, "bw-poly": bad})
 
 
 def test_rig_reads_linear_terms() -> None:

@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, TypeVar
 
 from geoloc.adjustment.adjust import POLE_RADIUS_M
+from geoloc.rig.poses import PoseKind
 from twin.drives.epochs import credible
 from twin.drives.folder.keys import CAMERA_KEYS, FRAME_KEYS, GNSS_KEYS, POSE_KEYS, POSE_TOPIC_KEYS, ROOT_KEYS
 from twin.drives.folder.nominal_lens import NominalCamera, nominal_camera
@@ -30,6 +31,7 @@ __all__ = ["DATUMS", "SETTINGS_FILE", "CameraSettings", "DriveSettings", "FrameS
 
 _Default = TypeVar("_Default", float, None)
 DATUMS = ("EUREF89", "ITRF2014", "ITRF2020")
+POSE_KINDS = tuple(kind.value for kind in PoseKind)
 PITCH_SIGNS = ("nose_down", "nose_up")
 LONGEST_READOUT_MS = 200.0
 """No rolling shutter takes longer than the time between two frames of a slow camera."""
@@ -110,6 +112,8 @@ class DriveSettings:
     Attributes
     ----------
     name, rig : str or None
+    rig_pose : PoseKind or None
+        Which pose of the rig file counts where it has both; None says nothing: the calibrated one.
     cameras : mapping of camera to CameraSettings
     annotations_complete, detections_complete : bool
         Whether every sign in view is among the annotations, or among what a detector finds.
@@ -153,6 +157,7 @@ class DriveSettings:
 
     name: str | None = None
     rig: str | None = None
+    rig_pose: PoseKind | None = None
     cameras: Mapping[str, CameraSettings] = field(default_factory=dict)
     annotations_complete: bool = False
     detections_complete: bool = False
@@ -206,6 +211,7 @@ def read_settings(content: bytes) -> DriveSettings:
     return DriveSettings(
         name=text_of(document, "name"),
         rig=text_of(document, "rig"),
+        rig_pose=PoseKind(choice_of(document, "rig_pose", POSE_KINDS)) if "rig_pose" in document else None,
         cameras=_cameras(table_of(document, "cameras")),
         annotations_complete=flag_of(document, "annotations_complete"),
         detections_complete=flag_of(document, "detections_complete"),

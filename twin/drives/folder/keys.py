@@ -34,6 +34,11 @@ _FROM_RIG = "the rig file's"
 ROOT_KEYS: Mapping[str, Key] = {
     "name": Key("text", "the folder's name", "what the drive is called"),
     "rig": Key("file", _FOUND, "the rig file; not needed where [cameras] says all"),
+    "rig_pose": Key(
+        "calibrated or nominal",
+        "calibrated",
+        "which pose of the rig file counts where it has both, sensor2Rig or nominalSensor2Rig",
+    ),
     "datum": Key(
         "EUREF89, ITRF2014 or ITRF2020",
         "EUREF89",

@@ -1,15 +1,15 @@
-"""Camera poses that stand both in ``drive.toml`` and in a rig file, and differ: which of them counts."""
+"""Poses that stand twice, in ``drive.toml`` and in a rig file or twice in that: which of them counts."""
 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from geoloc.errors import CalibrationError
+from geoloc.rig.poses import angle_deg, idle_corrections, pose_differences
 from geoloc.rig.rig import Rig, RigCamera, looks_like_rig, rig_from_document
 from twin.drives.folder.drive_toml import SETTINGS_FILE, CameraSettings
 from twin.drives.folder.files import DriveFolder
@@ -61,6 +61,50 @@ def pose_conflicts(
     return sentences
 
 
+def two_poses(document: Mapping[str, Any], source: str, *, settled: bool) -> list[str]:
+    """Say where a rig file gives sensors a calibrated pose and another nominal one, or corrections of none.
+
+    Parameters
+    ----------
+    document : mapping
+        The rig file, which can be read.
+    source : str
+        Its name.
+    settled : bool
+        Whether ``drive.toml`` says which of the two counts: then there is nothing to say of them.
+
+    Returns
+    -------
+    list of str
+        At most one sentence of each kind.
+    """
+    sentences = []
+    differences = [] if settled else pose_differences(document, source)
+    if differences:
+        apart = ", ".join(
+            f"{d.sensor} by {d.turned_deg:.2f}° and {100.0 * d.moved_m:.1f} cm" for d in differences
+        )
+        keys = " or ".join(dict.fromkeys(d.counts for d in differences))
+        sentences.append(
+            f"{source} says of {_sensors(len(differences))} twice where it sits. The calibrated pose counts"
+            f" ({keys}), not the drawing (nominalSensor2Rig), from which it differs: {apart}."
+            f' rig_pose = "nominal" in {SETTINGS_FILE} takes the drawing, rig_pose = "calibrated" ends this'
+            " warning."
+        )
+    idle = idle_corrections(document, source)
+    if idle:
+        sentences.append(
+            f"{source} corrects {', '.join(idle)} (correction_sensor_R_FLU or correction_rig_T) without the"
+            " nominalSensor2Rig that a correction belongs to, so that it is not applied: turn sensor2Rig"
+            " itself, or give the nominal pose."
+        )
+    return sentences
+
+
+def _sensors(count: int) -> str:
+    return "one sensor" if count == 1 else f"{count} sensors"
+
+
 def unused_rigs(folder: DriveFolder) -> dict[str, Mapping[str, Any]]:
     """Rig files of a folder whose ``drive.toml`` says all of every camera, by name; broken ones left out."""
     rigs: dict[str, Mapping[str, Any]] = {}
@@ -78,6 +122,5 @@ def unused_rigs(folder: DriveFolder) -> dict[str, Mapping[str, Any]]:
 
 def _apart(one: RigCamera, other: RigCamera) -> tuple[float, float]:
     """Angle in degrees and distance in metres between two poses."""
-    turn = one.rig_R_camera.T @ other.rig_R_camera
-    cosine = min(max((float(np.trace(turn)) - 1.0) / 2.0, -1.0), 1.0)
-    return math.degrees(math.acos(cosine)), float(np.linalg.norm(one.rig_t_camera_m - other.rig_t_camera_m))
+    moved_m = float(np.linalg.norm(one.rig_t_camera_m - other.rig_t_camera_m))
+    return angle_deg(one.rig_R_camera, other.rig_R_camera), moved_m

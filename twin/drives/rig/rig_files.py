@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from geoloc.calibration_files import CalibratedCamera, read_cameras
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import model_properties
+from geoloc.rig.poses import NOMINAL, POSE_KEYS, PoseKind, with_pose_kind
 from geoloc.rig.rig import Rig, lens_properties, looks_like_rig, rig_from_document, without_template_masks
 from geoloc.rig.sensor_entry import mask_document
 from twin.drives.folder.drive_toml import SETTINGS_FILE, CameraSettings, DriveSettings
@@ -23,13 +24,9 @@ from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes
 from twin.drives.folder.sensor_names import which_camera
 from twin.drives.rig.driveworks import find_rig
-from twin.drives.rig.rig_conflicts import pose_conflicts, unused_rigs
+from twin.drives.rig.rig_conflicts import pose_conflicts, two_poses, unused_rigs
 from twin.errors import DriveError
 
-_POSE_KEYS = (
-    *("nominalSensor2Rig_FLU", "sensor2Rig_FLU", "nominalSensor2Rig", "sensor2Rig"),
-    *("correction_sensor_R_FLU", "correction_rig_T"),
-)
 _BLACK_BELOW = 128
 _MASK_FORMATS = ("PNG", "PPM", "BMP", "JPEG")
 # The mask's sides may be rounded where it was made smaller.
@@ -60,11 +57,13 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
     document = _document(text, name) if name is not None else {"rig": {"sensors": []}, "version": 7}
     source = name or SETTINGS_FILE
     try:
-        added = _with_cameras(document, settings.cameras, folder, notes)
+        posed = with_pose_kind(document, settings.rig_pose or PoseKind.CALIBRATED)
+        added = _with_cameras(posed, settings.cameras, folder, notes)
         masked = _with_mask_files(added, folder, source, notes)
         rig = rig_from_document(masked, source)
     except CalibrationError as error:
         raise DriveError(str(error)) from error
+    notes.warn(DriveDoubt.RIG, *two_poses(masked, source, settled=settings.rig_pose is not None))
     others = unused_rigs(folder) if name is None else {source: document}
     for file, other in others.items():
         notes.warn(DriveDoubt.RIG, *pose_conflicts(rig, other, file, settings.cameras))
@@ -148,9 +147,9 @@ def _with_cameras(
             sensor["properties"] = model_properties(name, camera.nominal.model) | lens_properties(lens)
             notes.warn(DriveDoubt.RIG, _nominal(name, camera.nominal.lens.name))
         if camera.position_m is not None:
-            sensor = {key: value for key, value in sensor.items() if key not in _POSE_KEYS}
+            sensor = {key: value for key, value in sensor.items() if key not in POSE_KEYS}
             angles = list(camera.roll_pitch_yaw_deg)
-            sensor[_POSE_KEYS[0]] = {"roll-pitch-yaw": angles, "t": list(camera.position_m)}
+            sensor[NOMINAL[0]] = {"roll-pitch-yaw": angles, "t": list(camera.position_m)}
         if camera.mask is not None:
             sensor["car-mask"] = mask_document(_read_mask(folder.content(camera.mask), camera.mask))
         sensors[place[name]] = sensor

@@ -76,6 +76,34 @@ def test_rig_is_built_from_a_camera_chain_and_places(maker: Any, tmp_path: Path)
     assert_kept(drive)
 
 
+def test_calibrated_pose_counts_unless_the_drawing_is_chosen(maker: Any, tmp_path: Path) -> None:
+    """Which camera is off, by how much, is said once; ``rig_pose`` chooses, ends the warning, and is kept."""
+    wide = maker.camera(WIDE)
+    drawn = wide["nominalSensor2Rig_FLU"]
+    roll, pitch, yaw = drawn["roll-pitch-yaw"]
+    x, y, z = drawn["t"]
+    wide["sensor2Rig_FLU"] = {"roll-pitch-yaw": [roll, pitch, yaw + 1.0], "t": [x, y, z + 0.03]}
+    car = json.dumps(maker.rig(wide, maker.camera(NARROW)))
+    drives = {
+        key: read_drive(folder(maker, tmp_path / key, f'{line}rig = "car.json"\n{GNSS}', **{"car.json": car}))
+        for key, line in {
+            "": "",
+            "calibrated": 'rig_pose = "calibrated"\n',
+            "nominal": 'rig_pose = "nominal"\n',
+        }.items()
+    }
+    told = {
+        key: [str(w) for w in drive.warnings if "calibrated pose" in str(w)] for key, drive in drives.items()
+    }
+    (sentence,) = told.pop("")
+    assert f"{WIDE} by 1.00° and 3.0 cm" in sentence
+    assert told == {"calibrated": [], "nominal": []}
+    heights = {key: drive.rig.camera(WIDE).rig_t_camera_m[2] for key, drive in drives.items()}
+    assert heights == pytest.approx({"": z + 0.03, "calibrated": z + 0.03, "nominal": z})
+    for drive in drives.values():
+        assert_kept(drive)
+
+
 def test_calibration_file_is_part_of_what_a_drive_was_read_from(maker: Any, tmp_path: Path) -> None:
     """Another calibration makes the same drive with other content."""
     path = folder(maker, tmp_path, TOML)
