@@ -140,7 +140,7 @@ def test_rig_reads_polynomials_that_are_lists() -> None:
         distortion="-0.2 0.05 1e-3 -1e-3 0"
     )
     for bad in ([0.0, None], [[0.0, 1e-3]], [0.0, True]):
-        with pytest.raises(CalibrationError, match="bw-poly of sensor front .* expected finite numbers"):
+        with pytest.raises(CalibrationError, match=r"bw-poly of sensor front .* expected finite numbers"):
             front(properties={**FTHETA, "bw-poly": bad})
 
 
