@@ -8,6 +8,7 @@ from geoloc.cameras.ftheta import FThetaCamera
 from geoloc.cameras.ocam import OcamCamera
 from geoloc.cameras.omni import OmniCamera
 from geoloc.cameras.pinhole import PinholeCamera
+from geoloc.cameras.windshield import Windshield, WindshieldCamera
 
 __all__ = [
     "CameraModel",
@@ -18,4 +19,6 @@ __all__ = [
     "OcamCamera",
     "OmniCamera",
     "PinholeCamera",
+    "Windshield",
+    "WindshieldCamera",
 ]

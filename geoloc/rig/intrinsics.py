@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 from geoloc.cameras import (
     CameraModel,
@@ -19,12 +20,16 @@ from geoloc.cameras import (
     OcamCamera,
     OmniCamera,
     PinholeCamera,
+    Windshield,
+    WindshieldCamera,
 )
 from geoloc.cameras.planar import PlanarCamera
 from geoloc.cameras.radial import RadialCamera
 from geoloc.errors import CalibrationError
 from geoloc.rig.sensor_entry import SensorEntry
 
+LENS_KEYS = ("focal-share-sigma", "centre-px-sigma", "distortion-share-sigma")
+"""Properties of a camera that say how far its intrinsics may be off; this project's own."""
 _POLYNOMIAL_TYPES = {"pixeldistance-to-angle": "theta_from_r", "angle-to-pixeldistance": "r_from_theta"}
 
 
@@ -36,8 +41,10 @@ def unsupported_model(entry: SensorEntry) -> str | None:
     if model.lower() not in _READERS:
         *others, last = _READERS
         return f"its camera model is {model:.60}, and only {', '.join(others)} and {last} are supported"
-    if entry.property("windshield-horizontal-polynomial", "windshield-vertical-polynomial") is not None:
-        return "it has a windshield model, without which its rays would be wrong"
+    try:
+        _windshield(entry)
+    except CalibrationError as error:
+        return f"its windshield model cannot be used ({str(error).rstrip('.')})"
     if model.lower() == "ocam":
         # The keys are guessed: a file that has others must not stop the rest of its rig.
         try:
@@ -59,9 +66,11 @@ def camera_model(entry: SensorEntry) -> CameraModel:
     size = {"width_px": entry.size("width"), "height_px": entry.size("height")}
     centre = {"cx_px": entry.number("cx"), "cy_px": entry.number("cy")}
     try:
-        return build(**size, **centre)
+        lens = build(**size, **centre)
     except CalibrationError as error:
         raise entry.error("The intrinsics", f"cannot be used: {error}.") from error
+    windshield = _windshield(entry)
+    return lens if windshield is None else WindshieldCamera(lens, windshield)
 
 
 def model_properties(name: str, model: CameraModel) -> dict[str, str]:
@@ -72,6 +81,8 @@ def model_properties(name: str, model: CameraModel) -> dict[str, str]:
     name : str
         The camera's, for the message.
     """
+    if isinstance(model, WindshieldCamera):
+        return {**model_properties(name, model.lens), **_windshield_properties(model.windshield)}
     properties = {"Model": model.model, "width": str(model.width_px), "height": str(model.height_px)}
     if isinstance(model, FThetaCamera):
         forward = model.theta_from_r is None
@@ -95,6 +106,74 @@ def model_properties(name: str, model: CameraModel) -> dict[str, str]:
             **_texts({**{key: (getattr(model, key),) for key in shape}, **focal}),
         }
     raise CalibrationError(f"The camera model {model.model} of {name} cannot be written to a rig file.")
+
+
+def with_model(properties: Mapping[str, Any], name: str, model: CameraModel) -> dict[str, Any]:
+    """Give the properties of a camera another model; what is none of its intrinsics stays as it is.
+
+    A camera that had its polynomial as ``bw-poly``, as older DriveWorks wrote it, has the new one so. A
+    windshield model that was there goes with the old lens, and so does how far that may be off.
+
+    Parameters
+    ----------
+    properties : mapping
+        As the rig file has them; not changed.
+    name : str
+        The camera's, for the message.
+    model : CameraModel
+    """
+    new: dict[str, Any] = dict(model_properties(name, model))
+    was_older = "bw-poly" in properties and "polynomial" not in properties
+    if was_older and new.get("polynomial-type") == _OLDER_TYPE:
+        identity = {"linear-c": "1.0", "linear-d": "0.0", "linear-e": "0.0"}
+        unsaid = all(new[key] == value and key not in properties for key, value in identity.items())
+        dropped = {"polynomial", "polynomial-type", *(identity if unsaid else ())}
+        new = {**{k: v for k, v in new.items() if k not in dropped}, "bw-poly": new["polynomial"]}
+    kept = {key: value for key, value in properties.items() if key not in _INTRINSIC_KEYS | WINDSHIELD_KEYS}
+    return {**kept, **new}
+
+
+_OLDER_TYPE = "pixeldistance-to-angle"
+_INTRINSIC_KEYS = frozenset(
+    {"Model", "model", "width", "height", "cx", "cy", "fx", "fy", "focal-x", "focalX", "focal-y", "focalY"}
+    | {"xi", "alpha", "beta", "omega", "c", "d", "e", "linear-c", "linear-d", "linear-e"}
+    | {"distortion", "poly", "polynomial", "polynomial-type", "bw-poly", *LENS_KEYS}
+)
+
+_HORIZONTAL, _VERTICAL = "windshield-horizontal-polynomial", "windshield-vertical-polynomial"
+_POLYNOMIALS = (_HORIZONTAL, _VERTICAL, f"{_HORIZONTAL}-approx-inverse", f"{_VERTICAL}-approx-inverse")
+_DIRECTION = "windshield-polynomial-type"
+_DIRECTIONS = ("forward", "backward")
+WINDSHIELD_KEYS = frozenset({*_POLYNOMIALS, _DIRECTION})
+"""Properties of a camera that say how the windscreen before it bends its rays."""
+
+
+def is_behind_windshield(entry: SensorEntry) -> bool:
+    """Whether a camera has a windshield model that bends its rays, or one that cannot be read."""
+    try:
+        return _windshield(entry) is not None
+    except CalibrationError:
+        return True
+
+
+def _windshield(entry: SensorEntry) -> Windshield | None:
+    """The screen before a camera; None where there is none, or one that bends nothing."""
+    polynomials = [entry.numbers(key, entry.property(key) or "") for key in _POLYNOMIALS]
+    horizontal, vertical, horizontal_inverse, vertical_inverse = polynomials
+    if not any((*horizontal, *vertical)):
+        return None
+    direction = (entry.property(_DIRECTION) or _DIRECTIONS[0]).lower()
+    if direction not in _DIRECTIONS:
+        raise entry.error(_DIRECTION, f'is "{direction:.60}": expected {" or ".join(_DIRECTIONS)}.')
+    forward = direction == _DIRECTIONS[0]
+    windshield = Windshield(horizontal, vertical, forward, horizontal_inverse, vertical_inverse)
+    return None if windshield.is_identity else windshield
+
+
+def _windshield_properties(screen: Windshield) -> dict[str, str]:
+    numbers = (screen.horizontal, screen.vertical, screen.horizontal_inverse, screen.vertical_inverse)
+    given = {key: tuple_ for key, tuple_ in zip(_POLYNOMIALS, numbers, strict=True) if tuple_}
+    return {**_texts(given), _DIRECTION: _DIRECTIONS[0 if screen.forward else 1]}
 
 
 _Build = Callable[..., CameraModel]

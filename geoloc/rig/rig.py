@@ -6,6 +6,7 @@ leaves to its readers are spelled out in `rig_from_document`.
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,8 +21,8 @@ from geoloc.cameras.base import CameraModel
 from geoloc.cameras.nominal import EXACT, LensSigmas
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
-from geoloc.rig.intrinsics import camera_model, model_properties, unsupported_model
-from geoloc.rig.poses import FLU_R_RDF, sensor_pose
+from geoloc.rig.intrinsics import LENS_KEYS, camera_model, model_properties, unsupported_model, with_model
+from geoloc.rig.poses import FLU_R_RDF, NOMINAL, POSE_KEYS, sensor_pose
 from geoloc.rig.sensor_entry import SensorEntry, mask_document
 
 __all__ = [
@@ -39,7 +40,6 @@ __all__ = [
 ]
 
 _RIG_FILE_VERSION = 7
-_LENS_KEYS = ("focal-share-sigma", "centre-px-sigma", "distortion-share-sigma")
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
@@ -101,12 +101,15 @@ class Rig:
     unsupported : mapping of camera name to reason
         Cameras that are in the file but whose model this package cannot compute with. They do not stand in
         the way of the others; `camera` says why when one is asked for.
+    document : mapping or None
+        The file that it was read from, parsed: what of it is not read is written again.
     """
 
     cameras: Mapping[str, RigCamera]
     antennas: Mapping[str, Antenna]
     source: str
     unsupported: Mapping[str, str] = field(default_factory=dict)
+    document: Mapping[str, Any] | None = field(default=None, repr=False, compare=False)
 
     def camera(self, name: str) -> RigCamera:
         """Return the camera of that name.
@@ -209,7 +212,7 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
                 cameras[entry.name] = _camera(entry)
             else:
                 unsupported[entry.name] = reason
-    return Rig(cameras=cameras, antennas=antennas, source=source, unsupported=unsupported)
+    return Rig(cameras, antennas, source, unsupported, copy.deepcopy(dict(document)))
 
 
 def rig_with_lever_arms(rig: Rig, lever_arms_m: Mapping[str, Sequence[float]]) -> Rig:
@@ -270,25 +273,76 @@ def without_template_masks(rig: Rig) -> tuple[Rig, tuple[str, ...]]:
 def rig_document(rig: Rig) -> dict[str, Any]:
     """Write a rig as a DriveWorks rig document (version 7), ready for ``json.dumps``.
 
-    Reading it back with `rig_from_document` gives the same rig, rotations to 1e-9. Corrections are part of
-    the extrinsics by then. Of an f-theta camera only the reference polynomial is written.
+    Reading it back with `rig_from_document` gives the same rig, rotations to 1e-9. Of a rig that was read
+    from a file, what did not change since and what is not read (other keys, other sensors, the vehicle,
+    cameras of models that are not known) is as that file has it; a pose that did change is written as one
+    nominal pose, corrections included. Of an f-theta camera only the reference polynomial is written.
 
     Raises
     ------
     CalibrationError
-        If the rig has a camera of an unsupported model: it would be lost.
+        If the rig has a camera of an unsupported model that was not read from a file: it would be lost.
     """
-    if rig.unsupported:
+    given = rig.document or {"rig": {"sensors": [], "vehicle": {"valid": False}, "vehicleio": []}}
+    document = {"version": _RIG_FILE_VERSION, **copy.deepcopy(dict(given))}
+    read = [SensorEntry.of(s, i, rig.source) for i, s in enumerate(document["rig"]["sensors"])]
+    names = {entry.name for entry in read}
+    lost = {name: reason for name, reason in rig.unsupported.items() if name not in names}
+    if lost:
         raise CalibrationError(
             f"The rig of {rig.source} cannot be written, because the camera models of "
-            f"{_listed(rig.unsupported)} are not supported: leave those cameras out."
+            f"{_listed(lost)} are not supported: leave those cameras out."
         )
-    sensors = [_camera_entry(camera) for camera in rig.cameras.values()]
-    sensors += [_antenna_entry(antenna) for antenna in rig.antennas.values()]
-    return {
-        "rig": {"sensors": sensors, "vehicle": {"valid": False}, "vehicleio": []},
-        "version": _RIG_FILE_VERSION,
-    }
+    sensors = [written for entry in read if (written := _written(entry, rig)) is not None]
+    sensors += [_camera_entry(camera) for name, camera in rig.cameras.items() if name not in names]
+    sensors += [_antenna_entry(antenna) for name, antenna in rig.antennas.items() if name not in names]
+    document["rig"] = {**document["rig"], "sensors": sensors}
+    return document
+
+
+def _written(entry: SensorEntry, rig: Rig) -> dict[str, Any] | None:
+    """Sensor as it was read, with what has changed of it since; None where the rig has it no longer."""
+    sensor = dict(entry.sensor)
+    if entry.kind == "camera" and entry.name not in rig.unsupported:
+        return _camera_written(entry, sensor, rig.cameras.get(entry.name))
+    if entry.kind != "gps":
+        return sensor
+    antenna = rig.antennas.get(entry.name)
+    if antenna is None:
+        return None
+    if not np.array_equal(_antenna(entry).rig_t_antenna_m, antenna.rig_t_antenna_m):
+        return _posed(sensor, _antenna_entry(antenna))
+    return sensor
+
+
+def _camera_written(
+    entry: SensorEntry, sensor: dict[str, Any], camera: RigCamera | None
+) -> dict[str, Any] | None:
+    if camera is None:
+        return None
+    before, new = _camera(entry), _camera_entry(camera)
+    if (before.model, before.lens) != (camera.model, camera.lens):
+        old = sensor.get("properties") or {}
+        sensor["properties"] = with_model(old, camera.name, camera.model) | lens_properties(camera.lens)
+    if (before.video, before.timestamps) != (camera.video, camera.timestamps):
+        sensor["parameter"] = new["parameter"]
+    if not np.array_equal(before.rig_R_camera, camera.rig_R_camera) or not np.array_equal(
+        before.rig_t_camera_m, camera.rig_t_camera_m
+    ):
+        sensor = _posed(sensor, new)
+    if before.ego_mask is not None and camera.ego_mask is None:
+        del sensor["car-mask"]
+    elif camera.ego_mask is not None and (
+        before.ego_mask is None or not np.array_equal(before.ego_mask, camera.ego_mask)
+    ):
+        sensor["car-mask"] = new["car-mask"]
+    return sensor
+
+
+def _posed(sensor: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Sensor with the pose of another entry and no other form of it."""
+    kept = {key: value for key, value in sensor.items() if key not in POSE_KEYS}
+    return {**kept, NOMINAL[0]: new[NOMINAL[0]]}
 
 
 def _camera(entry: SensorEntry) -> RigCamera:
@@ -311,12 +365,12 @@ def lens_properties(lens: LensSigmas) -> dict[str, str]:
     """Write how far a lens may be off as ``properties``; none for one that was calibrated."""
     if lens.is_exact:
         return {}
-    stated = zip(_LENS_KEYS, (lens.focal_share, lens.centre_px, lens.distortion_share), strict=True)
+    stated = zip(LENS_KEYS, (lens.focal_share, lens.centre_px, lens.distortion_share), strict=True)
     return {key: repr(float(value)) for key, value in stated}
 
 
 def _lens(entry: SensorEntry) -> LensSigmas:
-    return LensSigmas(*(abs(entry.number(key, default=0.0)) for key in _LENS_KEYS))
+    return LensSigmas(*(abs(entry.number(key, default=0.0)) for key in LENS_KEYS))
 
 
 def _antenna(entry: SensorEntry) -> Antenna:

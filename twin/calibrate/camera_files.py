@@ -10,17 +10,15 @@ from typing import Any
 
 from geoloc.calibration.intrinsics import Candidate
 from geoloc.calibration_files import kalibr_text, ocamcalib_text, opencv_text
-from geoloc.cameras import CameraModel, FThetaCamera
+from geoloc.cameras import CameraModel
 from geoloc.errors import CalibrationError
-from geoloc.rig.intrinsics import model_properties
+from geoloc.rig.intrinsics import WINDSHIELD_KEYS, is_behind_windshield, model_properties, with_model
 from geoloc.rig.rig import looks_like_rig, rig_from_document
+from geoloc.rig.sensor_entry import SensorEntry
 
 RIG_NAME = "rig.json"
-_INTRINSIC_KEYS = frozenset(
-    {"Model", "model", "width", "height", "cx", "cy", "fx", "fy", "focal-x", "focalX", "focal-y", "focalY"}
-    | {"xi", "alpha", "beta", "omega", "c", "d", "e", "linear-c", "linear-d", "linear-e"}
-    | {"distortion", "poly", "polynomial", "polynomial-type", "bw-poly"}
-)
+KEEP, DROP = "keep", "drop"
+"""What becomes of a camera's windshield model when its lens is calibrated anew."""
 _Writer = Callable[[Any, str], str]
 _FORMATS: Mapping[str, tuple[tuple[str, ...], _Writer]] = {
     "opencv.yaml": (("fisheye", "pinhole"), opencv_text),
@@ -47,19 +45,28 @@ def _sensor(name: str, camera: CameraModel) -> dict[str, Any]:
 
 
 def rig_with_camera(
-    document: Mapping[str, Any], source: str, name: str, camera: CameraModel, *, add: bool = False
+    document: Mapping[str, Any],
+    source: str,
+    name: str,
+    camera: CameraModel,
+    *,
+    add: bool = False,
+    windshield: str | None = None,
 ) -> dict[str, Any]:
     """Copy a rig document with other intrinsics for one camera; everything else stays as it is.
 
     A camera that had its polynomial as ``bw-poly``, as older DriveWorks wrote it, has the new one so. With
-    `add` a camera that the rig does not have is added to it, its place on the car not known: all zeros.
+    `add` a camera that the rig does not have is added to it, its place on the car not known: all zeros. A
+    windshield model of the camera is kept by `KEEP`, where the lens was calibrated without the screen, and
+    goes by `DROP`, where the new lens holds it.
 
     Raises
     ------
     CalibrationError
-        If it is no rig, has no such camera, or one of another size.
+        If it is no rig, has no such camera, or one of another size, or one with a windshield model of which
+        `windshield` does not say what becomes of it.
     """
-    check_has_camera(document, source, name, add=add)
+    check_has_camera(document, source, name, add=add, windshield=windshield)
     changed = copy.deepcopy(dict(document))
     if name not in cameras_of(document):
         changed["rig"]["sensors"].append(_sensor(name, camera))
@@ -75,27 +82,25 @@ def rig_with_camera(
             f"Camera {name} of {source} has {' x '.join(stated)} pixels, the pictures have "
             f"{' x '.join(size)}: calibrate from pictures in the camera's full size."
         )
-    new = model_properties(name, camera)
-    if isinstance(camera, FThetaCamera) and "bw-poly" in old and "polynomial" not in old:
-        new = _older(new, old)
-    kept = {key: value for key, value in old.items() if key not in _INTRINSIC_KEYS}
-    sensor["properties"] = {**kept, **new}
-    _check_read_back(changed, source, name)
+    screen = {key: old[key] for key in WINDSHIELD_KEYS if key in old and windshield == KEEP}
+    sensor["properties"] = {**with_model(old, name, camera), **screen}
+    reason = rig_from_document(changed, source).unsupported.get(name)
+    if reason is not None:
+        raise CalibrationError(f"Camera {name} cannot be written into {source}: {reason}.")
     return changed
 
 
-def _older(new: Mapping[str, str], old: Mapping[str, Any]) -> dict[str, str]:
-    """Spell an f-theta camera as older DriveWorks does; linear terms only where there are any."""
-    older = {key: value for key, value in new.items() if key not in {"polynomial", "polynomial-type"}}
-    older["bw-poly"] = new["polynomial"]
-    identity = {"linear-c": "1.0", "linear-d": "0.0", "linear-e": "0.0"}
-    if all(older[key] == value and key not in old for key, value in identity.items()):
-        older = {key: value for key, value in older.items() if key not in identity}
-    return older
-
-
-def check_has_camera(document: Mapping[str, Any], source: str, name: str, *, add: bool = False) -> None:
+def check_has_camera(
+    document: Mapping[str, Any],
+    source: str,
+    name: str,
+    *,
+    add: bool = False,
+    windshield: str | None = None,
+) -> None:
     """Refuse a document that is no rig, or has no such camera, unless it is to be added.
+
+    A camera with a windshield model is refused too while nobody says whether the board was seen through it.
 
     Raises
     ------
@@ -109,6 +114,16 @@ def check_has_camera(document: Mapping[str, Any], source: str, name: str, *, add
             f"There is no camera {name} in {source} (its cameras: {', '.join(names) or 'none'}): name one of "
             "them with --camera, or put it in with --add."
         )
+    if windshield is None and any(
+        is_behind_windshield(SensorEntry.of(sensor, index, source))
+        for index, sensor in enumerate(document["rig"]["sensors"])
+        if isinstance(sensor, Mapping) and str(sensor.get("name", "")).strip() == name
+    ):
+        raise CalibrationError(
+            f"Camera {name} of {source} has a windshield model, which must not bend its rays twice: say"
+            " --windshield drop if the board was seen through the windscreen, as the new lens holds it then,"
+            " or --windshield keep if the pictures were taken without it."
+        )
 
 
 def cameras_of(document: Mapping[str, Any]) -> list[str]:
@@ -118,13 +133,6 @@ def cameras_of(document: Mapping[str, Any]) -> list[str]:
         for sensor in document["rig"]["sensors"]
         if isinstance(sensor, Mapping) and str(sensor.get("protocol", "")).startswith("camera")
     ]
-
-
-def _check_read_back(document: Mapping[str, Any], source: str, name: str) -> None:
-    """Refuse a rig whose new camera twin could not read: for one, with a windshield model beside it."""
-    reason = rig_from_document(document, source).unsupported.get(name)
-    if reason is not None:
-        raise CalibrationError(f"Camera {name} cannot be written into {source}: {reason}.")
 
 
 def file_name(camera: str) -> str:

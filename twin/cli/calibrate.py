@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,15 @@ if TYPE_CHECKING:
     from twin.calibrate.intrinsics.report import IntrinsicsReport
 
 app = typer.Typer()
+
+
+class Windshield(StrEnum):
+    """What becomes of the windshield model that a rig has of the calibrated camera."""
+
+    KEEP = "keep"
+    DROP = "drop"
+
+
 _PARAMETER_DIGITS, _SIGMA_DIGITS = 8, 2
 
 
@@ -44,6 +54,13 @@ RigOption = Annotated[
     Path | None, typer.Option(help="DriveWorks rig to put the camera into; written to OUT/rig.json.")
 ]
 AddOption = Annotated[bool, typer.Option("--add", help="The rig does not have this camera yet: put it in.")]
+WindshieldOption = Annotated[
+    Windshield | None,
+    typer.Option(
+        help="Of a camera that has a windshield model in the rig: drop it where the board was seen through"
+        " the windscreen, keep it where it was not."
+    ),
+]
 CameraOption = Annotated[str, typer.Option(help="Name of the camera, as in the rig.")]
 MaxViewsOption = Annotated[int, typer.Option(min=5, help="Use at most so many views, well spread.")]
 EveryOption = Annotated[
@@ -71,6 +88,7 @@ def intrinsics(
     linear: LinearOption = False,
     rig: RigOption = None,
     add: AddOption = False,
+    windshield: WindshieldOption = None,
     camera: CameraOption = "camera",
     max_views: MaxViewsOption = 60,
     every: EveryOption = None,
@@ -83,7 +101,8 @@ def intrinsics(
     from twin.calibrate.intrinsics.write import check_rig, write_calibration
 
     distances_m = _distances(distance or [])
-    check_rig(out, camera, rig, add=add)
+    screen = None if windshield is None else windshield.value
+    check_rig(out, camera, rig, add=add, windshield=screen)
     with bar(quiet=json_output) as progress:
         calibration = calibrate_intrinsics(
             sources,
@@ -95,7 +114,7 @@ def intrinsics(
             distances_m=distances_m,
             progress=progress,
         )
-    files = write_calibration(calibration, out, camera, rig, add=add)
+    files = write_calibration(calibration, out, camera, rig, add=add, windshield=screen)
     report = intrinsics_report(calibration, camera)
     if json_output:
         print_json(report.document([str(file) for file in files]))

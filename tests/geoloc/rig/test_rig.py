@@ -12,7 +12,7 @@ import pytest
 from rig_entries import FTHETA, LEVEL, camera_sensor, document, front, gps_sensor
 from scipy.spatial.transform import Rotation
 
-from geoloc.cameras import FThetaCamera, PinholeCamera
+from geoloc.cameras import FThetaCamera, PinholeCamera, Windshield, WindshieldCamera
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import FLU_R_RDF, looks_like_rig, read_rig, rig_from_document
 
@@ -170,7 +170,10 @@ def test_rig_reads_pinhole_cameras_under_all_their_names() -> None:
         ),
         ({"cx": "1"}, "name no Model"),
         (None, "name no Model"),
-        ({**FTHETA, "windshield-horizontal-polynomial": "0 1 0"}, "windshield"),
+        (
+            {**FTHETA, "windshield-horizontal-polynomial": "0 1 0"},
+            "vertical windshield polynomial has 0 numbers",
+        ),
     ],
 )
 def test_rig_keeps_cameras_it_cannot_use_apart(properties: dict[str, str] | None, reason: str) -> None:
@@ -181,6 +184,22 @@ def test_rig_keeps_cameras_it_cannot_use_apart(properties: dict[str, str] | None
     assert reason in rig.unsupported["odd"]
     with pytest.raises(CalibrationError, match=rf"odd in car\.json cannot be used.*{reason}"):
         rig.camera("odd")
+
+
+def test_rig_reads_the_screen_before_a_camera() -> None:
+    """Polynomials as text or list, forward unless said otherwise; zeros and the identity are no screen."""
+    horizontal, vertical = "windshield-horizontal-polynomial", "windshield-vertical-polynomial"
+    inverse = {f"{horizontal}-approx-inverse": "0 0.99 0", f"{vertical}-approx-inverse": [0, 0, 0.98]}
+    bending = {horizontal: "0.001 1.01 0", vertical: [0.002, 0.0, 1.02]}
+    for more, forward in ({}, True), ({"windshield-polynomial-type": "Backward"}, False):
+        model = front(properties={**FTHETA, **bending, **inverse, **more}).model
+        screen = Windshield((0.001, 1.01, 0), (0.002, 0, 1.02), forward, (0, 0.99, 0), (0, 0, 0.98))
+        assert model == WindshieldCamera(ftheta_of(), screen)
+    for flat in ({horizontal: "0 0 0", vertical: "0 " * 15}, {horizontal: "0 1 0", vertical: "0 0 1"}):
+        assert front(properties={**FTHETA, **flat}).model == ftheta_of()
+    odd = camera_sensor(properties={**FTHETA, **bending, "windshield-polynomial-type": "up"})
+    reason = rig_from_document(document(odd), "car.json").unsupported["front"]
+    assert 'windshield-polynomial-type of sensor front in car.json is "up"' in reason
 
 
 def test_rig_names_its_cameras_when_asked_for_another() -> None:

@@ -6,6 +6,7 @@ import base64
 import json
 import math
 import struct
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from rig_entries import camera_sensor, document, front, gps_sensor
+from rig_entries import FTHETA, camera_sensor, document, front, gps_sensor
 from scipy.spatial.transform import Rotation
 
 from geoloc.cameras import (
@@ -26,6 +27,8 @@ from geoloc.cameras import (
     OcamCamera,
     OmniCamera,
     PinholeCamera,
+    Windshield,
+    WindshieldCamera,
 )
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import (
@@ -130,6 +133,10 @@ def rig_of(rpy_deg: tuple[float, float, float], mask: NDArray[np.bool_] | None =
         ),
         "sill": FovCamera(1280, 800, 600.1, 601.2, 639.9, 399.1, 2 / 3),
         "back": OmniCamera(1280, 960, 4 / 3, 900.1, 901.2, 640.3, 480.4, (-0.2, 0.05, 1e-3, -1e-3)),
+        "screen": WindshieldCamera(
+            FThetaCamera(1920, 1208, 950.1, 610.7, theta_from_r=(0.0, 1e-3)),
+            Windshield((1 / 3e3, 1.0, 0.0), (0.0, 1 / 3e4, 1.01), False, (), (0.0, -1 / 3e4, 0.99)),
+        ),
         "down": OmniCamera(1280, 960, -1 / 7, 400.1, 401.2, 640.3, 480.4, (), 0.6, 1.1),
     }
     cameras = {
@@ -178,10 +185,40 @@ def test_rig_document_of_numpy_numbers_is_plain_text() -> None:
 
 
 def test_rig_document_refuses_to_lose_a_camera() -> None:
-    """A rig with a camera of an unsupported model is not written without it."""
-    rig = rig_from_document(document(camera_sensor(properties={"Model": "mystery"})), "car.json")
+    """A rig with a camera of an unsupported model, of which no file is known, is not written without it."""
+    read = rig_from_document(document(camera_sensor(properties={"Model": "mystery"})), "car.json")
+    rig = Rig({}, {}, "car.json", read.unsupported)
     with pytest.raises(CalibrationError, match="front are not supported"):
         rig_document(rig)
+
+
+def test_rig_that_was_read_is_written_as_it_was_read() -> None:
+    """Spelling, poses, windshield, other sensors and keys, the vehicle: what did not change stays."""
+    screen = {
+        "windshield-horizontal-polynomial": "0.001 1.01 0",
+        "windshield-vertical-polynomial": [0, 0, 1.02],
+    }
+    pose = {"quaternion": [0.0, 0.0, 0.0, 1.0], "t": [1.0, 2.0, 1.5]}
+    read = document(
+        {"name": "can", "protocol": "can.virtual", "parameter": "file=can.bin"},
+        camera_sensor(colour="red", properties={**FTHETA, **screen, "readout": "11"}, sensor2Rig_FLU=pose),
+        camera_sensor(name="odd", properties={"Model": "mystery"}),
+        gps_sensor(correction_rig_T=[0.0, 0.0, 0.1]),
+    )
+    read["rig"]["vehicle"] = {"valid": True, "value": {"axleFront": {"x": 2.9}}}
+    rig = rig_from_document(read, "car.json")
+    assert rig_document(rig) == read
+    camera = rig.cameras["front"]
+    steeper = FThetaCamera(1920, 1208, 950.25, 610.5, (0.0, 1.1e-3))
+    moved = replace(camera, model=steeper, rig_t_camera_m=np.array([1.0, 2.0, 1.6]))
+    changed = rig_document(replace(rig, cameras={"front": moved}, antennas={}))
+    can, front, odd = changed["rig"]["sensors"]
+    assert (can, odd) == (read["rig"]["sensors"][0], read["rig"]["sensors"][2])
+    assert front["properties"] == {**FTHETA, "bw-poly": "0.0 0.0011", "readout": "11"}
+    assert front["nominalSensor2Rig_FLU"]["t"] == [1.0, 2.0, 1.6]
+    assert "sensor2Rig_FLU" not in front
+    assert front["colour"] == "red"
+    assert rig_from_document(changed, "car.json").cameras["front"].model == steeper
 
 
 def test_rig_document_refuses_a_model_that_rig_files_cannot_hold() -> None:

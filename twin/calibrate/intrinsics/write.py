@@ -29,7 +29,13 @@ from twin.store.folders import make_folder
 
 
 def write_calibration(
-    calibrated: Calibrated, out: Path, camera: str, rig: Path | None = None, *, add: bool = False
+    calibrated: Calibrated,
+    out: Path,
+    camera: str,
+    rig: Path | None = None,
+    *,
+    add: bool = False,
+    windshield: str | None = None,
 ) -> list[Path]:
     """Write the rig, and the camera's files, report and pictures in a folder of its own.
 
@@ -46,6 +52,8 @@ def write_calibration(
         into the folder, which may be the same file; another file is not touched.
     add : bool
         Put the camera into a rig that does not have it yet.
+    windshield : str, optional
+        ``keep`` or ``drop``: what becomes of the windshield model that the rig has of the camera.
 
     Returns
     -------
@@ -59,8 +67,8 @@ def write_calibration(
     RefusedError
         If the folder cannot be written, or its ``rig.json`` holds other cameras and is not the rig given.
     """
-    check_rig(out, camera, rig, add=add)
-    text = _rig_text(calibrated, camera, rig, add)
+    check_rig(out, camera, rig, add=add, windshield=windshield)
+    text = _rig_text(calibrated, camera, rig, add, windshield)
     files = _contents(calibrated, camera)
     folder = make_folder(out)
     own = folder / file_name(camera)
@@ -71,7 +79,9 @@ def write_calibration(
     return [folder / RIG_NAME, *(own / name for name in files)]
 
 
-def check_rig(out: Path, camera: str, rig: Path | None, *, add: bool = False) -> None:
+def check_rig(
+    out: Path, camera: str, rig: Path | None, *, add: bool = False, windshield: str | None = None
+) -> None:
     """Refuse a rig that cannot take the camera, or that would be lost: before the work, not after it.
 
     Raises
@@ -81,7 +91,7 @@ def check_rig(out: Path, camera: str, rig: Path | None, *, add: bool = False) ->
     given: Mapping[str, object] = {}
     if rig is not None:
         document = _rig_document(rig)
-        check_has_camera(document, str(rig), camera, add=add)
+        check_has_camera(document, str(rig), camera, add=add, windshield=windshield)
         given = _intrinsics_of(document)
     there = out / RIG_NAME
     held = _intrinsics_in(there)
@@ -110,12 +120,15 @@ def _intrinsics_of(document: Mapping[str, Any]) -> dict[str, object]:
     return {name: sensors[name].get("properties") for name in cameras_of(document)}
 
 
-def _rig_text(calibrated: Calibrated, camera: str, rig: Path | None, add: bool) -> str:
+def _rig_text(
+    calibrated: Calibrated, camera: str, rig: Path | None, add: bool, windshield: str | None
+) -> str:
     """Write the rig with the calibrated camera."""
     model = calibrated.intrinsics.camera
     if rig is None:
         return rig_text(new_rig_document({camera: model}))
-    return rig_text(rig_with_camera(_rig_document(rig), str(rig), camera, model, add=add))
+    document = _rig_document(rig)
+    return rig_text(rig_with_camera(document, str(rig), camera, model, add=add, windshield=windshield))
 
 
 def _rig_document(rig: Path) -> dict[str, object]:

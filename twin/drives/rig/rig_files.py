@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from geoloc.calibration_files import CalibratedCamera, read_cameras
 from geoloc.errors import CalibrationError
-from geoloc.rig.intrinsics import model_properties
+from geoloc.rig.intrinsics import model_properties, with_model
 from geoloc.rig.poses import NOMINAL, POSE_KEYS, PoseKind, with_pose_kind
 from geoloc.rig.rig import Rig, lens_properties, looks_like_rig, rig_from_document, without_template_masks
 from geoloc.rig.sensor_entry import mask_document
@@ -140,7 +140,9 @@ def _with_cameras(
         sensor = dict(sensors[place[name]])
         if camera.intrinsics is not None:
             calibrated = _calibrated(name, camera.intrinsics, folder, files)
-            sensor["properties"] = model_properties(name, calibrated.model)
+            old = sensor.get("properties")
+            properties = old if isinstance(old, Mapping) else {}
+            sensor["properties"] = with_model(properties, name, calibrated.model)
             notes.warn(DriveDoubt.RIG, *filter(None, [calibrated.warning]))
         if camera.nominal is not None:
             lens = camera.nominal.sigmas
