@@ -1,6 +1,7 @@
 from .document import CalibratedCamera as CalibratedCamera
 from .document import json_document as json_document
 from .kalibr import kalibr_text as kalibr_text
+from .mrcal import mrcal_text as mrcal_text
 from .ocamcalib import ocamcalib_text as ocamcalib_text
 from .opencv_file import opencv_text as opencv_text
 from .opensfm import opensfm_text as opensfm_text

@@ -36,7 +36,8 @@ class CalibratedCamera:
     camera_T_body : float64 (4, 4) or None
         Turns points of `body` into the camera's frame (RDF), metres; None where the file does not say.
     body : str
-        What the pose is against: ``imu``, or the name of the file's first camera. "" without a pose.
+        What the pose is against: ``imu``, mrcal's ``ref``, or the name of the file's first camera. "" without
+        a pose.
     warning : str
         One sentence where the file leaves open how it is meant; else "".
     """

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from geoloc.calibration_files.colmap import looks_like_colmap, read_colmap
 from geoloc.calibration_files.document import CalibratedCamera, json_document
 from geoloc.calibration_files.kalibr import looks_like_kalibr, read_kalibr
+from geoloc.calibration_files.mrcal import looks_like_mrcal, read_mrcal
 from geoloc.calibration_files.ocamcalib import (
     looks_like_ocam_yaml,
     looks_like_ocamcalib,
@@ -47,6 +48,7 @@ class _Format(NamedTuple):
 
 _FORMATS: Final[Mapping[str, _Format]] = {
     "driveworks": _Format("DriveWorks rig", _looks_like_driveworks, _read_driveworks),
+    "mrcal": _Format("mrcal .cameramodel", looks_like_mrcal, read_mrcal),
     "opensfm": _Format("OpenSfM camera_models.json", looks_like_opensfm, read_opensfm),
     "kalibr": _Format("Kalibr camchain", looks_like_kalibr, read_kalibr),
     "ocam-yaml": _Format("Lafida and MultiCol-SLAM YAML", looks_like_ocam_yaml, read_ocam_yaml),

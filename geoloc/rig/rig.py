@@ -212,7 +212,7 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
                 cameras[entry.name] = _camera(entry)
             else:
                 unsupported[entry.name] = reason
-    return Rig(cameras, antennas, source, unsupported, copy.deepcopy(dict(document)))
+    return Rig(cameras, antennas, source, unsupported, document)
 
 
 def rig_with_lever_arms(rig: Rig, lever_arms_m: Mapping[str, Sequence[float]]) -> Rig:

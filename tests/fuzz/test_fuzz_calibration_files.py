@@ -7,11 +7,12 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
-from calibration_samples import EXTENDED, FISHEYE, FISHEYE624, FOV, OCAM, OMNI, PINHOLE, SPHERES
+from calibration_samples import EXTENDED, FISHEYE, FISHEYE624, FOV, MRCAL, OCAM, OMNI, PINHOLE, SPHERES
 from mutate import either, fuzzed, mutated, mutated_json, real_files
 
 from geoloc.calibration_files.colmap import read_colmap
 from geoloc.calibration_files.kalibr import kalibr_text, read_kalibr
+from geoloc.calibration_files.mrcal import read_mrcal
 from geoloc.calibration_files.ocamcalib import ocamcalib_text, read_ocam_yaml, read_ocamcalib
 from geoloc.calibration_files.opencv_file import opencv_text, read_opencv
 from geoloc.calibration_files.opensfm import opensfm_text, read_opensfm
@@ -60,6 +61,7 @@ SOUND = [
     ocamcalib_text(OCAM).encode(),
     LAFIDA,
     COLMAP,
+    MRCAL.encode(),
     json.dumps(rig_document(RIG)).encode(),
 ]
 DOCUMENTS = [json.loads(sound) for sound in SOUND if sound.startswith(b"{")]
@@ -74,6 +76,7 @@ READERS: tuple[Reader, ...] = (
     read_colmap,
     read_ocamcalib,
     read_ocam_yaml,
+    read_mrcal,
 )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from geoloc.calibration.intrinsics import Candidate
-from geoloc.calibration_files import kalibr_text, ocamcalib_text, opencv_text
+from geoloc.calibration_files import kalibr_text, mrcal_text, ocamcalib_text, opencv_text
 from geoloc.cameras import CameraModel
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import WINDSHIELD_KEYS, is_behind_windshield, model_properties, with_model
@@ -23,6 +23,7 @@ _Writer = Callable[[Any, str], str]
 _FORMATS: Mapping[str, tuple[tuple[str, ...], _Writer]] = {
     "opencv.yaml": (("fisheye", "pinhole"), opencv_text),
     "kalibr.yaml": (("fisheye",), lambda camera, _name: kalibr_text([camera])),
+    "mrcal.cameramodel": (("pinhole",), lambda camera, _name: mrcal_text(camera)),
     "ocamcalib.txt": (("ocam",), lambda camera, _name: ocamcalib_text(camera)),
 }
 """Files beside the rig, the models that each can hold, and how a camera of a name is written."""

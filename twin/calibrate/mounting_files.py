@@ -1,4 +1,4 @@
-"""Where cameras sit, as ``drive.toml``, Kalibr and OpenCV write it."""
+"""Where cameras sit, as ``drive.toml``, Kalibr, OpenCV and mrcal write it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration_files import kalibr_text, opencv_text
+from geoloc.calibration_files import kalibr_text, mrcal_text, opencv_text
 from geoloc.earth.geodesy import rpy_from_rotation
 from geoloc.errors import CalibrationError
 from geoloc.rig.edit import with_rotation_correction
@@ -109,6 +109,24 @@ def opencv_mounted(camera: RigCamera) -> str | None:
         return None
     transform = _camera_T_rig(camera)
     return text + _matrix("camera_R_rig", transform[:3, :3]) + _matrix("camera_t_rig", transform[:3, 3:])
+
+
+def mrcal_mounted(camera: RigCamera) -> str | None:
+    """Write one camera as mrcal's ``.cameramodel``, whose reference frame is the rig's.
+
+    Returns
+    -------
+    str or None
+        None for a model that mrcal does not have.
+    """
+    note = (
+        f"{camera.name}\nThe reference frame is the rig's: x forward, y left, z up, from the ground below the"
+        " middle of the rear axle."
+    )
+    try:
+        return mrcal_text(camera.model, _camera_T_rig(camera), note)
+    except CalibrationError:
+        return None
 
 
 def _is_held(camera: RigCamera) -> bool:

@@ -36,7 +36,7 @@ def extrinsics(
         Path,
         typer.Option(
             help="The cameras' intrinsics: a DriveWorks rig file, a drive folder or its drive.toml, or a "
-            "calibration file (Kalibr, OpenCV, OCamCalib, OpenSfM)."
+            "calibration file (Kalibr, OpenCV, OCamCalib, OpenSfM, mrcal)."
         ),
     ],
     out: Annotated[Path, typer.Option(help="Folder for rig.json, the report and its picture.")] = Path(

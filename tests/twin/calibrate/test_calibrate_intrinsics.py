@@ -106,7 +106,7 @@ def test_report_states_parameters_with_sigmas_that_hold_the_truth(report: Any) -
 def test_all_files_are_written_and_read_back(calibrated: Path, report: Any) -> None:
     """Rig, OpenCV, Kalibr and OCamCalib files hold cameras that agree in the middle of the image."""
     own = calibrated / EXAMPLE_CAMERA
-    files = {"opencv.yaml", "kalibr.yaml", "ocamcalib.txt", "report.json", "report.md"}
+    files = {"opencv.yaml", "kalibr.yaml", "mrcal.cameramodel", "ocamcalib.txt", "report.json", "report.md"}
     files |= {"residuals.png", "coverage.png", "curve.png"}
     assert {path.name for path in calibrated.iterdir()} == {"rig.json", EXAMPLE_CAMERA}
     assert {path.name for path in own.iterdir()} == files

@@ -28,7 +28,7 @@ from twin.calibrate.extrinsics.given_rig import GivenRig, read_given_rig
 from twin.calibrate.extrinsics.layout import YardLayout, read_layout
 from twin.calibrate.extrinsics.picture import draw_extrinsics
 from twin.calibrate.extrinsics.tag_corners import TagsFound, find_tags
-from twin.calibrate.mounting_files import drive_tables, kalibr_rig, opencv_mounted
+from twin.calibrate.mounting_files import drive_tables, kalibr_rig, mrcal_mounted, opencv_mounted
 from twin.drives.folder.sensor_names import named_in
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
@@ -188,9 +188,9 @@ def _mounting_texts(rig: Rig, cameras: Sequence[str], given: GivenRig) -> dict[s
     if kalibr is not None:
         texts[KALIBR_NAME] = kalibr
     for name in cameras:
-        opencv = opencv_mounted(rig.camera(name))
-        if opencv is not None:
-            texts[f"{file_name(name)}.opencv.yaml"] = opencv
+        camera = rig.camera(name)
+        mounted = {"opencv.yaml": opencv_mounted(camera), "cameramodel": mrcal_mounted(camera)}
+        texts |= {f"{file_name(name)}.{end}": text for end, text in mounted.items() if text is not None}
     return texts
 
 

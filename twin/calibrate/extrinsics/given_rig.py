@@ -59,7 +59,7 @@ def read_given_rig(path: Path | str) -> GivenRig:
     ----------
     path : Path or str
         A DriveWorks rig file, whose cameras need no pose; a drive folder, or its ``drive.toml``; or any
-        calibration file of intrinsics (Kalibr, OpenCV, OCamCalib, OpenSfM).
+        calibration file of intrinsics (Kalibr, OpenCV, OCamCalib, OpenSfM, mrcal).
 
     Raises
     ------
