@@ -123,20 +123,21 @@ def pose_differences(document: Mapping[str, Any], source: str) -> list[PoseDiffe
     Returns
     -------
     list of PoseDifference
-        Those that differ by more than 0.001 degrees or 0.1 mm. A pose that does not count and is malformed is
-        passed over.
+        Those that differ by more than 0.001 degrees or 0.1 mm. Sensors of which one is malformed are passed
+        over: reading refuses them, unless the pose does not count or the camera is none that is known.
     """
     found = []
     for entry in _placed_entries(document, source):
-        counts, key = sensor_pose(entry), _given(entry, NOMINAL)
-        if counts.kind is PoseKind.NOMINAL or key is None:
-            continue
+        key = _given(entry, NOMINAL)
         try:
+            counts = sensor_pose(entry)
+            if counts.kind is PoseKind.NOMINAL or key is None:
+                continue
             other = _pose(entry, key)
         except CalibrationError:
             continue
         turned_deg = angle_deg(counts.rig_R_flu, other.rig_R_flu) if entry.kind == "camera" else 0.0
-        moved_m = float(np.linalg.norm(counts.rig_t_sensor_m - other.rig_t_sensor_m))
+        moved_m = math.dist(counts.rig_t_sensor_m, other.rig_t_sensor_m)
         if turned_deg > _SAME_DEG or moved_m > _SAME_M:
             found.append(PoseDifference(entry.name, counts.key, other.key, turned_deg, moved_m))
     return found

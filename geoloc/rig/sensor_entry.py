@@ -111,7 +111,7 @@ class SensorEntry:
             return rotation_from_rpy(angles[0], angles[1], angles[2])
         if isinstance(transform, Mapping) and "quaternion" in transform:
             quaternion = self.vector(f"{key}.quaternion", transform["quaternion"], 4)
-            norm = float(np.linalg.norm(quaternion))
+            norm = math.hypot(*quaternion)
             if abs(norm - 1.0) > 1e-2:
                 raise self.error(f"{key}.quaternion", f"has length {norm:.4g}: expected a unit quaternion.")
             return _rotation_from_quaternion(quaternion / norm)

@@ -112,7 +112,7 @@ def test_all_files_are_written_and_read_back(calibrated: Path, report: Any) -> N
     assert {path.name for path in own.iterdir()} == files
     pixel = np.array([[480.0, 300.0], [600.0, 200.0]])
     true, _ = example_camera().camera_ray_from_pixel(pixel)
-    for name in ("../rig.json", "opencv.yaml", "kalibr.yaml", "ocamcalib.txt"):
+    for name in ("../rig.json", "opencv.yaml", "kalibr.yaml", "mrcal.cameramodel", "ocamcalib.txt"):
         (camera,) = read_cameras((own / name).read_bytes(), name).values()
         off = angle_between(camera.model.camera_ray_from_pixel(pixel)[0], true)
         assert np.degrees(off).max() < 0.05, name

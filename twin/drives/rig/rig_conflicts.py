@@ -86,10 +86,9 @@ def two_poses(document: Mapping[str, Any], source: str, *, settled: bool) -> lis
         )
         keys = " or ".join(dict.fromkeys(d.counts for d in differences))
         sentences.append(
-            f"{source} says of {_sensors(len(differences))} twice where it sits. The calibrated pose counts"
-            f" ({keys}), not the drawing (nominalSensor2Rig), from which it differs: {apart}."
-            f' rig_pose = "nominal" in {SETTINGS_FILE} takes the drawing, rig_pose = "calibrated" ends this'
-            " warning."
+            f"{source} gives two poses, of which the calibrated one counts ({keys}), not the drawing"
+            f' (nominalSensor2Rig). They differ: {apart}. rig_pose = "nominal" in {SETTINGS_FILE} takes the'
+            ' drawing, rig_pose = "calibrated" ends this warning.'
         )
     idle = idle_corrections(document, source)
     if idle:
@@ -99,10 +98,6 @@ def two_poses(document: Mapping[str, Any], source: str, *, settled: bool) -> lis
             " itself, or give the nominal pose."
         )
     return sentences
-
-
-def _sensors(count: int) -> str:
-    return "one sensor" if count == 1 else f"{count} sensors"
 
 
 def unused_rigs(folder: DriveFolder) -> dict[str, Mapping[str, Any]]:

@@ -64,7 +64,7 @@ def rig_of_folder(folder: DriveFolder, settings: DriveSettings, notes: ReadingNo
     except CalibrationError as error:
         raise DriveError(str(error)) from error
     notes.warn(DriveDoubt.RIG, *two_poses(masked, source, settled=settings.rig_pose is not None))
-    others = unused_rigs(folder) if name is None else {source: document}
+    others = unused_rigs(folder) if name is None else {source: posed}
     for file, other in others.items():
         notes.warn(DriveDoubt.RIG, *pose_conflicts(rig, other, file, settings.cameras))
     _check_masks(rig, notes)

@@ -92,9 +92,7 @@ def test_calibrated_pose_counts_unless_the_drawing_is_chosen(maker: Any, tmp_pat
             "nominal": 'rig_pose = "nominal"\n',
         }.items()
     }
-    told = {
-        key: [str(w) for w in drive.warnings if "calibrated pose" in str(w)] for key, drive in drives.items()
-    }
+    told = {key: [str(w) for w in drive.warnings if "two poses" in str(w)] for key, drive in drives.items()}
     (sentence,) = told.pop("")
     assert f"{WIDE} by 1.00° and 3.0 cm" in sentence
     assert told == {"calibrated": [], "nominal": []}
