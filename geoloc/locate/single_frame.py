@@ -25,6 +25,7 @@ from geoloc.locate.feet import (
     feet_on_plane,
     rows_by_camera,
 )
+from geoloc.locate.paper_readings import PaperReadings
 from geoloc.locate.records import Located, Sightings
 from geoloc.reasons import Reason
 from geoloc.rig.rig import Rig, RigCamera
@@ -34,6 +35,7 @@ __all__ = ["ErrorBudget", "Located", "Sightings", "locate_paper", "locate_single
 
 
 _DEFAULT_BUDGET = ErrorBudget()
+_DEFAULT_READINGS = PaperReadings()
 
 
 def locate_single_frame(
@@ -86,24 +88,26 @@ def locate_paper(
     nearest: Poses,
     budget: ErrorBudget = _DEFAULT_BUDGET,
     *,
+    readings: PaperReadings = _DEFAULT_READINGS,
     fix_interval_s: float = 0.2,
     delay_ms: float = 78.0,
     max_range_m: float = MAX_RANGE_M,
 ) -> Located:
     """Locate each sighting as the paper does: the baseline that everything is compared with.
 
-    The paper leaves some things open; they are read like this. The distance d is the horizontal length, from
-    the rig's origin, of the point where the true ray meets the rig's ground plane. Equation 1 gives the
-    azimuth ``θ = (FOV / w) (p_x - w/2) + ψ_camera + θ_car``, with p_x counted from the image's left edge
-    (half a pixel more than ours), FOV the camera's horizontal field of view, ψ_camera the camera's yaw turned
-    clockwise (the rig's is counter-clockwise), and θ_car the heading of the fix. Equations 2 and 3 are the
-    inverse haversine on a sphere of 6371 km, starting from the fix whose host stamp is nearest to that of the
-    frame: no interpolation, no lever arm, no correction for late stamps.
+    The paper leaves some things open; they are read like this, unless `readings` say otherwise. The distance
+    d is the horizontal length, from the rig's origin, of the point where the true ray meets the rig's ground
+    plane. Equation 1 gives the azimuth ``θ = (FOV / w) (p_x - w/2) + ψ_camera + θ_car``, with p_x counted
+    from the image's left edge (half a pixel more than ours), FOV the camera's horizontal field of view,
+    ψ_camera the camera's yaw turned clockwise (the rig's is counter-clockwise), and θ_car the heading of the
+    fix. Equations 2 and 3 are the inverse haversine on a sphere of 6371 km, starting from the fix whose host
+    stamp is nearest to that of the frame: no interpolation, no lever arm, no correction for late stamps.
 
     Parameters
     ----------
     nearest : Poses (n,)
         From `Trajectory.nearest_fix`.
+    readings : PaperReadings
     fix_interval_s : float
         Time between fixes: the nearest one is off by a uniform ± half of it, random.
     delay_ms : float
@@ -129,8 +133,10 @@ def locate_paper(
 
     def put(camera: RigCamera, seen: _Seen) -> _Put:
         p, feet = seen.poses, seen.feet
-        azimuth = _paper_azimuth(camera, seen.pixel_px) + p.heading_deg
-        lat, lon = inverse_haversine(p.latitude_deg, p.longitude_deg, azimuth, np.hypot(feet.x_m, feet.y_m))
+        fov_rad = readings.fov_rad(camera)
+        azimuth = _paper_azimuth(camera, fov_rad, seen.pixel_px) + p.heading_deg
+        distance_m = readings.distance_m(camera, feet)
+        lat, lon = inverse_haversine(p.latitude_deg, p.longitude_deg, azimuth, distance_m)
         along = [axis * p.speed_mps for axis in seen.axes.forward[:2]]
         half_way = fix_interval_s / np.sqrt(12.0)
         return _Put(
@@ -139,7 +145,7 @@ def locate_paper(
             p.height_m,
             [(along[0] * half_way, along[1] * half_way)],
             {"link delay": (along[0] * delay_ms * 1e-3, along[1] * delay_ms * 1e-3)},
-            Reason.WIDER_THAN_MODEL if np.isnan(camera.model.horizontal_fov_rad) else None,
+            Reason.WIDER_THAN_MODEL if np.isnan(fov_rad) else None,
         )
 
     return _located(rig, sightings, nearest, budget, max_range_m, put)
@@ -167,11 +173,11 @@ class _Put(NamedTuple):
     """Why it puts none of them."""
 
 
-def _paper_azimuth(camera: RigCamera, pixel_px: FloatArray) -> FloatArray:
+def _paper_azimuth(camera: RigCamera, fov_rad: float, pixel_px: FloatArray) -> FloatArray:
     """Equation 1 of the paper without the car's heading, degrees."""
     width = camera.model.width_px
     axis = camera.rig_R_camera[:, 2]
-    per_pixel = camera.model.horizontal_fov_rad / width
+    per_pixel = fov_rad / width
     p_x = pixel_px[:, 0] + 0.5
     return np.asarray(np.degrees(per_pixel * (p_x - width / 2.0) - np.arctan2(axis[1], axis[0])))
 

@@ -11,7 +11,7 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset, rotation_enu_from_rig, wrap_deg
 from geoloc.errors import TrajectoryError
 from geoloc.reasons import Reason
-from geoloc.trajectory.fix_checks import VERTICAL_FACTOR, sigma_of_quality
+from geoloc.trajectory.fix_checks import HEADING_SIGMA_DEG, VERTICAL_FACTOR, sigma_of_quality
 from geoloc.trajectory.heading import (
     LIMIT_DEG,
     MIN_BASELINE_M,
@@ -158,12 +158,13 @@ def fitted(
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:
     """What the first antenna said, fix by fix, for the paper's method: no lever arm, nothing smoothed.
 
-    Heading is that of two antennas where the rig gives their lever arms, else the course from the fix before
-    to the fix after. Where these are less than 0.1 m apart the last heading stays.
+    Heading is that of two antennas where the rig gives their lever arms, else that which the receiver has
+    of antennas of its own, else the course from the fix before to the fix after. Where these are less than
+    0.1 m apart the last heading stays.
     """
     first = fixes[0]
     sigma = sigma_of_quality(first.quality)
-    heading, speed = _neighbour_course(first, sigma)
+    heading, speed = _heading_of_one(first, sigma, max_gap_s)
     pair = _longest_baseline(np.stack(levers))
     if pair is not None:
         ends = [_positions_at(fixes[i], first.epoch_ns, max_gap_s) for i in (pair.first, pair.second)]
@@ -341,8 +342,19 @@ def lean_up_m(aside_m: float, roll_sigma_deg: FloatArray) -> FloatArray:
     return np.asarray(abs(aside_m) * np.radians(roll_sigma_deg))
 
 
+def _heading_of_one(one: GnssFixes, sigma_m: FloatArray, max_gap_s: float) -> tuple[_Angle, FloatArray]:
+    """Heading that the receiver has, else the course of the fixes before and after; and the speed there."""
+    course, speed = _neighbour_course(one, sigma_m)
+    told = _told_heading(one, max_gap_s)
+    heading, sigma = (
+        np.where(np.isfinite(told.deg), own, neighbours) for own, neighbours in zip(told, course, strict=True)
+    )
+    last = np.maximum.accumulate(np.where(np.isfinite(heading), np.arange(heading.size), -1))
+    return _Angle(*(np.where(last >= 0, value[last], np.nan) for value in (heading, sigma))), speed
+
+
 def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, FloatArray]:
-    """Course from the fix before to the fix after, and the speed between them."""
+    """Course from the fix before to the fix after, NaN where nothing moved; and the speed between them."""
     n = one.epoch_ns.size
     before, after = np.maximum(np.arange(n) - 1, 0), np.minimum(np.arange(n) + 1, n - 1)
     east, north = enu_offset(
@@ -351,12 +363,25 @@ def _neighbour_course(one: GnssFixes, sigma_m: FloatArray) -> tuple[_Angle, Floa
     step = np.hypot(east, north)
     speed = step / ((one.epoch_ns[after] - one.epoch_ns[before]) / 1e9)
     moved = step >= _MIN_COURSE_STEP_M
-    last = np.maximum.accumulate(np.where(moved, np.arange(n), -1))
-    there = last >= 0
-    course = np.degrees(np.arctan2(east, north))[last] % 360.0
+    course = np.degrees(np.arctan2(east, north)) % 360.0
     with np.errstate(divide="ignore"):
-        noise = np.degrees(np.hypot(sigma_m[before], sigma_m[after]) / step)[last]
-    return _Angle(np.where(there, course, np.nan), np.where(there, noise, np.nan)), speed
+        noise = np.degrees(np.hypot(sigma_m[before], sigma_m[after]) / step)
+    return _Angle(np.where(moved, course, np.nan), np.where(moved, noise, np.nan)), speed
+
+
+def _told_heading(one: GnssFixes, max_gap_s: float) -> _Angle:
+    """The receiver's own heading at each fix, between its headings by the shorter way; NaN in their gaps."""
+    told = np.flatnonzero(np.isfinite(one.heading_deg))
+    deg, sigma = np.full((2, one.epoch_ns.size), np.nan)
+    stated = one.heading_sigma_deg[told]
+    own = _Angle(one.heading_deg[told] % 360.0, np.where(np.isfinite(stated), stated, HEADING_SIGMA_DEG))
+    if told.size > 1:
+        at = bracket(one.epoch_ns[told], one.epoch_ns)
+        known = at.inside() & ~at.in_gap(max_gap_s)
+        deg[known] = (linear(np.unwrap(own.deg, period=360.0), at) % 360.0)[known]
+        sigma[known] = linear(own.sigma, at)[known]
+    deg[told], sigma[told] = own
+    return _Angle(deg, sigma)
 
 
 def _positions_at(

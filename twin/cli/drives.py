@@ -49,6 +49,16 @@ ErrorOption = Annotated[
         help="One sigma of a term of the error budget, boresight_deg=0.1; may be repeated.",
     ),
 ]
+PaperOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--paper",
+        metavar="KEY=VALUE",
+        help="How the paper's method is read; may be repeated. distance=rear-axle (usual), camera or ray; "
+        "fov=calibrated (usual) or nominal, fov.CAMERA=DEGREES; antenna=NAME (usual: the first). "
+        "More: twin help paper.",
+    ),
+]
 LabelsOption = Annotated[
     Path | None,
     typer.Option(envvar="TWIN_LABELS", help="What labels mean, instead of the drive's labels.toml."),
@@ -87,6 +97,7 @@ def ingest_drive(
     terrain: TerrainOption = None,
     terrain_heights: TerrainHeightsOption = None,
     error: ErrorOption = None,
+    paper: PaperOption = None,
     labels: LabelsOption = None,
     detector: DetectorOption = None,
     detector_every: DetectorEveryOption = 1,
@@ -109,6 +120,7 @@ def ingest_drive(
             terrain_heights=terrain_heights,
             errors=_errors(error or []),
             labels=labels,
+            paper=paper_asked(paper or []),
             detector=DetectorOptions(detector, detector_every, detector_threshold) if detector else None,
             replace=replace,
             partial=partial,
@@ -142,6 +154,19 @@ def _errors(texts: list[str]) -> dict[str, float]:
                 f"--error takes a name and a number, boresight_deg=0.1, but not {text:.80}."
             ) from None
     return errors
+
+
+def paper_asked(texts: list[str]) -> dict[str, str]:
+    """Give what ``--paper`` says, by key."""
+    from twin.errors import ConfigError
+
+    asked = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise ConfigError(f"--paper takes KEY=VALUE, distance=ray, but not {text:.80}.")
+        asked[key.strip()] = value.strip()
+    return asked
 
 
 def _ingest_pairs(report: IngestReport) -> dict[str, object]:

@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,6 @@ import numpy as np
 from geoloc.doubts import Doubt
 from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
-from geoloc.earth.terrain import Terrain
 from geoloc.locate.records import Kind
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.reasons import Reason, sentence_of, stands_far_away
@@ -37,8 +37,11 @@ from twin.errors import ConfigError, DriveError
 from twin.ingest.budget import budget_of, clock_doubts, lens_doubts
 from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
+from twin.ingest.paper import paper_readings, told_readings, with_paper_antenna
 from twin.ingest.rows import Positions, corrections_of, estimates_of, positions_of, sighting_rows
 from twin.ingest.save import Saved, save_drive
+from twin.ingest.terrain import ground_of
+from twin.store.kinds import Method
 from twin.store.poses import blob_from_poses
 from twin.store.schema import METHODS
 from twin.store.store import Row, Store
@@ -99,6 +102,7 @@ def ingest_drive(
     terrain_heights: str | None = None,
     labels: Path | str | None = None,
     detector: DetectorOptions | None = None,
+    paper: Mapping[str, str] = MappingProxyType({}),
     replace: bool = False,
     partial: bool = False,
     progress: Callable[[str], None] | None = None,
@@ -132,6 +136,9 @@ def ingest_drive(
         What labels mean (:mod:`twin.drives.annotations.labels`), instead of the folder's own ``labels.toml``.
     detector : DetectorOptions, optional
         A network that finds the signs in the drive's pictures; annotations are then left unread.
+    paper : mapping of str to str, optional
+        How the paper's method is read (:mod:`twin.ingest.paper`): ``distance``, ``fov``, ``fov.CAMERA``,
+        ``antenna``.
     replace : bool
         Whether the drive's other annotation sets are deleted, also by a folder without annotations.
     partial : bool
@@ -146,10 +153,11 @@ def ingest_drive(
     RefusedError
         It has no annotations, and the store has some of the same recording; the store is unchanged.
     """
-    _check_method(method, detector)
+    _check_method(method, detector, paper)
     say = progress or (lambda _text: None)
     meanings = None if labels is None else Path(labels)
     drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
+    drive, readings = with_paper_antenna(drive, paper), paper_readings(drive, paper)
     budget = budget_of(drive, budget, errors or {})
     track_doubts = check_track(drive)
     if not partial:
@@ -158,10 +166,16 @@ def ingest_drive(
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
     drive = _with_objects(drive, trajectory, detector, say)
-    ground = _ground(terrain, terrain_heights, trajectory, method)
+    ground = ground_of(terrain, terrain_heights, trajectory, method)
     say(f"locating {len(drive.annotations.frame):,} annotations by {method}")
     sighted = locate_annotations(
-        drive, trajectory, method=method, budget=budget, datum_sigma_m=datum_sigma_m, terrain=ground
+        drive,
+        trajectory,
+        method=method,
+        budget=budget,
+        datum_sigma_m=datum_sigma_m,
+        terrain=ground,
+        readings=readings,
     )
     positions = positions_of(sighted)
     estimates = estimates_of(drive, sighted, positions, method)
@@ -182,6 +196,7 @@ def ingest_drive(
         *annotation_warnings(drive, int((sighted.reasons == "").sum()), placed),
         *_absence_warning(drive, n_unplaced, gap),
         *_partial_warning(drive),
+        *told_readings(paper),
     )
     row = _drive_row(drive, trajectory, list(dict.fromkeys(map(str, warnings))))
     saved = save_drive(
@@ -237,9 +252,11 @@ def _pose_doubts(trajectory: Trajectory, sighted: SightedObjects) -> tuple[Doubt
     return pose_sigma_doubts(adjusted.pose_sigmas, adjusted=True)
 
 
-def _check_method(method: str, detector: DetectorOptions | None) -> None:
+def _check_method(method: str, detector: DetectorOptions | None, paper: Mapping[str, str]) -> None:
     if method not in METHODS:
         raise DriveError(f"There is no method {method!r}: use one of {', '.join(METHODS)}.")
+    if paper and method != Method.PAPER:
+        raise ConfigError("How the paper's method is read (--paper) matters to --method paper alone.")
     if detector is not None and method != METHODS[0]:
         raise ConfigError(
             f"A detector finds the faces of signs, not their feet: only --method {METHODS[0]} places them."
@@ -281,28 +298,6 @@ def _id_doubts(
     say("checking the annotators' ids")
     focal_share = max((budget.lens_of(one).focal_share for one in drive.rig.cameras.values()), default=0.0)
     return clocks_apart(id_warnings(in_time, trajectory, focal_share), drive, trajectory, budget)
-
-
-def _ground(
-    path: Path | str | None, heights: str | None, trajectory: Trajectory, method: str
-) -> Terrain | None:
-    """Read the terrain around the drive."""
-    if path is None:
-        if heights is not None:
-            raise ConfigError(
-                "Heights of a terrain are declared, but there is no terrain: give --terrain too."
-            )
-        return None
-    if method == "paper":
-        raise ConfigError(
-            "The paper's method knows no terrain: leave --terrain out, or use another --method."
-        )
-    from twin.ingest.terrain import read_terrain
-
-    knots = trajectory.knots
-    return read_terrain(
-        path, *utm33_from_geographic(knots.latitude_deg, knots.longitude_deg), heights=heights
-    )
 
 
 def _drive_row(drive: Drive, trajectory: Trajectory, warnings: list[str]) -> dict[str, Any]:

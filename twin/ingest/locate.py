@@ -15,6 +15,7 @@ from geoloc.earth.datum import euref89_from_itrf
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.observations import Observations
 from geoloc.locate.on_terrain import locate_on_terrain
+from geoloc.locate.paper_readings import PaperReadings
 from geoloc.locate.records import Kind, Located, Sightings
 from geoloc.locate.single_frame import ErrorBudget, locate_paper, locate_single_frame
 from geoloc.reasons import Reason
@@ -127,6 +128,7 @@ def locate_annotations(
     budget: ErrorBudget | None = None,
     datum_sigma_m: tuple[float, float] = (0.0, 0.0),
     terrain: Terrain | None = None,
+    readings: PaperReadings | None = None,
 ) -> SightedObjects:
     """Give every annotation its epoch, pose and position.
 
@@ -140,6 +142,8 @@ def locate_annotations(
         One sigma a horizontal axis and of the height that the change of datum adds, from `in_euref89`.
     terrain : Terrain, optional
         Ground to use instead of the plane of the road.
+    readings : PaperReadings, optional
+        Of the paper's method.
     """
     budget = budget or ErrorBudget()
     notes = drive.annotations
@@ -160,6 +164,7 @@ def locate_annotations(
             sightings,
             widened(trajectory.nearest_fix(stamp), datum_sigma_m),
             budget,
+            readings=readings or PaperReadings(),
             fix_interval_s=trajectory.interval_s,
             delay_ms=trajectory.delay_ms()[0],
         )

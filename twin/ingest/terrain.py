@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geoloc.arrays import FloatArray
-from geoloc.earth.geodesy import geographic_from_utm33
+from geoloc.earth.geodesy import geographic_from_utm33, utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.earth.heights import ellipsoidal_from_nn2000
 from geoloc.earth.terrain import Terrain
-from twin.errors import MissingExtraError, TerrainError
+from geoloc.trajectory.trajectory import Trajectory
+from twin.errors import ConfigError, MissingExtraError, TerrainError
+from twin.store.kinds import Method
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -30,6 +32,34 @@ EPSG_UTM33 = 25833
 _UTM33 = f"EPSG:{EPSG_UTM33}"
 _NN2000 = 5941
 _LOWEST_M, _HIGHEST_M = -500.0, 9000.0
+
+
+def ground_of(
+    path: Path | str | None, heights: str | None, trajectory: Trajectory, method: str
+) -> Terrain | None:
+    """Read the terrain around a drive; None where none was named.
+
+    Raises
+    ------
+    ConfigError
+        Heights are declared of no terrain, or the method knows none.
+    TerrainError
+        As :func:`read_terrain`.
+    """
+    if path is None:
+        if heights is not None:
+            raise ConfigError(
+                "Heights of a terrain are declared, but there is no terrain: give --terrain too."
+            )
+        return None
+    if method == Method.PAPER:
+        raise ConfigError(
+            "The paper's method knows no terrain: leave --terrain out, or use another --method."
+        )
+    knots = trajectory.knots
+    return read_terrain(
+        path, *utm33_from_geographic(knots.latitude_deg, knots.longitude_deg), heights=heights
+    )
 
 
 def read_terrain(
