@@ -36,6 +36,7 @@ from twin.mirror.sync import SyncPlan, SyncResult
 from twin.reports.confidences import ConfidenceReport
 from twin.reports.drive_list import DriveItem
 from twin.reports.estimate import EstimateExplained
+from twin.reports.error_groups import GroupErrors
 from twin.reports.evaluation import MethodResult
 from twin.reports.finding_list import FindingList
 from twin.reports.sightings import CameraShare
@@ -269,6 +270,7 @@ SHAPES: Mapping[str, Any] = {
     "evaluate": _shape(
         "Evaluated",
         methods=(list[MethodResult], "errors by method"),
+        groups=(list[GroupErrors], "the same by what `--by` names; empty without it"),
         warnings=(list[str], "what speaks against the survey, sentences for a person"),
         plots=_FILES,
         csv=(str | None, "the table that was written"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from enum import StrEnum
 from operator import attrgetter
 from pathlib import Path
@@ -27,6 +28,7 @@ from twin.words import Lang, decision_title, number_text, say, verdict_title
 if TYPE_CHECKING:
     from twin.decisions.opinions import Agreement
     from twin.reports.confidences import ConfidenceReport
+    from twin.reports.error_groups import GroupErrors
     from twin.reports.evaluation import MethodResult, RangeErrors
     from twin.reports.store_status import Status
 
@@ -34,7 +36,7 @@ app = typer.Typer()
 
 
 class PairBy(StrEnum):
-    """How estimates find their truth, as in :data:`twin.reports.evaluation.BY`."""
+    """How estimates find their truth, as in :data:`twin.reports.evaluation.PAIR_BY`."""
 
     AUTO = "auto"
     ID = "id"
@@ -49,7 +51,7 @@ class PlotFormat(StrEnum):
     PDF = "pdf"
 
 
-@app.command("evaluate", epilog="Example: twin evaluate data/truth.csv --plots plots")
+@app.command("evaluate", epilog="Example: twin evaluate data/truth.csv --plots plots --by camera,range")
 def evaluate(
     truth: Annotated[
         Path,
@@ -59,6 +61,12 @@ def evaluate(
         ),
     ],
     by: Annotated[
+        str | None,
+        typer.Option(
+            help="Also group the errors by these: any of camera, speed, range.", metavar="camera,speed,range"
+        ),
+    ] = None,
+    pair_by: Annotated[
         PairBy,
         typer.Option(help="How estimates find their truth: auto takes the ids, or positions if no id fits."),
     ] = PairBy.AUTO,
@@ -85,6 +93,7 @@ def evaluate(
 ) -> None:
     """Compare the estimates of every method with surveyed positions, and heights where TRUTH has some."""
     from twin.errors import ConfigError
+    from twin.reports.error_groups import check_groups
     from twin.reports.error_picture import plot
     from twin.reports.evaluation import evaluate as run
     from twin.reports.evaluation import read_truth
@@ -96,9 +105,11 @@ def evaluate(
     if plots_as is not None and plots is None:
         raise ConfigError("--plots-as says how --plots are drawn: name a folder by --plots too.")
     need_place({"--csv": csv})
+    groups_by = check_groups([name.strip() for name in by.split(",")]) if by is not None else ()
     truths = read_truth(truth, epsg=epsg)
     with Store.open(store, create=False) as opened:
-        evaluation = run(opened, truths, by=by.value, within_m=within)
+        evaluation = run(opened, truths, pair_by=pair_by.value, within_m=within)
+    groups = evaluation.grouped(groups_by) if groups_by else ()
     files = plot(evaluation, plots, ending=f".{plots_as or PlotFormat.PNG}") if plots is not None else []
     if csv is not None:
         each = [error for method in evaluation.methods for error in method.each]
@@ -108,13 +119,16 @@ def evaluate(
     ]
     if json_output:
         written = {"plots": [str(path) for path in files], "csv": None if csv is None else str(csv)}
-        print_json({"methods": evaluation.as_json(), "warnings": doubts, **written})
+        by_group = [asdict(group) for group in groups]
+        print_json({"methods": evaluation.as_json(), "groups": by_group, "warnings": doubts, **written})
         return
     for doubt in doubts:
         warn(doubt)
     if evaluation.methods[0].paired_by == "position":
         note(say(lang, "evaluate.by_position", within=within))
     print_errors(evaluation.methods, lang)
+    for kind in ("objects", "sightings"):
+        _print_groups(kind, [group for group in groups if group.kind == kind], groups_by, lang)
     if objects:
         _print_objects(evaluation.methods, lang)
     for path in (*files, *([] if csv is None else [csv])):
@@ -150,6 +164,23 @@ def print_errors(methods: tuple[MethodResult, ...], lang: Lang = Lang.EN) -> Non
             warn(say(lang, "evaluate.not_in_truth", method=m.method, number=m.not_in_truth))
 
 
+def _print_groups(kind: str, groups: Sequence[GroupErrors], by: Sequence[str], lang: Lang) -> None:
+    """Print the errors of objects, or of single sightings, a group a row."""
+    numbers = attrgetter("n", "mean", "median", "p95", "max", "rmse")
+    rows = []
+    for one in groups:
+        names = {
+            "camera": one.camera,
+            "speed": _span(one.speed_from_kmh, one.speed_to_kmh),
+            "range": _span(one.range_from_m, one.range_to_m),
+        }
+        inside = None if one.coverage95 is None else f"{one.coverage95:.0%}"
+        rows.append([one.method, *(names[name] for name in by), *numbers(one), inside])
+    if rows:
+        columns = ("method", *by, "number", "mean", "median", "p95", "max", "rmse", "in_ellipse")
+        _print_numbers(f"{kind}_by", columns, rows, lang)
+
+
 def _print_objects(methods: tuple[MethodResult, ...], lang: Lang) -> None:
     """Print the error of each object, a table a method, the largest first."""
     numbers = attrgetter("error_m", "error_forward_m", "error_left_m", "error_height_m", "nees_per_dof")
@@ -179,7 +210,11 @@ def _print_numbers(
 
 
 def _bin(errors: RangeErrors) -> str:
-    return f"≥ {errors.from_m:.0f}" if errors.to_m is None else f"{errors.from_m:.0f}–{errors.to_m:.0f}"
+    return _span(errors.from_m, errors.to_m)
+
+
+def _span(low: float | None, high: float | None) -> str:
+    return f"≥ {low or 0.0:.0f}" if high is None else f"{low or 0.0:.0f}–{high:.0f}"
 
 
 @app.command("status", epilog="Example: twin status")

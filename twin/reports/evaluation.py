@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ import sqlalchemy as sa
 from geoloc.arrays import FloatArray
 from geoloc.locate.accuracy import ErrorStats, ellipse_coverage, error_stats, stats_by_range
 from twin.errors import TruthError
+from twin.reports.error_groups import GroupErrors, grouped
 from twin.reports.object_errors import (
     HeightErrors,
     ObjectError,
@@ -22,6 +23,7 @@ from twin.reports.object_errors import (
     object_errors,
 )
 from twin.reports.pairing import Pairing, Placed, by_id, by_position, nearest_m
+from twin.reports.sighting_errors import SightingError, sighting_errors
 from twin.reports.survey_doubts import SurveyDoubt, survey_doubts
 from twin.reports.truth import Truth, read_truth
 from twin.reports.zones import check_pairs, system_that_fits
@@ -29,9 +31,9 @@ from twin.store import schema
 from twin.store.records import Estimate
 from twin.store.store import Store
 
-__all__ = ["BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "read_truth"]
+__all__ = ["PAIR_BY", "WITHIN_M", "Evaluation", "MethodResult", "Truth", "evaluate", "read_truth"]
 
-BY = ("auto", "id", "position")
+PAIR_BY = ("auto", "id", "position")
 """Ways to find out which surveyed object an estimate is of."""
 WITHIN_M = 5.0
 """An estimate farther from every surveyed position is of another object, if they are paired by position."""
@@ -111,20 +113,27 @@ class Evaluation:
     ``error_m`` of every estimate."""
     doubts: tuple[SurveyDoubt, ...] = ()
     """What speaks against the survey: look at these before the errors."""
+    each_sighting: tuple[SightingError, ...] = ()
+    """Every located sighting of a truth object, of the methods of one frame."""
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return the numbers without the arrays."""
         return [asdict(result) for result in self.methods]
 
+    def grouped(self, by: Sequence[str]) -> tuple[GroupErrors, ...]:
+        """Summarise errors by camera, speed, range or several of them (`twin.reports.error_groups`)."""
+        objects = [one for result in self.methods for one in result.each]
+        return grouped(objects, self.each_sighting, by)
+
 
 def evaluate(
-    store: Store, truths: Sequence[Truth], *, by: str = BY[0], within_m: float = WITHIN_M
+    store: Store, truths: Sequence[Truth], *, pair_by: str = PAIR_BY[0], within_m: float = WITHIN_M
 ) -> Evaluation:
     """Compare every method in the store with the truth.
 
     Parameters
     ----------
-    by : {"auto", "id", "position"}
+    pair_by : {"auto", "id", "position"}
         How estimates find their truth. By position they are paired one-to-one, a drive and method at a time,
         where both know sign codes only if they share one. Default: by id, or by position if no id fits.
     within_m : float
@@ -134,8 +143,9 @@ def evaluate(
     Returns
     -------
     Evaluation
-        ``methods`` has the numbers by method, each object's in ``methods[k].each``; ``estimates`` and
-        ``sightings`` the arrays for plots; ``doubts`` what speaks against the survey.
+        ``methods`` has the numbers by method, each object's in ``methods[k].each``, each sighting's in
+        ``each_sighting``; ``estimates`` and ``sightings`` the arrays for plots; ``doubts`` what speaks
+        against the survey; ``grouped`` gives them by camera, speed and range.
 
     Raises
     ------
@@ -146,12 +156,13 @@ def evaluate(
     estimates = _estimates(store, sightings)
     if not estimates:
         raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
-    find, paired_by = _pairing(store, estimates, truths, by, within_m)
+    find, paired_by = _pairing(store, estimates, truths, pair_by, within_m)
     check_pairs(_paired(estimates, find))
     ways = driven_ways(store)
     results: list[MethodResult] = []
     sighting_arrays: dict[str, dict[str, FloatArray]] = {}
     estimate_arrays: dict[str, dict[str, FloatArray]] = {}
+    each_sighting: list[SightingError] = []
     for method in store.methods():
         mine = [estimate for estimate in estimates if estimate.method == method]
         own = _paired(mine, find)
@@ -163,13 +174,14 @@ def evaluate(
         estimate_arrays[method] = objects.arrays()
         if single:
             sighting_arrays[method] = singles.arrays()
+            each_sighting += sighting_errors(single, ways)
         missed = {truth.object for truth in truths} - {truth.object for _, truth in own}
         each = object_errors(own, ways)
         results.append(
             _result(method, objects, singles, each, sorted(missed), len(mine) - len(own), paired_by)
         )
     doubts = survey_doubts([one for result in results for one in result.each], within_m)
-    return Evaluation(tuple(results), sighting_arrays, estimate_arrays, doubts)
+    return Evaluation(tuple(results), sighting_arrays, estimate_arrays, doubts, tuple(each_sighting))
 
 
 _NUMBERS = ("east_m", "north_m", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "range_m", "speed_mps")
@@ -178,19 +190,20 @@ _NUMBERS = ("east_m", "north_m", "cov_ee_m2", "cov_en_m2", "cov_nn_m2", "range_m
 def _sightings(store: Store) -> list[Placed]:
     """Sightings that took part, with the positions that they give alone; NaN where they give none."""
     table = schema.sighting.c
-    columns = [table[name] for name in ("method", "drive_id", "object", *_NUMBERS)]
+    columns = [table[name] for name in ("method", "drive_id", "object", "camera", "epoch_ns", *_NUMBERS)]
     sightings = []
     for row in store.rows(sa.select(*columns).where(table.rejected == "")):
         numbers = (math.nan if row[name] is None else row[name] for name in _NUMBERS)
         east_m, north_m, ee, en, nn, range_m, speed_mps = numbers
         whose = row["method"], row["drive_id"], row["object"]
-        sightings.append(Placed(*whose, (), east_m, north_m, (ee, en, nn), range_m, speed_mps))
+        one = Placed(*whose, (), east_m, north_m, (ee, en, nn), range_m, speed_mps)
+        sightings.append(replace(one, camera=row["camera"], epoch_ns=row["epoch_ns"]))
     return sightings
 
 
 def _estimates(store: Store, sightings: Sequence[Placed]) -> list[Placed]:
     """Estimates in the order of their ids, at the distance of their nearest sighting."""
-    speeds = _mean_speeds(sightings)
+    speeds, cameras = _mean_speeds(sightings), _cameras(sightings)
     estimates = []
     for row in store.rows(sa.select(schema.estimate).order_by(schema.estimate.c.estimate_id)):
         one = Estimate.from_row(row)
@@ -201,6 +214,7 @@ def _estimates(store: Store, sightings: Sequence[Placed]) -> list[Placed]:
                 *(*whose, one.codes, one.east_m, one.north_m, one.covariance_m2, one.range_min_m, speed_mps),
                 height_m=one.height_m,
                 sigma_height_m=math.nan if one.sigma_height_m is None else one.sigma_height_m,
+                camera="+".join(sorted(cameras.get(whose, ()))),
             )
         )
     return estimates
@@ -231,7 +245,7 @@ def _result(
 
 
 def _pairing(
-    store: Store, estimates: Sequence[Placed], truths: Sequence[Truth], by: str, within_m: float
+    store: Store, estimates: Sequence[Placed], truths: Sequence[Truth], pair_by: str, within_m: float
 ) -> tuple[Pairing, str]:
     """How estimates find their truth, and which way that is.
 
@@ -240,19 +254,19 @@ def _pairing(
     TruthError
         No estimate finds any.
     """
-    if by not in BY:
-        raise TruthError(f"Estimates cannot be paired by {by!r}: use one of {', '.join(BY)}.")
+    if pair_by not in PAIR_BY:
+        raise TruthError(f"Estimates cannot be paired by {pair_by!r}: use one of {', '.join(PAIR_BY)}.")
     ways = {"id": by_id(truths), "position": by_position(estimates, truths, within_m)}
-    for way in ways if by == "auto" else (by,):
+    for way in ways if pair_by == "auto" else (pair_by,):
         if any(ways[way](estimate) is not None for estimate in estimates):
             return ways[way], way
     names = ", ".join(sorted({t.object for t in truths})[:3])
     held = ", ".join(sorted({estimate.object for estimate in estimates})[:3])
-    if by == "id":
+    if pair_by == "id":
         raise TruthError(
             f"No estimate in {store.path} belongs to an object of the truth file ({names}, …): the column "
             f"object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them; "
-            "or pair them by position (--by position)."
+            "or pair them by position (--pair-by position)."
         )
     away_m = nearest_m(estimates, _places(truths))
     fits = "" if away_m < _FAR_M else _zone_that_fits(estimates, truths)
@@ -290,6 +304,14 @@ def _mean_speeds(sightings: Sequence[Placed]) -> dict[tuple[str, str, str], floa
         if math.isfinite(sighting.speed_mps):
             speeds.setdefault(sighting.key, []).append(sighting.speed_mps)
     return {key: float(np.mean(values)) for key, values in speeds.items()}
+
+
+def _cameras(sightings: Sequence[Placed]) -> dict[tuple[str, str, str], set[str]]:
+    """(method, drive, object) → the cameras whose sightings took part."""
+    cameras: dict[tuple[str, str, str], set[str]] = {}
+    for sighting in sightings:
+        cameras.setdefault(sighting.key, set()).add(sighting.camera)
+    return cameras
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields
 import numpy as np
 import sqlalchemy as sa
 
-from geoloc.arrays import FloatArray
+from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import grid_convergence_deg, utm33_from_geographic
 from geoloc.locate.accuracy import nees
 from geoloc.locate.combine import ellipse
@@ -20,8 +20,8 @@ from twin.store.poses import poses_from_blob
 from twin.store.store import Store
 from twin.tables import csv_bytes
 
-_INSIDE_95 = -2.0 * math.log(0.05)
-"""χ² with two degrees of freedom."""
+INSIDE_95 = -2.0 * math.log(0.05)
+"""95 % of χ² with two degrees of freedom."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +34,19 @@ class Way:
         EPSG:25833.
     forward : float64 (n, 2)
         Unit vectors, grid axes.
+    epoch_ns : int64 (n,)
+        Increasing.
     """
 
     place_m: FloatArray
     forward: FloatArray
+    epoch_ns: IntArray
+
+    def at(self, epoch_ns: IntArray) -> FloatArray:
+        """Where the car was at some epochs (m,): float64 (m, 2); outside, where it was first or last."""
+        since = self.epoch_ns[0]
+        asked, passed = (epoch_ns - since).astype(np.float64), (self.epoch_ns - since).astype(np.float64)
+        return np.column_stack([np.interp(asked, passed, self.place_m[:, axis]) for axis in (0, 1)])
 
     def passing(self, east_m: float, north_m: float) -> tuple[float, float]:
         """Which way the car pointed where it came nearest to a place; of several such, the first."""
@@ -68,6 +77,10 @@ class ObjectError:
         errors are honest.
     inside95 : bool or None
         Whether the survey lies inside the 95 % ellipse.
+    camera : str
+        Those that saw it, joined by +.
+    range_m, speed_mps : float or None
+        Of its nearest sighting, from the camera; the car's mean while it saw the object.
     """
 
     method: str
@@ -86,6 +99,9 @@ class ObjectError:
     nees_per_dof: float | None
     height_nees_per_dof: float | None
     inside95: bool | None
+    camera: str
+    range_m: float | None
+    speed_mps: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +143,9 @@ def _way(blob: bytes) -> Way:
     lat, lon = poses.latitude_deg, poses.longitude_deg
     grid = np.radians(poses.heading_deg - grid_convergence_deg(lat, lon))
     return Way(
-        np.column_stack(utm33_from_geographic(lat, lon)), np.column_stack([np.sin(grid), np.cos(grid)])
+        np.column_stack(utm33_from_geographic(lat, lon)),
+        np.column_stack([np.sin(grid), np.cos(grid)]),
+        poses.epoch_ns,
     )
 
 
@@ -169,11 +187,11 @@ def _object_error(placed: Placed, truth: Truth, way: Way) -> ObjectError:
     east, north = placed.east_m - truth.east_m, placed.north_m - truth.north_m
     ee, en, nn = placed.covariance_m2
     covariance = np.array([[ee, en], [en, nn]])
-    square = _known(float(nees([east, north], covariance)))
+    square = known(float(nees([east, north], covariance)))
     major, minor, _ = ellipse(covariance[None])
     forward = way.passing(truth.east_m, truth.north_m)
-    height = None if truth.height_m is None else _known(placed.height_m - truth.height_m)
-    sigma = _known(placed.sigma_height_m)
+    height = None if truth.height_m is None else known(placed.height_m - truth.height_m)
+    sigma = known(placed.sigma_height_m)
     return ObjectError(
         method=placed.method,
         drive_id=placed.drive_id,
@@ -185,16 +203,20 @@ def _object_error(placed: Placed, truth: Truth, way: Way) -> ObjectError:
         error_left_m=forward[0] * north - forward[1] * east,
         error_m=math.hypot(east, north),
         error_height_m=height,
-        sigma_major_m=_known(float(major[0])),
-        sigma_minor_m=_known(float(minor[0])),
+        sigma_major_m=known(float(major[0])),
+        sigma_minor_m=known(float(minor[0])),
         sigma_height_m=sigma,
         nees_per_dof=None if square is None else square / 2.0,
         height_nees_per_dof=None if height is None or not sigma else (height / sigma) ** 2,
-        inside95=None if square is None else square <= _INSIDE_95,
+        inside95=None if square is None else square <= INSIDE_95,
+        camera=placed.camera,
+        range_m=known(placed.range_m),
+        speed_mps=known(placed.speed_mps),
     )
 
 
-def _known(value: float) -> float | None:
+def known(value: float) -> float | None:
+    """Give None for NaN, as tables and JSON have it."""
     return value if math.isfinite(value) else None
 
 

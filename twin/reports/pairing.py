@@ -30,6 +30,10 @@ class Placed:
         To the camera; of the car. NaN where unknown.
     height_m, sigma_height_m : float
         Ellipsoidal, and one sigma. NaN of a sighting, or where unknown.
+    camera : str
+        Of an estimate those that saw it, joined by +.
+    epoch_ns : int
+        Of a sighting; 0 of an estimate.
     """
 
     method: str
@@ -43,6 +47,8 @@ class Placed:
     speed_mps: float
     height_m: float = math.nan
     sigma_height_m: float = math.nan
+    camera: str = ""
+    epoch_ns: int = 0
 
     @property
     def key(self) -> tuple[str, str, str]:

@@ -147,7 +147,7 @@ def test_evaluate_by_position_counts_what_is_left_on_both_sides(
     """A survey of 14 poles and one far away: one estimate is of none, and one pole has no estimate."""
     path = renamed_truth(sample, tmp_path / "truth.csv", without="survey-06")
     path.write_text(path.read_text() + "\nelsewhere,skilt,273036.5,7039378.8\n")
-    (adjusted, *_) = evaluate(opened, read_truth(path), by="position").methods
+    (adjusted, *_) = evaluate(opened, read_truth(path), pair_by="position").methods
     assert adjusted.objects.n == 14
     assert adjusted.not_estimated == ("elsewhere",)
     assert adjusted.not_in_truth == 1
@@ -181,8 +181,8 @@ def test_evaluate_by_position_heeds_the_codes_of_labels(opened: Store, sample: P
 def test_evaluate_by_id_does_not_guess(opened: Store, sample: Path, tmp_path: Path) -> None:
     """Asked for ids, it refuses other names, and says how positions would do."""
     truths = read_truth(renamed_truth(sample, tmp_path / "truth.csv"))
-    with pytest.raises(TruthError, match="--by position"):
-        evaluate(opened, truths, by="id")
+    with pytest.raises(TruthError, match="--pair-by position"):
+        evaluate(opened, truths, pair_by="id")
 
 
 def test_evaluate_says_how_it_paired(twin: Twin, store: Path, sample: Path, tmp_path: Path) -> None:
@@ -243,7 +243,7 @@ def test_evaluate_tells_the_error_of_each_object(twin: Twin, tmp_path: Path) -> 
 def test_along_and_across_are_those_of_the_car(opened: Store, sample: Path) -> None:
     """A survey that is moved a metre on, in the way of the car, leaves every estimate a metre behind."""
     truths = read_truth(sample / "truth.csv")
-    before = evaluate(opened, truths, by="id").methods[0].each
+    before = evaluate(opened, truths, pair_by="id").methods[0].each
     line = opened.rows(sa.select(schema.drive.c.line))[0]["line"]
     xy = shapely.get_coordinates(shapely.from_wkb(line))
     moved = []
@@ -252,7 +252,7 @@ def test_along_and_across_are_those_of_the_car(opened: Store, sample: Path) -> N
         way = xy[min(k + 2, len(xy) - 1)] - xy[max(k - 2, 0)]
         east, north = way / np.hypot(*way)
         moved.append(replace(truth, east_m=truth.east_m + east, north_m=truth.north_m + north))
-    for one, other in zip(before, evaluate(opened, moved, by="id").methods[0].each, strict=True):
+    for one, other in zip(before, evaluate(opened, moved, pair_by="id").methods[0].each, strict=True):
         assert other.error_forward_m == pytest.approx(one.error_forward_m - 1.0, abs=0.01)
         assert other.error_left_m == pytest.approx(one.error_left_m, abs=0.12)
 
@@ -300,3 +300,41 @@ def test_heights_that_are_not_known_are_not_told(opened: Store, sample: Path, tm
     path.write_text("object,easting,northing,height\nP01,273036.5,7039178.8,\nP02,273074.4,7039197.2,high\n")
     with pytest.raises(TruthError, match="line 3: height must be a number or empty"):
         read_truth(path)
+
+
+def test_groups_hold_every_error_once_and_say_what_the_store_says(
+    opened: Store, sample: Path, evaluation: Evaluation
+) -> None:
+    """By camera, speed and range together as many errors as there are; the mean of one group by pandas."""
+    groups = evaluation.grouped(("camera", "speed", "range"))
+    for kind, n in (("objects", 3 * 15), ("sightings", len(evaluation.each_sighting))):
+        assert sum(group.n for group in groups if group.kind == kind) == n
+    frame = opened.sightings().query("method == 'paper' and rejected.isna()").dropna(subset=["geometry"])
+    frame = frame[(frame["camera"] == "C3_tricam120") & frame["range_m"].between(8.0, 12.0, inclusive="left")]
+    places = {one.object: (one.east_m, one.north_m) for one in read_truth(sample / "truth.csv")}
+    off = [
+        np.hypot(point.x - places[name][0], point.y - places[name][1])
+        for name, point in zip(frame["object"], frame.geometry, strict=True)
+    ]
+    (mine,) = [
+        group
+        for group in evaluation.grouped(("range", "camera"))
+        if (group.kind, group.method, group.camera) == ("sightings", "paper", "C3_tricam120")
+        and group.range_from_m == 8.0
+    ]
+    assert (mine.n, mine.mean) == (len(off), pytest.approx(np.mean(off)))
+    assert mine.speed_from_kmh is mine.speed_to_kmh is None
+
+
+def test_grouped_errors_are_printed_and_are_json(twin: Twin, store: Path, sample: Path) -> None:
+    """A table of objects and one of sightings; what is no group is told with the word that pairs."""
+    asked = ("evaluate", sample / "truth.csv", "--store", store, "--by", "speed,camera")
+    answer = twin(*asked)
+    assert answer.code == 0
+    assert "Horizontal error of single sightings, grouped" in answer.out
+    groups = twin(*asked, "--json").json["groups"]
+    assert {group["kind"] for group in groups} == {"objects", "sightings"}
+    assert all(group["range_from_m"] is None and group["speed_to_kmh"] for group in groups)
+    wrong = twin("evaluate", sample / "truth.csv", "--store", store, "--by", "position")
+    assert wrong.code == 2
+    assert "--pair-by" in wrong.err
