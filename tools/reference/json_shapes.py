@@ -35,12 +35,13 @@ from twin.matching.match_store import MatchReport
 from twin.mirror.sync import SyncPlan, SyncResult
 from twin.reports.confidences import ConfidenceReport
 from twin.reports.drive_list import DriveItem
-from twin.reports.estimate import EstimateExplained
 from twin.reports.error_groups import GroupErrors
+from twin.reports.estimate import EstimateExplained
 from twin.reports.evaluation import MethodResult
 from twin.reports.finding_list import FindingList
 from twin.reports.sightings import CameraShare
 from twin.reports.store_status import Status
+from twin.reproduce.experiments import Reproduction
 from twin.samples.simulation import SimulateReport
 from twin.store import schema
 from twin.store.annotation_sets import AnnotationSet
@@ -275,6 +276,7 @@ SHAPES: Mapping[str, Any] = {
         plots=_FILES,
         csv=(str | None, "the table that was written"),
     ),
+    "reproduce": _shape("Reproduced", Reproduction, leave=("experiments", "files"), files=_FILES),
     "show": _shape(
         "Estimate",
         EstimateExplained,

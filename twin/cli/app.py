@@ -88,6 +88,7 @@ class _Commands(_LazyGroup):
         "qgis": "export",
         "submit": "submit",
         "evaluate": "reports",
+        "reproduce": "reproduce",
         "show": "show",
         "status": "reports",
         "backup": "backup",

@@ -387,7 +387,7 @@ def _delay_ms(drive: Drive, trajectory: Trajectory) -> float | None:
 
 
 def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
-    """Poses at the annotated cameras' frames, thinned to steps of 0.3 m."""
+    """Poses at the annotated cameras' frames, thinned to steps of 0.3 m, of a second where it is slower."""
     cameras = drive.annotated_cameras() or set(drive.frame_epoch_ns)
     stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
     stamped = [s[s != NO_STAMP] for s in stamps]
@@ -399,8 +399,9 @@ def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
     travelled = np.concatenate(
         [[0.0], np.cumsum(poses.speed_mps[poses.valid][1:] * np.diff(epoch) / _NS_PER_S)]
     )
-    step = np.floor(travelled / _VIEW_STEP_M)
-    return trajectory.poses_at(epoch[np.diff(step, prepend=-1.0) > 0])
+    first = np.diff(np.floor(travelled / _VIEW_STEP_M), prepend=-1.0) > 0
+    seconds = (epoch - epoch[first][np.cumsum(first) - 1]) // _NS_PER_S
+    return trajectory.poses_at(epoch[first | (np.diff(seconds, prepend=0) > 0)])
 
 
 def _skipped(
