@@ -42,6 +42,7 @@ sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 bench: $(VENV)/.installed         ## errors and ellipses on simulated drives against the bars: methods, lengths, labels, clocks, poses, cameras, 25 drives
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/accuracy.py --as-stated --seeds 10
+	$(BIN)/python benchmarks/paper.py
 	$(BIN)/python benchmarks/drifting_labels.py
 	$(BIN)/python benchmarks/long_drives.py
 	$(BIN)/python benchmarks/association.py --seeds 10 --only-cameras

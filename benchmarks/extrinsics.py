@@ -28,16 +28,11 @@ from geoloc.simulation.car import simulated_rig
 from geoloc.simulation.pictures.yard import draw_yard, yard_picture
 from twin.calibrate.drives.verify import verify_drive
 from twin.calibrate.extrinsics.tag_corners import find_tags
+from twin.reproduce.published import STANDING_AT_M, STANDING_M
 from twin.samples.simulation import simulate
 
 REAL_RIG = Path(__file__).parents[2] / "shared" / "real" / "naplab" / "ntnu_naplab_rig_carlo.json"
 CAMERAS = ("C1_front60Single", "C2_tricam60", "C3_tricam120")
-PAPER_M = {
-    "C1_front60Single": (0.77, 1.53, 5.05),
-    "C2_tricam60": (0.82, 1.42, 4.53),
-    "C3_tricam120": (0.34, 0.22, 1.01),
-}
-PAPER_DISTANCE_M = (9.0, 11.8, 19.3)
 LEVEL_DEG = 0.1
 """How plane a yard's floor is from the car to the poles: 3 cm at 17 m."""
 SURVEY_M = 0.0005
@@ -93,7 +88,7 @@ def verification(n_drives: int) -> None:
             drive = Path(folder) / str(seed)
             simulate(drive, name="still", seed=seed)
             found = verify_drive(drive, drive / "truth.csv", level_deg=LEVEL_DEG)
-            for camera in PAPER_M:
+            for camera in STANDING_M:
                 mine = sorted((e for e in found.errors if e.camera == camera), key=lambda e: e.distance_m)
                 for place, row in enumerate(mine):
                     at = (row.distance_m, row.before_m, row.after_m)
@@ -103,10 +98,10 @@ def verification(n_drives: int) -> None:
     print("|---|---|---|---|---|")
     for (camera, place), values in sorted(rows.items()):
         distance, before, after = np.median(np.array(values), axis=0)
-        paper = PAPER_M[camera][place] if place < len(PAPER_M[camera]) else float("nan")
+        paper = STANDING_M[camera][place] if place < len(STANDING_M[camera]) else float("nan")
         print(
             f"| {camera} | {distance:.1f} m | {before:.2f} m | {after:.2f} m |"
-            f" {paper:.2f} m at {PAPER_DISTANCE_M[place]} m |"
+            f" {paper:.2f} m at {STANDING_AT_M[place]} m |"
         )
 
 

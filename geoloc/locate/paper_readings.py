@@ -9,8 +9,10 @@ from enum import StrEnum
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import geographic_from_enu
 from geoloc.locate.feet import Feet
 from geoloc.rig.rig import RigCamera
+from geoloc.trajectory.poses import Poses
 
 
 class Distance(StrEnum):
@@ -33,10 +35,24 @@ class PaperReadings:
     distance : Distance
     fov_deg : mapping camera → float
         Horizontal field of view, in place of the calibrated lens's.
+    lever_arm_m : (float, float)
+        Forward and left from the rig's origin to the antenna, to be taken off each fix; (0, 0) to start from
+        the antenna.
     """
 
     distance: Distance = Distance.REAR_AXLE
     fov_deg: Mapping[str, float] = field(default_factory=dict)
+    lever_arm_m: tuple[float, float] = (0.0, 0.0)
+
+    def start_deg(self, nearest: Poses) -> tuple[FloatArray, FloatArray]:
+        """Give φ₁ and λ₁ of equations 2 and 3, latitude and longitude, at each fix."""
+        ahead_m, left_m = self.lever_arm_m
+        if ahead_m == left_m == 0.0:
+            return nearest.latitude_deg, nearest.longitude_deg
+        heading = np.radians(nearest.heading_deg)
+        east = left_m * np.cos(heading) - ahead_m * np.sin(heading)
+        north = -left_m * np.sin(heading) - ahead_m * np.cos(heading)
+        return geographic_from_enu(nearest.latitude_deg, nearest.longitude_deg, east, north)
 
     def distance_m(self, camera: RigCamera, feet: Feet) -> FloatArray:
         """Give the d of each foot of one camera, metres."""

@@ -136,7 +136,7 @@ def locate_paper(
         fov_rad = readings.fov_rad(camera)
         azimuth = _paper_azimuth(camera, fov_rad, seen.pixel_px) + p.heading_deg
         distance_m = readings.distance_m(camera, feet)
-        lat, lon = inverse_haversine(p.latitude_deg, p.longitude_deg, azimuth, distance_m)
+        lat, lon = inverse_haversine(*readings.start_deg(p), azimuth, distance_m)
         along = [axis * p.speed_mps for axis in seen.axes.forward[:2]]
         half_way = fix_interval_s / np.sqrt(12.0)
         return _Put(

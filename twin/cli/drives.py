@@ -55,7 +55,8 @@ PaperOption = Annotated[
         "--paper",
         metavar="KEY=VALUE",
         help="How the paper's method is read; may be repeated. distance=rear-axle (usual), camera or ray; "
-        "fov=calibrated (usual) or nominal, fov.CAMERA=DEGREES; antenna=NAME (usual: the first). "
+        "fov=calibrated (usual) or nominal, fov.CAMERA=DEGREES; start=antenna (usual) or rear-axle; "
+        "antenna=NAME (usual: the first). "
         "More: twin help paper.",
     ),
 ]

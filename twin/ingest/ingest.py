@@ -138,7 +138,7 @@ def ingest_drive(
         A network that finds the signs in the drive's pictures; annotations are then left unread.
     paper : mapping of str to str, optional
         How the paper's method is read (:mod:`twin.ingest.paper`): ``distance``, ``fov``, ``fov.CAMERA``,
-        ``antenna``.
+        ``start``, ``antenna``.
     replace : bool
         Whether the drive's other annotation sets are deleted, also by a folder without annotations.
     partial : bool
@@ -157,7 +157,8 @@ def ingest_drive(
     say = progress or (lambda _text: None)
     meanings = None if labels is None else Path(labels)
     drive = read_drive(Path(path), labels=meanings, detector=detector, progress=say)
-    drive, readings = with_paper_antenna(drive, paper), paper_readings(drive, paper)
+    drive = with_paper_antenna(drive, paper)
+    readings = paper_readings(drive, paper)
     budget = budget_of(drive, budget, errors or {})
     track_doubts = check_track(drive)
     if not partial:

@@ -11,7 +11,9 @@ from geoloc.locate.paper_readings import Distance, PaperReadings
 from twin.drives.drive import Drive
 from twin.errors import ConfigError
 
+_KEYS = ("distance", "fov", "start", "antenna")
 _FOV_OF = "fov."
+_STARTS = ("antenna", "rear-axle")
 _LENSES = ("calibrated", "nominal")
 # DriveWorks names a camera camera:front:wide:120fov, NTNU C3_tricam120.
 _IN_NAME = re.compile(r"(?<!\d)(\d{2,3})(?!\d)")
@@ -37,11 +39,12 @@ def with_paper_antenna(drive: Drive, asked: Mapping[str, str]) -> Drive:
 
 
 def paper_readings(drive: Drive, asked: Mapping[str, str]) -> PaperReadings:
-    """Read ``distance``, ``fov`` and ``fov.CAMERA`` for the annotated cameras of a drive.
+    """Read ``distance``, ``fov``, ``fov.CAMERA`` (of the annotated cameras) and ``start``.
 
     Parameters
     ----------
     drive : Drive
+        From `with_paper_antenna`.
     asked : mapping of str to str
         What was said, by key; nothing for the usual reading.
 
@@ -50,10 +53,10 @@ def paper_readings(drive: Drive, asked: Mapping[str, str]) -> PaperReadings:
     ConfigError
         No such key or value, or a camera whose name has no nominal field of view.
     """
-    unknown = [key for key in asked if key not in ("distance", "fov", "antenna") and key[:4] != _FOV_OF]
+    unknown = [key for key in asked if key not in _KEYS and key[:4] != _FOV_OF]
     if unknown:
         raise ConfigError(
-            f"--paper knows no {unknown[0]:.80}: its keys are distance, fov, fov.CAMERA and antenna "
+            f"--paper knows no {unknown[0]:.80}: its keys are distance, fov, fov.CAMERA, start and antenna "
             "(twin help paper)."
         )
     distance = _one_of("distance", asked.get("distance", Distance.REAR_AXLE), tuple(Distance))
@@ -67,7 +70,12 @@ def paper_readings(drive: Drive, asked: Mapping[str, str]) -> PaperReadings:
     if lens == "nominal":
         cameras = drive.annotated_cameras() - set(stated)
         stated |= {camera: _nominal_deg(camera) for camera in sorted(cameras)}
-    return PaperReadings(Distance(distance), stated)
+    start = _one_of("start", asked.get("start", _STARTS[0]), _STARTS)
+    arm_m = (0.0, 0.0)
+    if start == "rear-axle" and drive.gnss:  # poses are the rear axle's already
+        ahead_m, left_m, _ = drive.rig.antennas[drive.gnss[0].antenna].rig_t_antenna_m.tolist()
+        arm_m = ahead_m, left_m
+    return PaperReadings(Distance(distance), stated, arm_m)
 
 
 def told_readings(asked: Mapping[str, str]) -> tuple[str, ...]:

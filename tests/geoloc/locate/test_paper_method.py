@@ -176,17 +176,21 @@ def test_paper_is_an_independent_implementation_under_every_reading(source: str)
         if source == "receiver":
             fixes = [replace(order[0], heading_deg=_received_deg(drive, order[0].epoch_ns))]
         nearest = trajectory_from_gnss(fixes, arms).nearest_fix(stamps)
-        for distance, fov_deg in itertools.product(
-            Distance, ({}, {"C2_tricam60": 60.0, "C3_tricam120": 120.0})
+        own = ANTENNAS[order[0].antenna][0]
+        for distance, fov_deg, arm in itertools.product(
+            Distance, ({}, {"C2_tricam60": 60.0, "C3_tricam120": 120.0}), ((0.0, 0.0), own[:2])
         ):
-            readings = PaperReadings(distance, fov_deg)
+            readings = PaperReadings(distance, fov_deg, arm)
             found = locate_paper(drive.rig, Sightings(frames.camera, pixels), nearest, readings=readings)
             rows = np.flatnonzero(found.rejected == "")[::23]
             assert rows.size > 40
             for i in rows:
                 k = int(np.argmin(np.abs(fixes[0].host_ns - stamps[i])))
-                camera = str(frames.camera[i])
-                fix = fixes[0].latitude_deg[k], fixes[0].longitude_deg[k], _heading_by_hand(fixes, k, source)
+                camera, heading = str(frames.camera[i]), _heading_by_hand(fixes, k, source)
+                behind = heading + 180.0 - math.degrees(math.atan2(arm[1], arm[0]))
+                at = fixes[0].longitude_deg[k], fixes[0].latitude_deg[k]
+                longitude, latitude, _ = GEOD.fwd(*at, behind, math.hypot(*arm))
+                fix = latitude, longitude, heading
                 by_hand = _by_hand(CAMERAS[camera], tuple(pixels[i]), fix, str(distance), fov_deg.get(camera))
                 off_m = GEOD.inv(*by_hand, found.longitude_deg[i], found.latitude_deg[i])[2]
                 assert off_m < 1e-6

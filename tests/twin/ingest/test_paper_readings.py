@@ -17,7 +17,7 @@ from twin.reports.truth import Truth
 from twin.samples.write_drive import write_driveworks_trip
 from twin.store.store import Store
 
-FIRST_M, SECOND_M = "gnss50:vehicle", "gnss52:vehicle"
+SECOND = "gnss52:vehicle"
 
 
 def standing(folder: Path) -> SimulatedDrive:
@@ -59,15 +59,18 @@ def test_standing_car_is_located_by_the_headings_of_its_receiver(empty: Store, t
 
 
 def test_readings_are_those_asked_for_and_told(empty: Store, trip: Path) -> None:
-    """Another antenna stands 1.1 m aside: each object moves by that; the drive says how it was read."""
-    before = {}
-    for asked in ({}, {"antenna": SECOND_M}):
+    """The other antenna is 1.1 m aside: each object moves by that, and hardly if both start from the axle."""
+    start = {"start": "rear-axle"}
+    found = []
+    for asked in ({}, {"antenna": SECOND}, start, {"antenna": SECOND, **start}):
         report = ingest_drive(empty, trip, method="paper", paper=asked)
         frame = empty.estimates("paper")
-        here = np.column_stack([frame.geometry.x, frame.geometry.y])
-        before[len(asked)] = here
-    assert report.warnings[-1] == f"The paper's method was read with antenna={SECOND_M}."
-    assert np.hypot(*(before[1] - before[0]).T) == pytest.approx(1.11, abs=0.25)
+        found.append(np.column_stack([frame.geometry.x, frame.geometry.y]))
+    told = f"The paper's method was read with antenna={SECOND}, start=rear-axle."
+    assert report.warnings[-1] == told
+    first, second, of_axle, of_axle_too = found
+    assert np.hypot(*(second - first).T) == pytest.approx(1.11, abs=0.25)
+    assert np.median(np.hypot(*(of_axle_too - of_axle).T)) < 0.1
 
 
 @pytest.mark.parametrize(
@@ -78,6 +81,7 @@ def test_readings_are_those_asked_for_and_told(empty: Store, trip: Path) -> None
         ({"fov": "60"}, "write calibrated or nominal"),
         ({"fov.C9": "60"}, "no such camera"),
         ({"fov.C2_tricam60": "wide"}, "between 0 and 360"),
+        ({"start": "here"}, "write antenna or rear-axle"),
         ({"antenna": "roof"}, "no such antenna; it has gnss50"),
     ],
 )
