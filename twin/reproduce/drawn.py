@@ -36,7 +36,7 @@ def figure(experiment: Experiment) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    drawn = Figure(figsize=(11.0, 6.6), dpi=110, facecolor="white", layout="constrained")
+    drawn = Figure(figsize=(11.0, 6.6), dpi=90, facecolor="white", layout="constrained")
     panels = drawn.subplots(2, len(METHODS), sharex=True, sharey=True)
     for column, method in enumerate(METHODS):
         for row, errors in enumerate(experiment.of(method)):
