@@ -67,7 +67,7 @@ def _panel(axes: Axes, experiment: Experiment, errors: Sequence[Error]) -> None:
         experiment.series(errors).items(), _LOOKS * 4, strict=False
     ):
         step = max(1, points.error_m.size // _MOST_POINTS)
-        few = points.error_m.size < 60
+        few = len(errors) < 60
         axes.plot(
             points.distance_m[::step],
             points.error_m[::step],
