@@ -16,6 +16,7 @@ import msgspec
 import sqlalchemy as sa
 
 from reference.field_texts import written_below
+from twin.calibrate.difference.compare import CameraCompared
 from twin.calibrate.drives.history import Histories
 from twin.calibrate.drives.verify import Verification
 from twin.calibrate.extrinsics.calibrate import ExtrinsicsReport
@@ -139,6 +140,7 @@ Sensor = _shape(
     first_ns=(int, "epoch of the first sample, UTC"),
     last_ns=(int, "epoch of the last sample, UTC"),
 )
+ComparedCamera = _shape("ComparedCamera", CameraCompared, sentence=(str, "the verdict for a person"))
 LeftOut = _shape(
     "LeftOut",
     what=(str, "annotations, frames, …"),
@@ -330,6 +332,11 @@ SHAPES: Mapping[str, Any] = {
     "calibrate extrinsics": ExtrinsicsReport,
     "calibrate example-yard": _shape("ExampleYard", files=_FILES),
     "calibrate verify": _shape("Verified", Verification, leave=("errors_at",), plot=_PICTURE),
+    "calibrate diff": _shape(
+        "CalibrationDiff",
+        cameras=(list[ComparedCamera], "each that both have"),  # type: ignore[valid-type]
+        plot=_PICTURE,
+    ),
     "calibrate from-drives": _shape("FromDrives", Histories, plot=_PICTURE),
 }
 """Command → type of its document."""

@@ -109,6 +109,7 @@ class _CalibrateCommands(_LazyGroup):
         "example-yard": "calibrate_rig",
         "verify": "calibrate_rig",
         "from-drives": "calibrate_rig",
+        "diff": "calibrate_diff",
     }
 
 

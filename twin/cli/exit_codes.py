@@ -33,7 +33,8 @@ EXIT_CODES = (
     ExitCode(
         EXIT_BUG,
         "bug",
-        "An error in twin itself: please report it. Of `twin match --exit-code` alone: findings are open.",
+        "An error in twin itself: please report it. Of `--exit-code` alone: findings of `twin match` are "
+        "open, or cameras of `twin calibrate diff` differ.",
     ),
     ExitCode(EXIT_USAGE, "usage", "An unknown command or option, a wrong value, a wrong setting in a file."),
     ExitCode(EXIT_NETWORK, "network", "The network: NVDB did not answer as it should."),

@@ -10,7 +10,10 @@ from geoloc.arrays import BoolArray, FloatArray
 from geoloc.calibration.intrinsics.views import Corners
 
 CELL_PX = 8
+MAP_PX = 32
+"""Cells of maps that a report keeps."""
 _EDGES = 1e-9
+_DOWN, _ACROSS = ("top", "", "bottom"), ("left", "", "right")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +52,25 @@ class Coverage:
     def missing(self) -> tuple[str, ...]:
         """Names of the ninths of the image of which less than half is covered: ``top left``, ``middle``."""
         names = []
-        for band, down in zip(np.array_split(self.covered, 3, axis=0), ("top", "", "bottom"), strict=True):
-            for part, across in zip(np.array_split(band, 3, axis=1), ("left", "", "right"), strict=True):
+        for band, down in zip(np.array_split(self.covered, 3, axis=0), _DOWN, strict=True):
+            for part, across in zip(np.array_split(band, 3, axis=1), _ACROSS, strict=True):
                 if part.mean() < 0.5:
                     names.append(f"{down} {across}".strip() or "middle")
         return tuple(names)
+
+
+def map_pixels(width_px: int, height_px: int) -> FloatArray:
+    """Middles (rows, columns, 2) of cells of `MAP_PX` pixels, on the image: where maps are worked out."""
+    u, v = (
+        np.minimum(MAP_PX * (np.arange(-(-n // MAP_PX)) + 0.5) - 0.5, n - 1.0) for n in (width_px, height_px)
+    )
+    return np.stack(np.meshgrid(u, v), axis=-1)
+
+
+def part_name(pixel_px: FloatArray, width_px: int, height_px: int) -> str:
+    """Name of the ninth of the image that a pixel (2,) lies in: ``top left``, ``middle``, ``bottom``."""
+    column, row = np.clip((pixel_px + 0.5) / (width_px, height_px) * 3.0, 0, 2).astype(int)
+    return f"{_DOWN[row]} {_ACROSS[column]}".strip() or "middle"
 
 
 def coverage_of(corners: Corners, inlier: BoolArray, width_px: int, height_px: int) -> Coverage:

@@ -78,16 +78,13 @@ class Fit:
     def ray_covariance(self, pixel_px: FloatArray) -> FloatArray:
         """Covariance (n, 2, 2) of rays of pixels (n, 2), rad², across the ray.
 
-        What the parameters' covariance does to a ray: to first order, d ray = -(∂π/∂ray)⁻¹ ∂π/∂k dk.
-        NaN outside the domain.
+        What the parameters' covariance does to a ray (`ray_slopes`). NaN outside the domain.
         """
         ray, inside = self.camera.camera_ray_from_pixel(pixel_px)
         ray = np.where(inside[:, np.newaxis], ray, (0.0, 0.0, 1.0))
-        projection = self.lens.project(self.adjusted.state.lens, ray)
-        basis = tangents(ray)
-        by_ray = np.linalg.inv(projection.by_point @ basis) @ projection.by_lens
         n = len(self.lens.parameters)
-        covariance = by_ray @ self.adjusted.covariance[:n, :n] @ np.swapaxes(by_ray, -1, -2)
+        by_lens = np.swapaxes(tangents(ray), -1, -2) @ ray_slopes(self.lens, self.adjusted.state.lens, ray)
+        covariance = by_lens @ self.adjusted.covariance[:n, :n] @ np.swapaxes(by_lens, -1, -2)
         return np.where(inside[:, np.newaxis, np.newaxis], covariance, np.nan)
 
     def curve(self) -> RadialCurve:
@@ -160,6 +157,15 @@ def angular_residuals(camera: CameraModel, bundle: Bundle, state: BundleState) -
     board, _ = shaped(bundle.corners, state.shape)
     expected = np.einsum("nij,nj->ni", state.poses.rotation[view], board) + state.poses.position_m[view]
     return angle_between(camera.camera_ray_from_pixel(bundle.corners.pixel_px)[0], expected)
+
+
+def ray_slopes(lens: Lens, k: FloatArray, ray: FloatArray) -> FloatArray:
+    """Derivatives (n, 3, p) of the unit rays (n, 3) of pixels by the lens's unknowns (p,).
+
+    The pixel stays: to first order, d ray = -(∂π/∂ray)⁻¹ ∂π/∂k dk.
+    """
+    projection, basis = lens.project(k, ray), tangents(ray)
+    return np.asarray(-basis @ np.linalg.solve(projection.by_point @ basis, projection.by_lens))
 
 
 def tangents(ray: FloatArray) -> FloatArray:

@@ -107,7 +107,7 @@ def test_all_files_are_written_and_read_back(calibrated: Path, report: Any) -> N
     """Rig, OpenCV, Kalibr and OCamCalib files hold cameras that agree in the middle of the image."""
     own = calibrated / EXAMPLE_CAMERA
     files = {"opencv.yaml", "kalibr.yaml", "mrcal.cameramodel", "ocamcalib.txt", "report.json", "report.md"}
-    files |= {"residuals.png", "coverage.png", "curve.png"}
+    files |= {"residuals.png", "coverage.png", "curve.png", "metres.png"}
     assert {path.name for path in calibrated.iterdir()} == {"rig.json", EXAMPLE_CAMERA}
     assert {path.name for path in own.iterdir()} == files
     pixel = np.array([[480.0, 300.0], [600.0, 200.0]])

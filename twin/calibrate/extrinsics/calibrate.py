@@ -24,18 +24,21 @@ from twin.calibrate.boards.boards import Board
 from twin.calibrate.boards.detect import detect
 from twin.calibrate.boards.pictures import IMAGE_SUFFIXES, Progress, pictures
 from twin.calibrate.camera_files import RIG_NAME, file_name
+from twin.calibrate.difference.fits import read_fits
 from twin.calibrate.extrinsics.given_rig import GivenRig, read_given_rig
 from twin.calibrate.extrinsics.layout import YardLayout, read_layout
 from twin.calibrate.extrinsics.picture import draw_extrinsics
 from twin.calibrate.extrinsics.tag_corners import TagsFound, find_tags
 from twin.calibrate.mounting_files import drive_tables, kalibr_rig, mrcal_mounted, opencv_mounted
+from twin.calibrate.result_files import lens_reports
+from twin.calibrate.sign_metres import draw_mounted_metres
 from twin.drives.folder.sensor_names import named_in
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
 
 HAND = "hand"
 """Name of the camera that is carried around the car."""
-REPORT_NAME, PICTURE_NAME = "extrinsics.json", "extrinsics.png"
+REPORT_NAME, PICTURE_NAME, METRES_NAME = "extrinsics.json", "extrinsics.png", "metres.png"
 TABLES_NAME, KALIBR_NAME = "cameras.toml", "kalibr.yaml"
 
 
@@ -138,6 +141,7 @@ def calibrate_rig(
         If an input cannot be used, or no camera's pose is settled; nothing is written then.
     """
     layout = read_layout(_content(tags, "layout"), Path(tags).name)
+    rig = Path(rig)
     given = read_given_rig(rig)
     models: dict[str, CameraModel] = {name: camera.model for name, camera in given.rig.cameras.items()}
     if hand is not None:
@@ -154,7 +158,9 @@ def calibrate_rig(
         pose = found.cameras[name].rig_T_camera
         document = with_extrinsics(document, name, pose.R, pose.t_m, given.rig.source)
     texts = _mounting_texts(rig_from_document(document, given.rig.source), settled, given)
-    names = (RIG_NAME, *texts, REPORT_NAME, PICTURE_NAME)
+    # The lenses' own uncertainty goes on with the rig, for `calibrate diff` and for the metres.
+    texts |= lens_reports(rig if rig.is_dir() else rig.parent, settled)
+    names = (RIG_NAME, *texts, REPORT_NAME, PICTURE_NAME, METRES_NAME)
     report = ExtrinsicsReport(
         cameras=tuple(_found(found, name, given) for name in found.cameras),
         doubts=sentences,
@@ -169,8 +175,10 @@ def calibrate_rig(
     texts[REPORT_NAME] = json.dumps(_document(report, found), indent=2) + "\n"
     folder = make_folder(out)
     for name, text in texts.items():
+        make_folder((folder / name).parent)
         replace_file(folder / name, text.encode())
     draw_extrinsics(found, layout, folder / PICTURE_NAME)
+    draw_mounted_metres(read_fits(folder / RIG_NAME), settled, folder / METRES_NAME)
     return report
 
 

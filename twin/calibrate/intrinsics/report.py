@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from geoloc.calibration.intrinsics import Fit, angle_between, some
+from geoloc.calibration.intrinsics import Coverage, Fit, angle_between, some
+from geoloc.calibration.intrinsics.coverage import map_pixels
 from geoloc.doubts import Doubt
 from geoloc.rig.intrinsics import model_properties
 from twin.calibrate.intrinsics.calibrate import Calibrated
+from twin.calibrate.result_files import COVERED
 
 _NINTHS = 3
 
@@ -76,11 +78,22 @@ class RaySigma:
 
 @dataclass(frozen=True, slots=True)
 class CoveredImage:
-    """The part of the image that is vouched for, and the ninths of which it has less than half."""
+    """The part of the image that is vouched for, and the ninths of which it has less than half.
+
+    Attributes
+    ----------
+    part_of_the_image : float
+    hardly_covered : tuple of str
+    ray_sigma_deg : RaySigma
+    cells : tuple of str
+        Rows of the image's cells of 32 pixels, from its top left corner: ``#`` where a board covers a cell's
+        middle, ``.`` where none does.
+    """
 
     part_of_the_image: float
     hardly_covered: tuple[str, ...]
     ray_sigma_deg: RaySigma
+    cells: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +174,7 @@ def intrinsics_report(calibrated: Calibrated, name: str) -> IntrinsicsReport:
             coverage.fraction,
             coverage.missing(),
             RaySigma(_finite(np.nanmedian(intrinsics.sigma_deg)), _finite(np.nanmax(intrinsics.sigma_deg))),
+            _cells(coverage),
         ),
         board=BoardReport(
             calibrated.board.text, {name: ShapeTerm(*estimate) for name, estimate in fit.shape.items()}
@@ -170,6 +184,11 @@ def intrinsics_report(calibrated: Calibrated, name: str) -> IntrinsicsReport:
         left_out=dict(intrinsics.left_out),
         faults=calibrated.faults,
     )
+
+
+def _cells(coverage: Coverage) -> tuple[str, ...]:
+    covered = coverage.covers(map_pixels(coverage.width_px, coverage.height_px))
+    return tuple("".join(COVERED if cell else "." for cell in row) for row in covered.tolist())
 
 
 def _parameters(fit: Fit) -> tuple[Parameter, ...]:

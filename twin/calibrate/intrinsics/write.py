@@ -23,7 +23,9 @@ from twin.calibrate.camera_files import (
 from twin.calibrate.intrinsics.calibrate import Calibrated
 from twin.calibrate.intrinsics.plots import coverage_picture, curve_picture, residual_picture
 from twin.calibrate.intrinsics.report import intrinsics_report, report_markdown
+from twin.calibrate.sign_metres import lens_metres
 from twin.errors import RefusedError
+from twin.figures import png
 from twin.store.atomic_files import replace_file, replacing
 from twin.store.folders import make_folder
 
@@ -146,6 +148,7 @@ def _contents(calibrated: Calibrated, camera: str) -> dict[str, bytes]:
         "residuals.png": residual_picture(calibrated.intrinsics),
         "coverage.png": coverage_picture(calibrated.intrinsics),
         "curve.png": curve_picture(calibrated.intrinsics),
+        "metres.png": png(lens_metres(calibrated.intrinsics, camera)),
     }
     others = other_formats(calibrated.intrinsics.candidates, camera)
     report = intrinsics_report(calibrated, camera)

@@ -1,0 +1,1 @@
+"""Two calibrations of the same camera compared."""
