@@ -337,6 +337,9 @@ SHAPES: Mapping[str, Any] = {
         cameras=(list[ComparedCamera], "each that both have"),  # type: ignore[valid-type]
         plot=_PICTURE,
     ),
+    "calibrate print-board": _shape("PrintedBoard", files=_FILES),
+    "calibrate print-tags": _shape("PrintedTags", files=_FILES),
+    "calibrate print-yard": _shape("PrintedYard", files=_FILES),
     "calibrate from-drives": _shape("FromDrives", Histories, plot=_PICTURE),
 }
 """Command → type of its document."""

@@ -110,6 +110,9 @@ class _CalibrateCommands(_LazyGroup):
         "verify": "calibrate_rig",
         "from-drives": "calibrate_rig",
         "diff": "calibrate_diff",
+        "print-board": "calibrate_prints",
+        "print-tags": "calibrate_prints",
+        "print-yard": "calibrate_prints",
     }
 
 

@@ -1,0 +1,1 @@
+"""Boards, tags and the plan of a yard as PDF at true scale."""
