@@ -16,6 +16,7 @@ import msgspec
 import sqlalchemy as sa
 
 from reference.field_texts import written_below
+from twin.calibrate.coverage.look import CoverageReport
 from twin.calibrate.difference.compare import CameraCompared
 from twin.calibrate.drives.history import Histories
 from twin.calibrate.drives.verify import Verification
@@ -337,6 +338,7 @@ SHAPES: Mapping[str, Any] = {
         cameras=(list[ComparedCamera], "each that both have"),  # type: ignore[valid-type]
         plot=_PICTURE,
     ),
+    "calibrate coverage": _shape("Coverage", CoverageReport, plot=_PICTURE),
     "calibrate print-board": _shape("PrintedBoard", files=_FILES),
     "calibrate print-tags": _shape("PrintedTags", files=_FILES),
     "calibrate print-yard": _shape("PrintedYard", files=_FILES),

@@ -110,6 +110,7 @@ class _CalibrateCommands(_LazyGroup):
         "verify": "calibrate_rig",
         "from-drives": "calibrate_rig",
         "diff": "calibrate_diff",
+        "coverage": "calibrate_coverage",
         "print-board": "calibrate_prints",
         "print-tags": "calibrate_prints",
         "print-yard": "calibrate_prints",

@@ -1,0 +1,1 @@
+"""Which pictures of a board are still missing."""
