@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 
 
 class Annotation(NamedTuple):
-    """One row of :class:`Annotations`."""
+    """One row of :class:`Annotations`, or what lies on the ground.
+
+    Of the latter `kind` is ``point``, ``line`` or ``area``, and `outline_px` has the corners; it is empty
+    otherwise.
+    """
 
     camera: str
     frame: int
@@ -36,6 +40,7 @@ class Annotation(NamedTuple):
     file: str
     is_measured: bool = True
     is_track: bool = False
+    outline_px: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +106,7 @@ class Annotations:
             **{
                 name: np.array(column, kinds.get(name, np.str_)).reshape(shapes.get(name, (-1,)))
                 for name, column in zip(Annotation._fields, columns, strict=True)
+                if name != "outline_px"
             }
         )
 
@@ -158,6 +164,8 @@ class Drive:
         they are.
     other_objects : mapping of label to vegobjekttype
         Labels of annotations that are no signs: they are located, and not compared with NVDB.
+    on_ground : tuple of Annotation
+        Points, lines and areas on the ground, that somebody drew (`twin.objects` locates them).
     """
 
     drive_id: str
@@ -183,6 +191,7 @@ class Drive:
     interpolated: Annotations = field(default_factory=lambda: Annotations.of(()))
     errors: Mapping[str, float] = field(default_factory=dict)
     clock: StatedClock | None = None
+    on_ground: tuple[Annotation, ...] = ()
 
     def annotated_cameras(self) -> set[str]:
         """Cameras of which something was annotated."""

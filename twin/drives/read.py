@@ -48,10 +48,10 @@ from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig
 from twin.drives.annotations.frame_numbers import first_frame_warnings
 from twin.drives.annotations.gather import stamped
-from twin.drives.annotations.key_frames import key_frames
+from twin.drives.annotations.key_frames import drawn_on_ground, key_frames
 from twin.drives.annotations.read import label_files, read_annotations
 from twin.drives.detection.read import read_detections
-from twin.drives.drive import Annotations, Drive
+from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings, read_settings
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, Progress, ReadingNotes
@@ -139,7 +139,9 @@ def read_drive(
     notes.skipped += unstamped
     offset_ns = settings.camera_offset_ns
     notes.warn(DriveDoubt.CLOCK, *check_span(in_view, stamps, stamp_files, offset_ns, track))
-    notes.warn(DriveDoubt.RIG, *_unplaced(track.rig, np.unique(in_view.camera).tolist()))
+    on_ground = drawn_on_ground(annotated.on_ground, stamps, stamp_files, notes)
+    of_ground = {row.camera for row in on_ground}
+    notes.warn(DriveDoubt.RIG, *_unplaced(track.rig, sorted({*in_view.camera.tolist(), *of_ground})))
     annotations, interpolated = key_frames(in_view, notes)
     return Drive(
         drive_id=folder.drive_id(),
@@ -166,12 +168,13 @@ def read_drive(
         other_objects=annotated.other_objects,
         interpolated=interpolated,
         errors=settings.errors,
-        clock=_clock(annotations, stamps, clocks, track),
+        clock=_clock({*annotations.camera.tolist(), *of_ground}, stamps, clocks, track),
+        on_ground=on_ground,
     )
 
 
 def _clock(
-    annotations: Annotations,
+    cameras: Collection[str],
     stamps: Mapping[str, IntArray],
     clocks: Mapping[str, StatedClock],
     track: Track,
@@ -181,7 +184,7 @@ def _clock(
     epochs = np.empty(0, dtype=np.int64) if track.poses is None else track.poses.epoch_ns
     of_cameras = [
         clocks[camera]
-        for camera in np.unique(annotations.camera).tolist()
+        for camera in sorted(cameras)
         if camera in clocks and not np.isin(stamps[camera][stamps[camera] != NO_STAMP], epochs).all()
     ]
     return worst([*of_cameras, of_host(track.gnss)])

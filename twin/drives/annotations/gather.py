@@ -22,6 +22,9 @@ Whether it was measured
     What its reader says (CVAT's and Label Studio's own marks), and the attribute ``keyframe``, by which CVAT
     marks the rows of tracks in the formats of other tools.
 
+What lies on the ground
+    What ``labels.toml`` calls so: points, lines and polygons, kept apart from signs with all their corners.
+
 What it is
     The attribute ``skiltnummer``; else what the drive's ``labels.toml`` says of the label; else a label that
     begins with a sign code; else the labels that ship with twin (:mod:`.labels`). What is written on it
@@ -42,7 +45,7 @@ from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig, RigCamera
 from twin.drives.annotations.camera_of_file import CameraChooser
 from twin.drives.annotations.drawn_size import check_reach, check_size
-from twin.drives.annotations.formats.shapes import KEY_FRAME, AnnotationFile, Shape, is_key_frame
+from twin.drives.annotations.formats.shapes import KEY_FRAME, AnnotationFile, Pixel, Shape, is_key_frame
 from twin.drives.annotations.frame_numbers import frame_of, is_numbered
 from twin.drives.annotations.labels import LabelMap, Meanings, codes_from_attribute
 from twin.drives.annotations.left_out import (
@@ -61,6 +64,7 @@ from twin.errors import DriveError
 OBJECT_ATTRIBUTES = ("object", "object_id")
 TEXT_ATTRIBUTES = ("text", "tekst")
 _HIGHEST_FRAME = 2**62
+_NO_OUTLINE = "a box of what lies on the ground: draw it as a point, a line or a polygon"
 _LONGEST_TEXT = 200
 """Texts are kept in arrays of one width: a single long one would take its length in every row."""
 
@@ -81,6 +85,8 @@ class AnnotationsRead:
         Cameras whose frames are numbers in a CSV or in names of images, and one of them.
     warnings : tuple of str
         Of each camera of a file of whose annotations not one could be used.
+    on_ground : tuple of Annotation
+        Points, lines and areas of what lies on the ground, in the same order.
     """
 
     annotations: Annotations
@@ -91,6 +97,7 @@ class AnnotationsRead:
     unsized: frozenset[str] = frozenset()
     numbered: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    on_ground: tuple[Annotation, ...] = ()
 
 
 def gather(
@@ -151,7 +158,7 @@ def gather(
         where = ", ".join(sorted({row.file for row in named}))
         skipped.append(skipped_annotations(SkipKind.REPEATED, where, len(named) - len(unique)))
     return AnnotationsRead(
-        Annotations.of(unique),
+        Annotations.of([row for row in unique if not row.outline_px]),
         tuple(sorted(cameras)),
         tuple(skipped),
         meanings.other_objects(),
@@ -159,6 +166,7 @@ def gather(
         frozenset(unsized),
         numbered,
         tuple(warnings),
+        tuple(row for row in unique if row.outline_px),
     )
 
 
@@ -233,6 +241,10 @@ def _rows(
         if meaning.is_ignored:
             context.ignored[label] += 1
             continue
+        kind, outline = _on_ground(shape) if meaning.is_on_ground else (shape.kind, ())
+        if not kind:
+            context.faults.setdefault(camera.name, Counter())[_NO_OUTLINE] += 1
+            continue
         has_id = bool(name or track)
         if not track:
             singles[camera.name, frame] += 1
@@ -245,14 +257,24 @@ def _rows(
             label,
             meaning.codes,
             _text(attributes),
-            shape.kind,
+            kind,
             shape.pixel_px,
             shape.box_px,
             file.where,
             is_measured=shape.is_measured and is_key_frame(shape.attributes.get(KEY_FRAME)),
             is_track=has_id and not name,
+            outline_px=outline,
         )
         yield row, track
+
+
+def _on_ground(shape: Shape) -> tuple[str, tuple[Pixel, ...]]:
+    """Return what a shape on the ground is, and its corners; "" for a box, whose corners lie in the air."""
+    if shape.kind == "foot":
+        return "point", (shape.pixel_px,)
+    if shape.kind == "line":
+        return "line", shape.outline_px
+    return ("area", shape.outline_px) if len(shape.outline_px) > 2 else ("", ())
 
 
 def _text(attributes: Mapping[str, str]) -> str:
@@ -306,9 +328,9 @@ def _unusable(shape: Shape, frame: int, camera: RigCamera) -> str:
     if not 0 <= frame < _HIGHEST_FRAME:
         return "frame number unreadable"
     width, height = camera.model.width_px, camera.model.height_px
-    x, y = shape.pixel_px
-    if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
-        return "outside the image"
+    for x, y in (shape.pixel_px, *shape.outline_px):
+        if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
+            return "outside the image"
     left, top, right, bottom = shape.box_px
     if right - left > width or bottom - top > height:
         return "box larger than the image"

@@ -7,6 +7,8 @@
     "Speed 50" = "362.50"
     "speed and hump" = ["362.50", "808.105"] # several plates, top down
     "guard rail end" = { type = 14 }         # another NVDB type: located and exported, not compared with NVDB
+    "kerb" = { type = 9, ground = true }     # lies on the ground: `twin objects` locates it
+    "hole" = { ground = true }               # the same, of no NVDB type
     "object--vehicle--*" = "ignore"
 
 Case, blanks, ``-`` and ``_`` do not matter; ``*`` stands for anything. A name without ``*`` comes before
@@ -49,11 +51,14 @@ class Meaning:
         Vegobjekttype of an object that is no sign.
     is_ignored : bool
         Whether it is no road object at all.
+    is_on_ground : bool
+        Whether it lies on the ground, drawn as a point, line or polygon, and is never read as a sign.
     """
 
     codes: str = ""
     nvdb_type: int | None = None
     is_ignored: bool = False
+    is_on_ground: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +89,11 @@ class LabelMap:
             return self.exact[plain]
         return next((meaning for pieces, meaning in self.patterns if _matches(pieces, plain)), None)
 
+    def is_on_ground(self, label: str) -> bool:
+        """Whether a label is of what lies on the ground."""
+        meaning = self.of(label)
+        return meaning is not None and meaning.is_on_ground
+
 
 class Meanings:
     """Says what the labels of one drive mean, and remembers which were asked for.
@@ -106,11 +116,11 @@ class Meanings:
 
     def of(self, label: str, skiltnummer: str) -> Meaning:
         """Return the meaning of a label beside the codes of the attribute ``skiltnummer``."""
-        if skiltnummer:
-            return Meaning(skiltnummer)
         if label not in self._known:
             self._known[label] = self._look_up(label)
         meaning = self._known[label]
+        if skiltnummer and not (meaning and meaning.is_on_ground):
+            return Meaning(skiltnummer)
         if meaning is None:
             self.unmapped[label] += 1
         return meaning or Meaning()
@@ -196,8 +206,11 @@ def _document(content: bytes, where: str) -> dict[str, Any]:
 def _meaning(label: str, value: object, where: str) -> Meaning:
     if value == IGNORE:
         return Meaning(is_ignored=True)
-    if isinstance(value, dict) and set(value) == {"type"}:
-        return Meaning(nvdb_type=_type(label, value["type"], where))
+    if isinstance(value, dict) and value and set(value) <= {"type", "ground"}:
+        number = _type(label, value["type"], where) if "type" in value else None
+        ground = value.get("ground", False)
+        if isinstance(ground, bool) and (ground or number is not None):
+            return Meaning(nvdb_type=number, is_on_ground=ground)
     given = [value] if isinstance(value, str) else value
     if isinstance(given, list) and given and all(isinstance(one, str) for one in given):
         codes = [codes_from_attribute(one) for one in given]
@@ -205,7 +218,7 @@ def _meaning(label: str, value: object, where: str) -> Meaning:
             return Meaning(";".join(codes))
     raise DriveError(
         f'{where} maps {label!r:.60} to {value!r:.60}: write a sign code ("362.50"), a list of them, '
-        f'{{ type = 14 }} for another NVDB type, or "{IGNORE}".'
+        f'{{ type = 14 }} for another NVDB type, {{ type = 9, ground = true }} for one on the ground, or "{IGNORE}".'
     )
 
 

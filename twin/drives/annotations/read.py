@@ -49,7 +49,7 @@ def read_annotations(
     label_map = read_drive_labels(folder, labels)
     label_file = LABELS_FILE if labels is None else labels.name
     notes.warn(DriveDoubt.LABELS, *unknown_codes_warning(label_map, label_file))
-    hints = Hints(label_map.foot_keypoints)
+    hints = Hints(label_map.foot_keypoints, on_ground=label_map.is_on_ground)
     files: list[tuple[AnnotationFile, str | None]] = []
     if settings.annotations is None:
         files += ((file, None) for file in find_annotations(folder, notes, hints))
@@ -61,7 +61,8 @@ def read_annotations(
     notes.warnings += _warnings(folder, [file.where for file, _ in files], read)
     notes.warn(DriveDoubt.ANNOTATIONS, *read.warnings, *reach_warnings(read.annotations, read.unsized, rig))
     n_files = sum(file.n_files for file, _ in files)
-    notes.say(f"Annotations: {len(read.annotations.frame)} in {n_files} file{'' if n_files == 1 else 's'}.")
+    n_read = len(read.annotations.frame) + len(read.on_ground)
+    notes.say(f"Annotations: {n_read} in {n_files} file{'' if n_files == 1 else 's'}.")
     return read
 
 
@@ -101,7 +102,7 @@ def _warnings(folder: DriveFolder, files: list[str], read: AnnotationsRead) -> t
             f"{folder.root.name} holds no annotations ({NAMES}), so the drive has a track but no sightings."
         )
         return doubts(DriveDoubt.NO_ANNOTATION_FILES, none + nearly)
-    if not len(read.annotations.frame):
+    if not len(read.annotations.frame) and not read.on_ground:
         nothing = f"{', '.join(files)}: not one point or box that can be used, so the drive has no sightings."
         return doubts(DriveDoubt.ANNOTATIONS, nothing)
     return doubts(DriveDoubt.LABELS, *unmapped_warning(read))

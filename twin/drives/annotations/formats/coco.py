@@ -3,12 +3,12 @@
 The format: https://cocodataset.org/#format-data. Boxes are ``[x, y, width, height]`` from the corner of the
 first pixel. Tracks, which COCO does not know, stand in ``track_id`` of an annotation or of its
 ``attributes`` (so CVAT writes them, with the attribute ``keyframe``). ``iscrowd`` marks a heap of objects,
-which is none.
+which is none. Of what lies on the ground by ``labels.toml`` the polygon counts, not the box.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from twin.drives.annotations.formats.shapes import (
     Hints,
     Shape,
     UnusableShapeError,
+    area_at,
     box_around,
     box_at,
     foot_at,
@@ -47,7 +48,7 @@ def read_coco(document: object, where: str, hints: Hints = NO_HINTS) -> Annotati
             category = categories.get(key(annotation.get("category_id")), {})
             if image is None:
                 raise UnusableShapeError("image that is not listed")
-            shape = _shape(annotation, category, hints.feet)
+            shape = _shape(annotation, category, hints)
             attributes = texts(annotation.get("attributes"))
             number = whole(image.get("id"))
             file.shapes.append(
@@ -64,12 +65,14 @@ def read_coco(document: object, where: str, hints: Hints = NO_HINTS) -> Annotati
     return file
 
 
-def _shape(annotation: Mapping[str, Any], category: Mapping[str, Any], feet: Collection[str]) -> Shape:
+def _shape(annotation: Mapping[str, Any], category: Mapping[str, Any], hints: Hints) -> Shape:
     if annotation.get("iscrowd") == 1:
         raise UnusableShapeError("a crowd, not one object")
     keypoints = sequence(annotation.get("keypoints"))
     if keypoints:
-        return _foot(keypoints, [text(name) for name in sequence(category.get("keypoints"))], feet)
+        return _foot(keypoints, [text(name) for name in sequence(category.get("keypoints"))], hints.feet)
+    if hints.on_ground(text(category.get("name"))):
+        return _area(sequence(annotation.get("segmentation")))
     corner = sequence(annotation.get("bbox"))
     if len(corner) == 4:
         x, y, width, height = numbers(*corner)
@@ -79,6 +82,16 @@ def _shape(annotation: Mapping[str, Any], category: Mapping[str, Any], feet: Col
         flat = [value for segment in segments for value in sequence(segment)]
         return box_around(pairs(numbers(*flat)))
     raise UnusableShapeError("neither box nor keypoints")
+
+
+def _area(parts: Sequence[Any]) -> Shape:
+    """Return the polygon of what lies on the ground; a mask (run lengths) has no corners."""
+    if len(parts) != 1:
+        raise UnusableShapeError(
+            "what lies on the ground without one polygon: annotate it as one, and several parts as several"
+            " objects"
+        )
+    return area_at(pairs(numbers(*sequence(parts[0]))))
 
 
 def _foot(keypoints: Any, names: list[str], feet: Collection[str]) -> Shape:

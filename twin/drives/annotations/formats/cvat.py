@@ -4,11 +4,12 @@ The format: https://docs.cvat.ai/docs/dataset_management/formats/format-cvat/. W
 
 - ``<points>`` with exactly one point, the foot of a pole;
 - ``<skeleton>``, if one of its points is called foot (or it has only one): that point;
-- ``<box>``, and ``<polygon>`` by the box around it, the face of a sign.
+- ``<box>``, and ``<polygon>`` by the box around it, the face of a sign;
+- ``<polygon>`` by its corners and ``<polyline>``, if ``labels.toml`` says that its label lies on the ground.
 
-Polylines, other skeletons, tags and the rest are counted by kind. Rows with ``outside="1"`` say that the
-object is *not* in view: they are no annotations, and are not counted either. Rows with ``keyframe="0"`` were
-put there by CVAT, between two that somebody set.
+Other polylines, other skeletons, tags and the rest are counted by kind. Rows with ``outside="1"`` say that
+the object is *not* in view: they are no annotations, and are not counted either. Rows with ``keyframe="0"``
+were put there by CVAT, between two that somebody set.
 """
 
 from __future__ import annotations
@@ -28,11 +29,12 @@ from twin.drives.annotations.formats.shapes import (
     Hints,
     Shape,
     UnusableShapeError,
-    box_around,
+    area_at,
     box_at,
     foot_at,
     foot_of,
     is_key_frame,
+    line_at,
     numbers,
     of_kind,
 )
@@ -71,9 +73,9 @@ def read_cvat(content: bytes, where: str, hints: Hints = NO_HINTS) -> Annotation
         if element.tag == "meta":
             sizes |= _read_meta(element, file)
         elif element.tag == "image":
-            _read_image(element, file, hints.feet)
+            _read_image(element, file, hints)
         elif element.tag == "track":
-            _read_track(element, file, sizes, hints.feet)
+            _read_track(element, file, sizes, hints)
     return file
 
 
@@ -160,7 +162,7 @@ def _size(width: str | None, height: str | None) -> tuple[int, int] | None:
     return pair if min(pair) > 0 else None
 
 
-def _read_image(image: Element, file: AnnotationFile, feet: Collection[str]) -> None:
+def _read_image(image: Element, file: AnnotationFile, hints: Hints) -> None:
     number = _whole(image.get("id"))
     for element in image:
         if element.tag in _NOT_SHAPES:
@@ -168,7 +170,7 @@ def _read_image(image: Element, file: AnnotationFile, feet: Collection[str]) -> 
         with file.counting():
             file.shapes.append(
                 replace(
-                    _shape(element, feet),
+                    _shape(element, hints, element.get("label", "")),
                     label=element.get("label", ""),
                     attributes=_attributes(element),
                     image=image.get("name", ""),
@@ -180,11 +182,11 @@ def _read_image(image: Element, file: AnnotationFile, feet: Collection[str]) -> 
 
 
 def _read_track(
-    track: Element, file: AnnotationFile, sizes: Mapping[str, tuple[int, int]], feet: Collection[str]
+    track: Element, file: AnnotationFile, sizes: Mapping[str, tuple[int, int]], hints: Hints
 ) -> None:
     task = track.get("task_id", "")
     only_size = next(iter(sizes.values())) if len(sizes) == 1 else None
-    rows, said = _rows_of_foot(track, feet)
+    rows, said = _rows_of_foot(track, hints.feet)
     for element in rows:
         if element.tag in _NOT_SHAPES or element.get("outside") == "1":
             continue
@@ -194,7 +196,7 @@ def _read_track(
                 raise UnusableShapeError("frame number unreadable")
             file.shapes.append(
                 replace(
-                    _shape(element, feet),
+                    _shape(element, hints, track.get("label", "")),
                     label=track.get("label", ""),
                     attributes={**said.get(frame, {}), **_attributes(element)},
                     track=track.get("id", ""),
@@ -232,16 +234,18 @@ def _attributes(element: Element) -> dict[str, str]:
     return {a.get("name", ""): (a.text or "").strip() for a in element.iter("attribute")}
 
 
-def _shape(element: Element, feet: Collection[str]) -> Shape:
+def _shape(element: Element, hints: Hints, label: str) -> Shape:
     if element.tag == "points":
         return foot_at(*_points(element)[0])
     if element.tag == "polygon":
-        return box_around(_points(element))
+        return area_at(_points(element))
+    if element.tag == "polyline" and hints.on_ground(label):
+        return line_at(_points(element))
     if element.tag == "box":
         return _box(element)
     if element.tag == "skeleton":
         points = element.findall("points")
-        which = foot_of([point.get("label", "") for point in points], feet)
+        which = foot_of([point.get("label", "") for point in points], hints.feet)
         if which is not None:
             return _marked(points[which])
     raise of_kind(element.tag)

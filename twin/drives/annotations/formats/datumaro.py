@@ -19,7 +19,7 @@ from twin.drives.annotations.formats.shapes import (
     Hints,
     Shape,
     UnusableShapeError,
-    box_around,
+    area_at,
     box_at,
     foot_at,
     foot_of,
@@ -106,7 +106,7 @@ def _shape(annotation: Mapping[str, Any], kind: str, categories: _Categories) ->
         x, y, width, height = numbers(*corner)
         return box_at(x, y, x + width, y + height)
     if kind == "polygon":
-        return box_around(pairs(numbers(*points)))
+        return area_at(pairs(numbers(*points)))
     if kind == "points":
         return _foot([points[k : k + 2] for k in range(0, len(points), 2)], annotation, categories)
     if kind == "skeleton":

@@ -1,7 +1,8 @@
 """labelme: one JSON for each image.
 
 The format: https://github.com/wkentaro/labelme. A ``point`` is a foot; a ``rectangle``, ``polygon``,
-``circle`` or ``mask`` (by its corners) is a face; lines are neither. ``group_id`` ties shapes together, in
+``circle`` or ``mask`` (by its corners) is a face; lines are neither, unless ``labels.toml`` says that their
+label lies on the ground, where a polygon counts by its corners. ``group_id`` ties shapes together, in
 one image and, where the annotator kept the numbers, across images: it is the track. ``description`` is what
 is written on the sign: labelme has no other place for it. The picture that may be embedded is not looked at.
 """
@@ -21,8 +22,10 @@ from twin.drives.annotations.formats.shapes import (
     Pixel,
     Shape,
     UnusableShapeError,
+    area_at,
     box_around,
     foot_at,
+    line_at,
     numbers,
     of_kind,
 )
@@ -36,7 +39,7 @@ def looks_like_labelme(document: object) -> bool:
     return isinstance(top.get("shapes"), list) and "imagePath" in top
 
 
-def read_labelme(document: object, where: str, _hints: Hints = NO_HINTS) -> AnnotationFile:
+def read_labelme(document: object, where: str, hints: Hints = NO_HINTS) -> AnnotationFile:
     """Read the annotations of one image; its name is the file's where that is not given."""
     file, top = AnnotationFile(where, TOOL), mapping(document)
     image, size = text(top.get("imagePath")) or where, size_px(top.get("imageWidth"), top.get("imageHeight"))
@@ -44,7 +47,7 @@ def read_labelme(document: object, where: str, _hints: Hints = NO_HINTS) -> Anno
         with file.counting():
             file.shapes.append(
                 replace(
-                    _shape(drawn),
+                    _shape(drawn, hints),
                     label=text(drawn.get("label")),
                     attributes={"text": text(drawn.get("description")), **texts(drawn.get("flags"))},
                     track=key(drawn.get("group_id")),
@@ -55,12 +58,16 @@ def read_labelme(document: object, where: str, _hints: Hints = NO_HINTS) -> Anno
     return file
 
 
-def _shape(drawn: Mapping[str, Any]) -> Shape:
+def _shape(drawn: Mapping[str, Any], hints: Hints) -> Shape:
     kind = text(drawn.get("shape_type")) or "polygon"  # files older than version 4 knew nothing else
     points = _points(drawn)
     if kind == "point" and len(points) == 1:
         return foot_at(*points[0])
-    if kind in {"rectangle", "polygon", "mask"} and len(points) >= 2:
+    if kind == "polygon" and len(points) >= 2:
+        return area_at(points)
+    if kind in {"line", "linestrip"} and hints.on_ground(text(drawn.get("label"))):
+        return line_at(points)
+    if kind in {"rectangle", "mask"} and len(points) >= 2:
         return box_around(points)
     if kind == "circle" and len(points) == 2:
         (x, y), edge = points[0], points[1]

@@ -19,7 +19,7 @@ from twin.drives.annotations.formats.shapes import (
     Hints,
     Shape,
     UnusableShapeError,
-    box_around,
+    area_at,
     box_at,
     numbers,
 )
@@ -108,7 +108,7 @@ def _shape(thing: Element) -> Shape:
     polygon = thing.find("polygon")
     if polygon is not None:
         corners = [numbers(point.findtext("x"), point.findtext("y")) for point in polygon.iter("pt")]
-        return box_around([(x, y) for x, y in corners])
+        return area_at([(x, y) for x, y in corners])
     box = thing.find("segm/box")
     if box is not None:
         return box_at(*numbers(*(box.findtext(edge) for edge in ("xmin", "ymin", "xmax", "ymax"))))

@@ -24,6 +24,7 @@ from twin.drives.annotations.formats.shapes import (
     Pixel,
     Shape,
     UnusableShapeError,
+    area_at,
     as_fraction,
     box_around,
     foot_at,
@@ -189,7 +190,7 @@ def _shape(value: Mapping[str, Any], kind: str, per_x: float, per_y: float) -> S
         corners = [numbers(*sequence(point)) for point in sequence(value.get("points"))]
         if not all(len(corner) == 2 for corner in corners):
             raise UnusableShapeError("coordinates unreadable")
-        return box_around([(x * per_x, y * per_y) for x, y in corners])
+        return area_at([(x * per_x, y * per_y) for x, y in corners])
     x, y = numbers(value.get("x"), value.get("y"))
     if kind == "keypoint":
         return foot_at(x * per_x, y * per_y)

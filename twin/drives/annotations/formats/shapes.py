@@ -1,8 +1,10 @@
 """What every annotation tool's export becomes: points and boxes on pictures.
 
 A **foot** is a point: where the pole meets the ground. A **box** is the face of a sign; a polygon, an ellipse
-or a turned rectangle counts as the upright box around it. An object with a keypoint that is named as its foot
-(:data:`FOOT_WORDS`) is that foot: its box is then of the whole object, pole and all, and no face.
+or a turned rectangle counts as the upright box around it. What lies on the ground (a label that
+``labels.toml`` calls so) keeps the corners of its polygon, and may be a **line**. An object with a keypoint
+that is named as its foot (:data:`FOOT_WORDS`) is that foot: its box is then of the whole object, pole and
+all, and no face.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -37,18 +39,21 @@ Edges = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One point or box.
+    """One point, box or line.
 
     Attributes
     ----------
     kind : str
-        ``foot`` or ``box``.
+        ``foot``, ``box``, or ``line``: of what lies on the ground alone.
     pixel_px : (x, y)
-        The foot, or the centre of the box; (0, 0) is the centre of the first pixel.
+        The foot, or the centre of the box, or of that around the line; (0, 0) is the centre of the first
+        pixel.
     box_px : (left, top, right, bottom)
         NaN for points.
+    outline_px : tuple of (x, y)
+        Corners of a polygon or a line in their order, the first not again at the end; empty for others.
     is_fraction : bool
-        Whether `pixel_px` and `box_px` are fractions of the image, from its corner, since the tool does not
+        Whether the coordinates are fractions of the image, from its corner, since the tool does not
         say how large it is: :meth:`in_pixels` turns them into pixels.
     label : str
     attributes : mapping of str to str
@@ -72,6 +77,7 @@ class Shape:
     kind: str
     pixel_px: Pixel
     box_px: Edges = NO_BOX
+    outline_px: tuple[Pixel, ...] = ()
     is_fraction: bool = False
     label: str = ""
     attributes: Mapping[str, str] = field(default_factory=dict)
@@ -99,6 +105,7 @@ class Shape:
                 right * width_px - half,
                 bottom * height_px - half,
             ),
+            outline_px=tuple((x * width_px - half, y * height_px - half) for x, y in self.outline_px),
             is_fraction=False,
         )
 
@@ -148,10 +155,13 @@ class Hints:
         Names of keypoints that are the foot, which ``labels.toml`` adds.
     classes : YoloClasses or None
         Names of the classes of YOLO files; None where the folder has none.
+    on_ground : callable
+        Whether ``labels.toml`` says of a label that it is of what lies on the ground.
     """
 
     feet: Collection[str] = ()
     classes: YoloClasses | None = None
+    on_ground: Callable[[str], bool] = lambda _label: False
 
 
 NO_HINTS = Hints()
@@ -250,13 +260,49 @@ def box_around(points: Sequence[Pixel]) -> Shape:
     return box_at(min(x), min(y), max(x), max(y))
 
 
+def area_at(points: Sequence[Pixel]) -> Shape:
+    """Return a polygon, from the corner of the first pixel: a face by the box around it, with its corners.
+
+    Raises
+    ------
+    UnusableShapeError
+        As `box_around`.
+    """
+    return replace(box_around(points), outline_px=_outline(points))
+
+
+def line_at(points: Sequence[Pixel]) -> Shape:
+    """Return a line on the ground through points that are counted from the corner of the first pixel.
+
+    Raises
+    ------
+    UnusableShapeError
+        If it has no length.
+    """
+    outline = _outline(points)
+    if len(set(outline)) < 2:
+        raise UnusableShapeError("line without length")
+    x, y = zip(*outline, strict=True)
+    edges = (min(x), min(y), max(x), max(y))
+    return Shape("line", ((edges[0] + edges[2]) / 2, (edges[1] + edges[3]) / 2), edges, outline)
+
+
+def _outline(points: Sequence[Pixel]) -> tuple[Pixel, ...]:
+    """Corners from the centre of the first pixel; one that is set twice, as tools close polygons, once."""
+    half = _CORNER_TO_CENTRE_PX
+    moved = [(x - half, y - half) for x, y in points]
+    kept = [point for k, point in enumerate(moved) if not k or point != moved[k - 1]]
+    return tuple(kept[:-1] if len(kept) > 2 and kept[0] == kept[-1] else kept)
+
+
 def as_fraction(shape: Shape) -> Shape:
     """Return the same for coordinates that are fractions of the image: no pixel's half is taken off yet."""
     half = _CORNER_TO_CENTRE_PX
     x, y = shape.pixel_px
     left, top, right, bottom = shape.box_px
     box = (left + half, top + half, right + half, bottom + half)
-    return replace(shape, pixel_px=(x + half, y + half), box_px=box, is_fraction=True)
+    outline = tuple((u + half, v + half) for u, v in shape.outline_px)
+    return replace(shape, pixel_px=(x + half, y + half), box_px=box, outline_px=outline, is_fraction=True)
 
 
 def pairs(values: Sequence[float]) -> list[Pixel]:

@@ -21,8 +21,8 @@ from twin.drives.annotations.formats.shapes import (
     Shape,
     UnusableShapeError,
     YoloClasses,
+    area_at,
     as_fraction,
-    box_around,
     box_at,
     foot_at,
     foot_of,
@@ -126,7 +126,7 @@ def _shape(values: list[float], classes: YoloClasses, feet: Collection[str]) -> 
         track = str(int(values[4])) if n == 5 and values[4] > 1 and values[4] == int(values[4]) else ""
         return replace(as_fraction(box), track=track)
     if not classes.n_keypoints and n >= 6 and n % 2 == 0:
-        return as_fraction(box_around(pairs(values)))
+        return as_fraction(area_at(pairs(values)))
     if classes.n_keypoints:
         said = f"kpt_shape in data.yaml makes it {n_pose + 1}"
     else:
