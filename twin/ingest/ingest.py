@@ -18,7 +18,7 @@ from geoloc.locate.records import Kind
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.reasons import Reason, sentence_of, stands_far_away
 from geoloc.trajectory.fix_checks import quality_counts
-from geoloc.trajectory.trajectory import Poses, Trajectory
+from geoloc.trajectory.trajectory import Trajectory
 from twin import __version__
 from twin.drives.annotations.gather import only
 from twin.drives.annotations.key_frames import never_measured
@@ -35,7 +35,7 @@ from twin.drives.read import read_drive
 from twin.drives.track.pose_sigmas import pose_sigma_doubts
 from twin.errors import ConfigError, DriveError
 from twin.ingest.budget import budget_of, clock_doubts, lens_doubts
-from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
+from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of, view_poses
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
 from twin.ingest.paper import paper_readings, told_readings, with_paper_antenna
 from twin.ingest.rows import Positions, corrections_of, estimates_of, positions_of, sighting_rows
@@ -48,11 +48,6 @@ from twin.store.store import Row, Store
 
 if TYPE_CHECKING:
     from twin.drives.detection.run import DetectorOptions
-
-
-_NS_PER_S = 1_000_000_000
-_VIEW_STEP_M = 0.3
-"""Poses closer together than this add nothing to the question whether a place was in view."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -315,7 +310,7 @@ def _drive_row(drive: Drive, trajectory: Trajectory, warnings: list[str]) -> dic
         "n_annotations": len(drive.annotations.frame),
         "delay_ms": _delay_ms(drive, trajectory),
         "rig": zlib.compress(drive.rig_document.encode()),
-        "poses": blob_from_poses(_view_poses(drive, trajectory)),
+        "poses": blob_from_poses(view_poses(drive, trajectory, drive.annotated_cameras())),
         "cameras": sorted(drive.annotated_cameras() or drive.frame_epoch_ns),
         "skipped": [s.as_row() for s in drive.skipped],
         "software": f"nvdb-twin {__version__}",
@@ -385,24 +380,6 @@ def _delay_ms(drive: Drive, trajectory: Trajectory) -> float | None:
     if drive.poses is not None or all(np.array_equal(f.host_ns, f.epoch_ns) for f in drive.gnss):
         return None
     return float(trajectory.delay_ms()[0])
-
-
-def _view_poses(drive: Drive, trajectory: Trajectory) -> Poses:
-    """Poses at the annotated cameras' frames, thinned to steps of 0.3 m, of a second where it is slower."""
-    cameras = drive.annotated_cameras() or set(drive.frame_epoch_ns)
-    stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
-    stamped = [s[s != NO_STAMP] for s in stamps]
-    epoch = np.unique(np.concatenate([np.empty(0, np.int64), *stamped])) + drive.camera_offset_ns
-    poses = trajectory.poses_at(epoch)
-    if not poses.valid.any():
-        return poses
-    epoch = epoch[poses.valid]
-    travelled = np.concatenate(
-        [[0.0], np.cumsum(poses.speed_mps[poses.valid][1:] * np.diff(epoch) / _NS_PER_S)]
-    )
-    first = np.diff(np.floor(travelled / _VIEW_STEP_M), prepend=-1.0) > 0
-    seconds = (epoch - epoch[first][np.cumsum(first) - 1]) // _NS_PER_S
-    return trajectory.poses_at(epoch[first | (np.diff(seconds, prepend=0) > 0)])
 
 
 def _skipped(

@@ -29,11 +29,14 @@ from geoloc.trajectory.trajectory import (
 )
 from twin.drives.drive import Drive
 from twin.drives.folder.notes import DriveDoubt
+from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.track.read import Track
 
 _Track = TypeVar("_Track", GnssFixes, PoseTrack)
 
 _NS_PER_S = 1_000_000_000
+_VIEW_STEP_M = 0.3
+"""Poses closer together than this add nothing to the question whether a place was in view."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +187,24 @@ def locate_annotations(
     return SightedObjects(
         index, name, group, epoch, poses, _without_boxes(located, is_foot), is_foot, adjusted
     )
+
+
+def view_poses(drive: Drive, trajectory: Trajectory, cameras: set[str]) -> Poses:
+    """Poses at the frames of these cameras, of all where there are none: one every 0.3 m, or second where slower."""
+    cameras = cameras or set(drive.frame_epoch_ns)
+    stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
+    stamped = [s[s != NO_STAMP] for s in stamps]
+    epoch = np.unique(np.concatenate([np.empty(0, np.int64), *stamped])) + drive.camera_offset_ns
+    poses = trajectory.poses_at(epoch)
+    if not poses.valid.any():
+        return poses
+    epoch = epoch[poses.valid]
+    travelled = np.concatenate(
+        [[0.0], np.cumsum(poses.speed_mps[poses.valid][1:] * np.diff(epoch) / _NS_PER_S)]
+    )
+    first = np.diff(np.floor(travelled / _VIEW_STEP_M), prepend=-1.0) > 0
+    seconds = (epoch - epoch[first][np.cumsum(first) - 1]) // _NS_PER_S
+    return trajectory.poses_at(epoch[first | (np.diff(seconds, prepend=0) > 0)])
 
 
 def adjust_camera(drive: Drive, trajectory: Trajectory, camera: str, budget: ErrorBudget) -> Adjusted:

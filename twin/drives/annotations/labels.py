@@ -218,7 +218,7 @@ def _meaning(label: str, value: object, where: str) -> Meaning:
             return Meaning(";".join(codes))
     raise DriveError(
         f'{where} maps {label!r:.60} to {value!r:.60}: write a sign code ("362.50"), a list of them, '
-        f'{{ type = 14 }} for another NVDB type, {{ type = 9, ground = true }} for one on the ground, or "{IGNORE}".'
+        f'{{ type = 14 }} for another NVDB type, {{ type = 9, ground = true }} on the ground, or "{IGNORE}".'
     )
 
 

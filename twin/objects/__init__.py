@@ -1,0 +1,20 @@
+"""Road objects beside signs: what was drawn on the ground → places, sizes, and how NVDB differs."""
+
+from twin.objects.compare import Compared, Comparison, Verdict, compare
+from twin.objects.files import write_objects
+from twin.objects.locate import DriveObjects, GroundObject, locate_objects
+from twin.objects.nvdb import NvdbObjects, fetch_nvdb_objects, read_nvdb_objects
+
+__all__ = [
+    "Compared",
+    "Comparison",
+    "DriveObjects",
+    "GroundObject",
+    "NvdbObjects",
+    "Verdict",
+    "compare",
+    "fetch_nvdb_objects",
+    "locate_objects",
+    "read_nvdb_objects",
+    "write_objects",
+]

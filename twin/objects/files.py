@@ -1,0 +1,244 @@
+"""Objects on the ground → GeoPackage in UTM33 for QGIS, GeoJSON in WGS84."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.locate.combine import ellipse
+from twin.errors import ExportRefusedError
+from twin.objects.compare import Compared, Comparison
+from twin.objects.locate import DriveObjects, GroundObject
+from twin.objects.nvdb import EPSG_UTM33
+from twin.objects.shapes import geometry_of
+from twin.store.atomic_files import replacing
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+
+GEOPACKAGE = "objects_utm33.gpkg"
+GEOJSON = "objects.geojson"
+_LAYERS = {"point": "points", "line": "lines", "area": "areas"}
+_GPKG_TYPES = {"points": "Point", "lines": "MultiLineString", "areas": "Polygon"}
+_CHI2_95 = 5.991464547107979
+_CORNERS = 64
+"""Of an ellipse's polygon."""
+_DECIMALS = 4
+_DEGREES, _METRES = 9, 3
+
+
+def write_objects(found: DriveObjects, folder: Path, comparison: Comparison | None = None) -> list[Path]:
+    """Write `GEOPACKAGE` and `GEOJSON`, both or neither.
+
+    Parameters
+    ----------
+    found : DriveObjects
+    folder : Path
+        Made if it does not exist; files of an earlier call are replaced.
+    comparison : Comparison, optional
+        Adds the layers ``compared_points``, ``compared_lines`` and ``compared_areas``.
+
+    Raises
+    ------
+    ExportRefusedError
+        A file cannot be written, or is open in QGIS: what was there is as it was.
+    """
+    import pyogrio
+    from pyogrio.errors import DataLayerError, DataSourceError
+
+    layers = _layers(found.objects)
+    if comparison is not None:
+        layers |= _compared_layers(comparison.rows)
+    try:
+        with replacing(folder, (GEOPACKAGE, GEOJSON)) as staging:
+            for number, (name, frame) in enumerate(layers.items()):
+                pyogrio.write_dataframe(
+                    frame,
+                    staging / GEOPACKAGE,
+                    layer=name,
+                    driver="GPKG",
+                    geometry_type=_geometry_type(name),
+                    # QGIS 3.22 and GDAL 3.6, still in use, only half support 1.4.
+                    dataset_options={"VERSION": "1.3"} if number == 0 else None,
+                    layer_options={"GEOMETRY_NAME": "geom", "FID": "fid", "SPATIAL_INDEX": "YES"},
+                )
+            text = json.dumps(_geojson(found.objects), ensure_ascii=False, allow_nan=False, indent=1)
+            (staging / GEOJSON).write_text(text + "\n", encoding="utf-8", newline="\n")
+    except (OSError, DataSourceError, DataLayerError) as error:
+        why = getattr(error, "strerror", None) or "a file could not be written in full"
+        raise ExportRefusedError(
+            f"cannot write to {folder} ({why}): free space on the disk or name a folder that can be written"
+        ) from error
+    return [folder / GEOPACKAGE, folder / GEOJSON]
+
+
+def _geometry_type(name: str) -> str:
+    if name in _GPKG_TYPES:
+        return f"{_GPKG_TYPES[name]} Z"
+    if name == "corners":
+        return "Point Z"
+    return {"points": "Point", "lines": "MultiLineString", "areas": "MultiPolygon"}.get(
+        name.removeprefix("compared_"), "Polygon"
+    )
+
+
+def object_row(one: GroundObject) -> dict[str, Any]:
+    """Return the columns of an object: the same in every file, and in ``--json``.
+
+    ``sigma_major_m`` is the longest axis of the one-sigma ellipses of its corners.
+    """
+    length, area = one.length, one.area
+    return {
+        "object": one.object,
+        "label": one.label,
+        "nvdb_type": one.nvdb_type,
+        "kind": one.kind,
+        "length_m": _rounded(length.value if length else None),
+        "length_sigma_m": _rounded(length.sigma if length else None),
+        "area_m2": _rounded(area.value if area else None),
+        "area_sigma_m2": _rounded(area.sigma if area else None),
+        "is_whole": one.is_whole,
+        "sigma_major_m": _rounded(float(np.max(ellipse(one.outline.corner_m2)[0]))),
+        "range_min_m": _rounded(float(np.min(one.outline.range_m))),
+        "n_corners": len(one.outline.own_m2),
+        "n_drawn": one.n_drawn,
+        "n_used": one.n_used,
+        "camera": one.camera,
+        "frame": one.frame,
+    }
+
+
+def compared_row(one: Compared) -> dict[str, Any]:
+    """Return the columns of a comparison: the same in every file, and in ``--json``."""
+    numbers = ("distance_m", "sigma_m", "nvdb_size", "seen_size", "found_size", "beyond_m", "size_sigma")
+    return {
+        "verdict": str(one.verdict),
+        "nvdb_type": one.nvdb_type,
+        "nvdb_id": one.nvdb_id,
+        "objects": ";".join(one.objects),
+        **{name: _rounded(getattr(one, name)) for name in numbers},
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else round(value, _DECIMALS)
+
+
+def _grid(one: GroundObject) -> FloatArray:
+    """Corners in EPSG:25833 with ellipsoidal heights, (k, 3)."""
+    outline = one.outline
+    east, north = utm33_from_geographic(outline.latitude_deg, outline.longitude_deg)
+    return np.stack([east, north, outline.height_m], axis=1)
+
+
+def _layers(objects: Sequence[GroundObject]) -> dict[str, gpd.GeoDataFrame]:
+    """Every layer, the one below on the map last."""
+    import geopandas as gpd
+
+    layers = {}
+    for kind, name in _LAYERS.items():
+        own = [one for one in objects if one.kind == kind]
+        rows = [object_row(one) for one in own]
+        if rows:
+            shapes = [geometry_of(one, _grid(one)) for one in own]
+            layers[name] = gpd.GeoDataFrame(rows, geometry=shapes, crs=EPSG_UTM33).astype(
+                {"nvdb_type": "Int64"}
+            )
+    if objects:
+        corners, ellipses = _corners(objects)
+        layers |= {"corners": corners, "ellipses": ellipses}
+    return layers
+
+
+def _corners(objects: Sequence[GroundObject]) -> tuple[gpd.GeoDataFrame, gpd.GeoDataFrame]:
+    """Return corners with their errors, and the ellipses that hold them with 95 % probability."""
+    import geopandas as gpd
+    import shapely
+
+    turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+    circle = np.sqrt(_CHI2_95) * np.stack([np.cos(turn), np.sin(turn)])
+    rows, points, rings = [], [], []
+    for one in objects:
+        outline, grid = one.outline, _grid(one)
+        total = utm33_covariance_from_enu(outline.corner_m2, outline.latitude_deg, outline.longitude_deg)
+        own = np.sqrt(np.trace(outline.own_m2, axis1=1, axis2=2) / 2.0)
+        following = outline.correlation()
+        major, minor, azimuth = ellipse(total)
+        for k, covariance in enumerate(total):
+            east, north = np.sqrt(np.diag(covariance))
+            rows.append(
+                {
+                    "object": one.object,
+                    "label": one.label,
+                    "number": k + 1,
+                    "part": int(outline.part[k]) + 1,
+                    "height_m": _rounded(outline.height_m[k]),
+                    "sigma_height_m": _rounded(outline.sigma_height_m[k]),
+                    "sigma_east_m": _rounded(east),
+                    "sigma_north_m": _rounded(north),
+                    "correlation_east_north": _rounded(covariance[0, 1] / (east * north)),
+                    "sigma_major_m": _rounded(major[k]),
+                    "sigma_minor_m": _rounded(minor[k]),
+                    "grid_azimuth_deg": _rounded(azimuth[k]),
+                    "own_sigma_m": _rounded(own[k]),
+                    "correlation_next": _rounded(following[k]),
+                    "range_m": _rounded(outline.range_m[k]),
+                }
+            )
+            points.append(shapely.Point(grid[k]))
+            axes = np.linalg.cholesky(covariance + 1e-12 * np.eye(2))
+            rings.append(shapely.Polygon((axes @ circle).T + grid[k, :2]))
+    corners = gpd.GeoDataFrame(rows, geometry=points, crs=EPSG_UTM33)
+    named = corners[["object", "label", "number", "sigma_major_m", "sigma_minor_m"]]
+    return corners, gpd.GeoDataFrame(named, geometry=rings, crs=EPSG_UTM33)
+
+
+def _compared_layers(rows: Sequence[Compared]) -> dict[str, gpd.GeoDataFrame]:
+    import geopandas as gpd
+    import shapely
+
+    kinds: Mapping[str, tuple[int, type]] = {
+        "compared_points": (0, shapely.MultiPoint),
+        "compared_lines": (1, shapely.MultiLineString),
+        "compared_areas": (2, shapely.MultiPolygon),
+    }
+    layers = {}
+    for name, (dimensions, several) in kinds.items():
+        own = [one for one in rows if shapely.get_dimensions(one.geometry) == dimensions]
+        if not own:
+            continue
+        shapes = [
+            one.geometry if hasattr(one.geometry, "geoms") or not dimensions else several([one.geometry])
+            for one in own
+        ]
+        layers[name] = gpd.GeoDataFrame([compared_row(one) for one in own], geometry=shapes, crs=EPSG_UTM33)
+    return layers
+
+
+def _geojson(objects: Sequence[GroundObject]) -> dict[str, Any]:
+    """RFC 7946: longitude, latitude and ellipsoidal height."""
+    import shapely
+
+    features = []
+    for number, one in enumerate(objects):
+        outline = one.outline
+        place = np.round(np.stack([outline.longitude_deg, outline.latitude_deg], axis=1), _DEGREES)
+        corners = np.column_stack([place, np.round(outline.height_m, _METRES)])
+        shape = geometry_of(one, corners)
+        if isinstance(shape, shapely.Polygon):
+            shape = shapely.geometry.polygon.orient(shape)  # right-hand rule, section 3.1.6
+        features.append(
+            {
+                "type": "Feature",
+                "id": number + 1,
+                "geometry": shapely.geometry.mapping(shape),
+                "properties": object_row(one),
+            }
+        )
+    return {"type": "FeatureCollection", "name": "objects", "features": features}
