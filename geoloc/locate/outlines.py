@@ -27,6 +27,8 @@ from geoloc.trajectory.poses import Poses, part
 
 _FLOOR_M2 = 1e-8
 """(0.1 mm)²: keeps weights finite where every source of error was set to zero."""
+_SEAM_M = 1.0
+"""Parts of a line that lie further from each other than this have a gap between them."""
 _CUTS = 64
 """A side of which one end is not located is looked at in so many places."""
 
@@ -94,22 +96,27 @@ class Outline:
         return np.stack([east, north], axis=1)
 
     def length(self) -> Measure:
-        """Length of a line, the gaps between its parts left out.
+        """Length of a line, longer gaps between its parts left out.
 
         The noise of the pixels makes a line a little longer than it is, by ``σ² / d`` a side of length d.
-        Parts, which stand in the order of the line, were cut where one begins and the other ends: the length
-        of all of them is as good as the two ends are.
+        Parts, which stand in the order of the line, were cut where one begins and the other ends: what lies
+        between two of them along the line is added, or taken off where they overlap, and the length of all is
+        as good as the two ends are.
         """
         point = self.plane_m()
-        step = np.diff(point, axis=0) * (np.diff(self.part) == 0)[:, None]
-        size = np.hypot(*step.T)
-        along = step / np.where(size > 0.0, size, 1.0)[:, None]
+        step = np.diff(point, axis=0)
+        is_side = np.diff(self.part) == 0
+        size = np.hypot(*step.T) * is_side
+        along = step / np.where(size > 0.0, size, 1.0)[:, None] * is_side[:, None]
         slope = np.zeros_like(point)
         slope[1:] += along
         slope[:-1] -= along
         if self.part[-1]:
             slope[1:-1] = 0.0
-        return Measure(float(size.sum()), self._sigma(slope))
+        seams = np.flatnonzero(~is_side)
+        between = np.einsum("ki,ki->k", step[seams], along[seams - 1])
+        total = size.sum() + between[np.abs(between) < _SEAM_M].sum()
+        return Measure(float(total), self._sigma(slope))
 
     def area(self) -> Measure:
         """Area inside the corners."""

@@ -35,7 +35,9 @@ from twin.ingest.ingest import IngestReport
 from twin.ingest.pixel import PixelPosition
 from twin.matching.match_store import MatchReport
 from twin.mirror.sync import SyncPlan, SyncResult
+from twin.objects import ObjectsReport
 from twin.reports.confidences import ConfidenceReport
+from twin.reports.cost import DriveCost
 from twin.reports.drive_list import DriveItem
 from twin.reports.error_groups import GroupErrors
 from twin.reports.estimate import EstimateExplained
@@ -180,6 +182,7 @@ DriveSet = _shape(
     started=(str, "first epoch, UTC"),
     ended=(str, "last epoch, UTC"),
     objects=(dict[str, int], "method → objects that were located"),
+    cost=(DriveCost | None, "with --cost"),
     **{key: (get_type_hints(DriveItem)[key], attributes_said(DriveItem)[key]) for key in _DRIVE_KEYS},
 )
 
@@ -305,6 +308,7 @@ SHAPES: Mapping[str, Any] = {
     ),
     "status": Status,
     "confidence": _shape("Confidence", ConfidenceReport, picture=_PICTURE),
+    "objects": ObjectsReport,
     "simulate": SimulateReport,
     "demo": _shape(
         "Demo",

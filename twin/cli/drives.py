@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from twin.cli.cost import CostOption, CostPerHourOption, CostPerKmOption, SecondsPerMarkOption, print_cost
 from twin.cli.exit_codes import EXIT_DATA
 from twin.cli.journal import manner
 from twin.cli.made_store import made_store
@@ -119,7 +120,7 @@ def ingest_drive(
             method=method,
             terrain=terrain,
             terrain_heights=terrain_heights,
-            errors=_errors(error or []),
+            errors=stated_errors(error or []),
             labels=labels,
             paper=paper_asked(paper or []),
             detector=DetectorOptions(detector, detector_every, detector_threshold) if detector else None,
@@ -141,7 +142,7 @@ def ingest_drive(
         print_table("Left out", ["what", "count"], list(report.skipped.items()))
 
 
-def _errors(texts: list[str]) -> dict[str, float]:
+def stated_errors(texts: list[str]) -> dict[str, float]:
     """Terms of the error budget by name."""
     from twin.errors import ConfigError
 
@@ -194,7 +195,13 @@ WordsArgument = Annotated[
     "drives", epilog="Example: twin drives.  Let an earlier set count: twin drives use trip_trondheim 1"
 )
 def drives(
-    words: WordsArgument = None, store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False
+    words: WordsArgument = None,
+    cost: CostOption = False,
+    cost_per_km: CostPerKmOption = None,
+    cost_per_hour: CostPerHourOption = None,
+    seconds_per_mark: SecondsPerMarkOption = None,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
 ) -> None:
     """List the store's drives: when, how long, what is to decide; `use` lets other annotations count.
 
@@ -202,6 +209,7 @@ def drives(
     in matches, exports and reports; what came of the others is kept.
     """
     from twin.errors import ConfigError
+    from twin.reports.cost import Rates, cost_of
     from twin.reports.drive_list import list_drives
     from twin.store.annotation_sets import all_annotation_sets, use_annotation_set
     from twin.store.store import Store
@@ -215,14 +223,21 @@ def drives(
     with Store.open(store, create=False) as opened:
         changed = use_annotation_set(opened, asked[0], int(asked[1])) if words else None
         sets, items = all_annotation_sets(opened), list_drives(opened)
+    rates = Rates(cost_per_km, cost_per_hour, seconds_per_mark)
     if json_output:
-        of_drive = {item.drive_id: _as_json(item) for item in items}
+        of_drive = {
+            item.drive_id: {**_as_json(item), "cost": asdict(cost_of([item], rates)) if cost else None}
+            for item in items
+        }
         print_json(
             [
                 {"drive": one.drive, **of_drive[one.annotation_set.drive_id], **asdict(one.annotation_set)}
                 for one in sets
             ]
         )
+        return
+    if cost:
+        print_cost(items, rates)
         return
     folders = {
         s.annotation_set.drive_id: s.annotation_set.folder for s in sets if s.annotation_set.is_current

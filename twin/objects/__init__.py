@@ -4,13 +4,17 @@ from twin.objects.compare import Compared, Comparison, Verdict, compare
 from twin.objects.files import write_objects
 from twin.objects.locate import DriveObjects, GroundObject, locate_objects
 from twin.objects.nvdb import NvdbObjects, fetch_nvdb_objects, read_nvdb_objects
+from twin.objects.rows import ComparedRow, ObjectRow, ObjectsReport
 
 __all__ = [
     "Compared",
+    "ComparedRow",
     "Comparison",
     "DriveObjects",
     "GroundObject",
     "NvdbObjects",
+    "ObjectRow",
+    "ObjectsReport",
     "Verdict",
     "compare",
     "fetch_nvdb_objects",

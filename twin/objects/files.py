@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from twin.errors import ExportRefusedError
 from twin.objects.compare import Compared, Comparison
 from twin.objects.locate import DriveObjects, GroundObject
 from twin.objects.nvdb import EPSG_UTM33
+from twin.objects.rows import ComparedRow, ObjectRow, rounded
 from twin.objects.shapes import geometry_of
 from twin.store.atomic_files import replacing
 
@@ -29,7 +31,6 @@ _GPKG_TYPES = {"points": "Point", "lines": "MultiLineString", "areas": "Polygon"
 _CHI2_95 = 5.991464547107979
 _CORNERS = 64
 """Of an ellipse's polygon."""
-_DECIMALS = 4
 _DEGREES, _METRES = 9, 3
 
 
@@ -88,48 +89,6 @@ def _geometry_type(name: str) -> str:
     )
 
 
-def object_row(one: GroundObject) -> dict[str, Any]:
-    """Return the columns of an object: the same in every file, and in ``--json``.
-
-    ``sigma_major_m`` is the longest axis of the one-sigma ellipses of its corners.
-    """
-    length, area = one.length, one.area
-    return {
-        "object": one.object,
-        "label": one.label,
-        "nvdb_type": one.nvdb_type,
-        "kind": one.kind,
-        "length_m": _rounded(length.value if length else None),
-        "length_sigma_m": _rounded(length.sigma if length else None),
-        "area_m2": _rounded(area.value if area else None),
-        "area_sigma_m2": _rounded(area.sigma if area else None),
-        "is_whole": one.is_whole,
-        "sigma_major_m": _rounded(float(np.max(ellipse(one.outline.corner_m2)[0]))),
-        "range_min_m": _rounded(float(np.min(one.outline.range_m))),
-        "n_corners": len(one.outline.own_m2),
-        "n_drawn": one.n_drawn,
-        "n_used": one.n_used,
-        "camera": one.camera,
-        "frame": one.frame,
-    }
-
-
-def compared_row(one: Compared) -> dict[str, Any]:
-    """Return the columns of a comparison: the same in every file, and in ``--json``."""
-    numbers = ("distance_m", "sigma_m", "nvdb_size", "seen_size", "found_size", "beyond_m", "size_sigma")
-    return {
-        "verdict": str(one.verdict),
-        "nvdb_type": one.nvdb_type,
-        "nvdb_id": one.nvdb_id,
-        "objects": ";".join(one.objects),
-        **{name: _rounded(getattr(one, name)) for name in numbers},
-    }
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else round(value, _DECIMALS)
-
-
 def _grid(one: GroundObject) -> FloatArray:
     """Corners in EPSG:25833 with ellipsoidal heights, (k, 3)."""
     outline = one.outline
@@ -144,7 +103,7 @@ def _layers(objects: Sequence[GroundObject]) -> dict[str, gpd.GeoDataFrame]:
     layers = {}
     for kind, name in _LAYERS.items():
         own = [one for one in objects if one.kind == kind]
-        rows = [object_row(one) for one in own]
+        rows = [asdict(ObjectRow.of(one)) for one in own]
         if rows:
             shapes = [geometry_of(one, _grid(one)) for one in own]
             layers[name] = gpd.GeoDataFrame(rows, geometry=shapes, crs=EPSG_UTM33).astype(
@@ -178,17 +137,17 @@ def _corners(objects: Sequence[GroundObject]) -> tuple[gpd.GeoDataFrame, gpd.Geo
                     "label": one.label,
                     "number": k + 1,
                     "part": int(outline.part[k]) + 1,
-                    "height_m": _rounded(outline.height_m[k]),
-                    "sigma_height_m": _rounded(outline.sigma_height_m[k]),
-                    "sigma_east_m": _rounded(east),
-                    "sigma_north_m": _rounded(north),
-                    "correlation_east_north": _rounded(covariance[0, 1] / (east * north)),
-                    "sigma_major_m": _rounded(major[k]),
-                    "sigma_minor_m": _rounded(minor[k]),
-                    "grid_azimuth_deg": _rounded(azimuth[k]),
-                    "own_sigma_m": _rounded(own[k]),
-                    "correlation_next": _rounded(following[k]),
-                    "range_m": _rounded(outline.range_m[k]),
+                    "height_m": rounded(outline.height_m[k]),
+                    "sigma_height_m": rounded(outline.sigma_height_m[k]),
+                    "sigma_east_m": rounded(east),
+                    "sigma_north_m": rounded(north),
+                    "correlation_east_north": rounded(covariance[0, 1] / (east * north)),
+                    "sigma_major_m": rounded(major[k]),
+                    "sigma_minor_m": rounded(minor[k]),
+                    "grid_azimuth_deg": rounded(azimuth[k]),
+                    "own_sigma_m": rounded(own[k]),
+                    "correlation_next": rounded(following[k]),
+                    "range_m": rounded(outline.range_m[k]),
                 }
             )
             points.append(shapely.Point(grid[k]))
@@ -217,7 +176,9 @@ def _compared_layers(rows: Sequence[Compared]) -> dict[str, gpd.GeoDataFrame]:
             one.geometry if hasattr(one.geometry, "geoms") or not dimensions else several([one.geometry])
             for one in own
         ]
-        layers[name] = gpd.GeoDataFrame([compared_row(one) for one in own], geometry=shapes, crs=EPSG_UTM33)
+        layers[name] = gpd.GeoDataFrame(
+            [asdict(ComparedRow.of(one)) for one in own], geometry=shapes, crs=EPSG_UTM33
+        )
     return layers
 
 
@@ -238,7 +199,7 @@ def _geojson(objects: Sequence[GroundObject]) -> dict[str, Any]:
                 "type": "Feature",
                 "id": number + 1,
                 "geometry": shapely.geometry.mapping(shape),
-                "properties": object_row(one),
+                "properties": asdict(ObjectRow.of(one)),
             }
         )
     return {"type": "FeatureCollection", "name": "objects", "features": features}

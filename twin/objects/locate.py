@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.locate.outlines import Measure, Outline, cut_to_reach, locate_outline
 from geoloc.locate.visibility import MAX_RANGE_M, on_the_car_itself
 from geoloc.reasons import Reason, sentence_of
@@ -26,6 +27,7 @@ from twin.objects.same import Reading, same_objects
 
 _BORDER = 0.01
 """A line that ends nearer to the edge of the picture than this share of its width goes on beyond it."""
+_TOO_SHORT = f"a line no more of which is within {MAX_RANGE_M:.0f} m than its errors there are long"
 _TOO_FAR = f"a line no part of which is within {MAX_RANGE_M:.0f} m"
 
 
@@ -102,6 +104,14 @@ class DriveObjects:
     left_out: Mapping[str, int]
     warnings: tuple[str, ...]
 
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """West, south, east and north of where the car drove, EPSG:25833."""
+        east, north = utm33_from_geographic(self.poses.latitude_deg, self.poses.longitude_deg)
+        west, south, last_east, last_north = (
+            float(limit(values)) for limit in (np.nanmin, np.nanmax) for values in (east, north)
+        )
+        return west, south, last_east, last_north
+
 
 def locate_objects(
     path: Path | str,
@@ -162,8 +172,12 @@ def locate_objects(
         if row.kind == "area" and not _is_simple(outline):
             left_out["sides of the area cross one another"] += 1
             continue
+        drawn = [bool(np.array_equal(kept_px[k], pixel_px[k])) for k in (0, -1)]
+        if not all(drawn) and _is_too_short(outline):
+            left_out[_TOO_SHORT] += 1
+            continue
         first, last = (
-            np.array_equal(kept_px[k], pixel_px[k]) and not _at_border(camera, kept_px[k]) for k in (0, -1)
+            there and not _at_border(camera, kept_px[k]) for there, k in zip(drawn, (0, -1), strict=True)
         )
         readings.append(Reading(row, outline, int(epoch_ns[number]), (first, last)))
     return DriveObjects(
@@ -184,6 +198,12 @@ def _at_border(camera: RigCamera, pixel_px: FloatArray) -> bool:
         return True
     around = pixel_px + margin * np.array([[0.0, 1.0], [-1.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
     return bool(on_the_car_itself(camera, around).any())
+
+
+def _is_too_short(outline: Outline) -> bool:
+    """Whether the end of a line that lies within reach may as well lie elsewhere altogether."""
+    ends_m2 = np.trace(outline.corner_m2[[0, -1]], axis1=1, axis2=2)
+    return bool(outline.length().value < np.sqrt(ends_m2.sum()))
 
 
 def _is_simple(outline: Outline) -> bool:

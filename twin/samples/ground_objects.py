@@ -109,7 +109,9 @@ def simulate_ground_objects(folder: Path | str, seed: int = 0) -> list[Path]:
     )
     corners = np.stack([seen.objects.longitude_deg, seen.objects.latitude_deg, seen.objects.height_m], axis=1)
     truth = dict(zip((one.name for one in OBJECTS), _parted(corners), strict=True))
-    files = {f"{CAMERA}_ground.xml": _cvat(seen), "labels.toml": LABELS, TRUTH: _geojson(truth)}
+    kinds = {one.name: one.kind for one in OBJECTS}
+    true = {name: _shape(corners, kinds[name]) for name, corners in truth.items()}
+    files = {f"{CAMERA}_ground.xml": _cvat(seen), "labels.toml": LABELS, TRUTH: _geojson(true)}
     files |= {f"nvdb_{number}.geojson": _geojson(known) for number, known in _nvdb(truth).items()}
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
@@ -164,33 +166,41 @@ def _to_the_border(pixel_px: FloatArray, size_px: FloatArray) -> FloatArray:
     return np.concatenate([[first + step * max(0.0, float(ways.min()))], pixel_px])
 
 
-def _nvdb(truth: Mapping[str, FloatArray]) -> dict[int, dict[str, FloatArray]]:
+def _nvdb(truth: Mapping[str, FloatArray]) -> dict[int, dict[str, BaseGeometry]]:
     """What NVDB has, by type."""
-    lamp = truth["lamp 3"] + np.array([4e-4, 0.0, 0.0])
+    import shapely
+
+    gone = shapely.Point(truth["lamp 3"][0] + np.array([4e-4, 0.0, 0.0]))
+    rail = truth["rail 1"]
     return {
-        123: {"900001": truth["damage 1"]},
-        9: {"900002": truth["kerb"][:41]},
-        5: {"900003": truth["rail 1"][:17], "900004": truth["rail 1"][16:], "900005": truth["rail 2"]},
-        181: {"900006": truth["lamp 1"], "900007": lamp, "900008": truth["lamp 3"]},
+        123: {"900001": _shape(truth["damage 1"], "area")},
+        9: {"900002": _shape(truth["kerb"][:41], "line")},
+        5: {
+            "900003": _shape(rail[:17], "line"),
+            "900004": _shape(rail[16:], "line"),
+            "900005": _shape(truth["rail 2"], "line"),
+        },
+        181: {
+            "900006": _shape(truth["lamp 1"], "point"),
+            "900007": gone,
+            "900008": _shape(truth["lamp 3"], "point"),
+        },
     }
 
 
-def _geojson(objects: Mapping[str, FloatArray]) -> str:
-    import shapely
+def _geojson(objects: Mapping[str, BaseGeometry]) -> str:
+    from shapely.geometry import mapping
 
-    kinds = {one.name: one.kind for one in OBJECTS}
-    features = []
-    for name, corners in objects.items():
-        shape = _shape(corners, kinds.get(name, ""))
-        features.append(
-            {"type": "Feature", "properties": {"id": name}, "geometry": shapely.geometry.mapping(shape)}
-        )
+    features = [
+        {"type": "Feature", "properties": {"id": name}, "geometry": mapping(shape)}
+        for name, shape in objects.items()
+    ]
     return json.dumps({"type": "FeatureCollection", "features": features}) + "\n"
 
 
 def _shape(corners: FloatArray, kind: str) -> BaseGeometry:
     import shapely
 
-    if len(corners) == 1:
+    if kind == "point":
         return shapely.Point(corners[0])
     return shapely.Polygon(corners) if kind == "area" else shapely.LineString(corners)
