@@ -58,9 +58,7 @@ def print_cost(items: list[DriveItem], rates: Rates) -> None:
             for name, one in named
         ],
     )
-    note(
-        "Kilometres and marks are measured; hours and money are your figures times these (`twin help objects`)."
-    )
+    note("Kilometres and marks are measured; hours and money are these times your own figures.")
     lacking = [key for key, value in zip(_KEYS, asdict(rates).values(), strict=True) if value is None]
     if lacking:
         note(f"Not given: {', '.join(lacking)}. Set them in twin.toml, or as options.")

@@ -145,5 +145,10 @@ FRAME_KEYS: Mapping[str, Key] = {
 }
 LABEL_KEYS: Mapping[str, Key] = {
     "foot_keypoints": Key("list of names", "none", "further names of key points that are the foot of a pole"),
-    "labels": Key("label = meaning", "none", "what each label is; * in a label stands for anything"),
+    "labels": Key(
+        "label = meaning",
+        "none",
+        "what each label is; * in a label stands for anything. A sign code, a list of them, { type = 14 }, "
+        "{ type = 9, ground = true } for what lies on the ground, or ignore",
+    ),
 }
