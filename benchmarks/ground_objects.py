@@ -149,13 +149,21 @@ def _picture(found: DriveObjects, truth: list[tuple[str, shapely.Geometry]], pat
 
     from twin.figures import png
 
-    damage = next(one for one in found.objects if one.kind == "area")
-    drawn = [row for row in found.drive.on_ground if (row.camera, row.frame) == (damage.camera, damage.frame)]
+    pictures = {
+        one.object: [
+            row for row in found.drive.on_ground if (row.camera, row.frame) == (one.camera, one.frame)
+        ]
+        for one in found.objects
+    }
+    areas = [one for one in found.objects if one.kind == "area"]
+    damage = max(areas, key=lambda one: sum(len(row.outline_px) for row in pictures[one.object]))
+    drawn = pictures[damage.object]
     figure = Figure(figsize=(10.5, 4.2), dpi=110, layout="constrained")
     left, right = figure.subplots(1, 2)
     for row in drawn:
         pixels = np.array([*row.outline_px, row.outline_px[0]] if row.kind == "area" else row.outline_px)
-        left.plot(*pixels.T, "o-", markersize=3, label=f"{row.label}, drawn")
+        colour = "tab:orange" if row.kind == "area" else "tab:blue"
+        left.plot(*pixels.T, "o-", color=colour, markersize=3, label=f"{row.label}, drawn")
     model = found.drive.rig.camera(damage.camera).model
     left.set(
         xlim=(0, model.width_px), ylim=(model.height_px, 0), aspect="equal", xlabel="u, px", ylabel="v, px"
@@ -172,12 +180,18 @@ def _picture(found: DriveObjects, truth: list[tuple[str, shapely.Geometry]], pat
     outline = damage.outline
     corners = np.stack(utm33_from_geographic(outline.latitude_deg, outline.longitude_deg), axis=1)
     covariance = utm33_covariance_from_enu(outline.corner_m2, outline.latitude_deg, outline.longitude_deg)
+    for one in found.objects:
+        if one.kind == "line":
+            for part in shapely.get_parts(plane_geometry(one)):
+                right.plot(
+                    *(shapely.get_coordinates(part) - [centre.x, centre.y]).T, color="tab:blue", linewidth=1
+                )
     for at, one in zip(corners, covariance, strict=True):
         ring = (np.linalg.cholesky(one) @ circle).T + at - [centre.x, centre.y]
         right.plot(*ring.T, color="tab:orange", linewidth=0.8)
     closed = np.concatenate([corners, corners[:1]]) - [centre.x, centre.y]
     right.plot(*closed.T, "o-", color="tab:orange", markersize=3, label="located, with 95 % ellipses")
-    right.set(xlim=(-6, 6), ylim=(-5, 5), aspect="equal", xlabel="east, m", ylabel="north, m (EPSG:25833)")
+    right.set(xlim=(-9, 9), ylim=(-7, 7), aspect="equal", xlabel="east, m", ylabel="north, m (EPSG:25833)")
     area = damage.outline.area()
     right.set_title(f"{damage.label}: {area.value:.1f} ± {area.sigma:.1f} m²", fontsize=9)
     right.legend(fontsize=7, loc="upper right")

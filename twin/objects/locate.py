@@ -27,7 +27,7 @@ from twin.objects.same import Reading, same_objects
 
 _BORDER = 0.01
 """A line that ends nearer to the edge of the picture than this share of its width goes on beyond it."""
-_TOO_SHORT = f"a line no more of which is within {MAX_RANGE_M:.0f} m than its errors there are long"
+_TOO_SHORT = f"so little of a line within {MAX_RANGE_M:.0f} m that its errors there are longer"
 _TOO_FAR = f"a line no part of which is within {MAX_RANGE_M:.0f} m"
 
 
