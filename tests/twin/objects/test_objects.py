@@ -20,6 +20,7 @@ from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographi
 from nvdb.replay import ReplayServer, ReplayWorld
 from nvdb.replay.pages import record_from_raw
 from twin.drives.annotations.labels import read_label_map
+from twin.drives.read import read_drive
 from twin.errors import DriveError, FileError
 from twin.objects import DriveObjects, GroundObject, Verdict, compare, locate_objects, read_nvdb_objects
 from twin.objects.shapes import plane_geometry
@@ -198,6 +199,18 @@ def test_one_name_is_one_object_corner_by_corner_and_two_names_are_two(drive: Pa
     assert sorted((other.object, other.n_used) for other in alone) == [("A", 1), ("B", 1)]
     sigmas = [np.trace(other.outline.own_m2, axis1=1, axis2=2).sum() for other in (one, *alone)]
     assert sigmas[0] < min(sigmas[1:])
+
+
+def test_signs_of_the_drive_are_what_they_are_without_such_drawings(drive: Path, tmp_path: Path) -> None:
+    """Nothing of what lies on the ground is read as a sign, nor left out."""
+    alone = Path(shutil.copytree(drive, tmp_path / "alone"))
+    (alone / f"{CAMERA}_ground.xml").unlink()
+    with_both, signs = read_drive(drive), read_drive(alone)
+    assert (len(with_both.on_ground), len(signs.on_ground)) == (113, 0)
+    for name in ("camera", "frame", "object", "skiltnummer", "kind", "pixel_px"):
+        np.testing.assert_array_equal(getattr(with_both.annotations, name), getattr(signs.annotations, name))
+    assert with_both.skipped == signs.skipped
+    assert with_both.drive_id == signs.drive_id
 
 
 def test_a_drive_without_such_labels_and_wrong_meanings_are_told(trip: Path, tmp_path: Path) -> None:
