@@ -190,7 +190,7 @@ def locate_annotations(
 
 
 def view_poses(drive: Drive, trajectory: Trajectory, cameras: set[str]) -> Poses:
-    """Poses at the frames of these cameras, of all where there are none: one every 0.3 m, or second where slower."""
+    """Poses at the frames of these cameras, or of all: one every 0.3 m, or a second where it is slower."""
     cameras = cameras or set(drive.frame_epoch_ns)
     stamps = [drive.frame_epoch_ns[c] for c in sorted(cameras)]
     stamped = [s[s != NO_STAMP] for s in stamps]
