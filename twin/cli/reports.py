@@ -127,8 +127,8 @@ def evaluate(
     if evaluation.methods[0].paired_by == "position":
         note(say(lang, "evaluate.by_position", within=within))
     print_errors(evaluation.methods, lang)
-    for kind in ("objects", "sightings"):
-        _print_groups(kind, [group for group in groups if group.kind == kind], groups_by, lang)
+    for kind, title in (("objects", "objects_by"), ("sightings", "sightings_by")):
+        _print_groups(title, [group for group in groups if group.kind == kind], groups_by, lang)
     if objects:
         _print_objects(evaluation.methods, lang)
     for path in (*files, *([] if csv is None else [csv])):
@@ -164,7 +164,7 @@ def print_errors(methods: tuple[MethodResult, ...], lang: Lang = Lang.EN) -> Non
             warn(say(lang, "evaluate.not_in_truth", method=m.method, number=m.not_in_truth))
 
 
-def _print_groups(kind: str, groups: Sequence[GroupErrors], by: Sequence[str], lang: Lang) -> None:
+def _print_groups(title: str, groups: Sequence[GroupErrors], by: Sequence[str], lang: Lang) -> None:
     """Print the errors of objects, or of single sightings, a group a row."""
     numbers = attrgetter("n", "mean", "median", "p95", "max", "rmse")
     rows = []
@@ -178,7 +178,7 @@ def _print_groups(kind: str, groups: Sequence[GroupErrors], by: Sequence[str], l
         rows.append([one.method, *(names[name] for name in by), *numbers(one), inside])
     if rows:
         columns = ("method", *by, "number", "mean", "median", "p95", "max", "rmse", "in_ellipse")
-        _print_numbers(f"{kind}_by", columns, rows, lang)
+        _print_numbers(title, columns, rows, lang)
 
 
 def _print_objects(methods: tuple[MethodResult, ...], lang: Lang) -> None:

@@ -29,7 +29,7 @@ def reproduce(
         list[Path] | None,
         typer.Argument(
             help="Folders of recorded drives; without one, the paper's four experiments are simulated.",
-            metavar="[TRIP]…",
+            metavar="TRIP",
         ),
     ] = None,
     truth: Annotated[

@@ -83,7 +83,8 @@ class Experiment:
         """From the car to the survey, of an object where it was nearest; NaN where unknown."""
         if isinstance(one, SightingError):
             return one.distance_m
-        return self._nearest_m.get((one.drive_id, one.truth), float("nan"))
+        range_m = float("nan") if one.range_m is None else one.range_m
+        return self._nearest_m.get((one.drive_id, one.truth), range_m)  # of boxes no single one has a place
 
     @cached_property
     def _nearest_m(self) -> dict[tuple[str, str], float]:
