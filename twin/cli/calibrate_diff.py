@@ -64,7 +64,7 @@ def diff_document(found: Sequence[CameraCompared], plot: Path | None) -> dict[st
 
 
 def _print(found: Sequence[CameraCompared]) -> None:
-    from twin.calibrate.difference.compare import Verdict
+    from twin.calibrate.difference.compare import FitVerdict
     from twin.calibrate.difference.words import metres, verdict_sentence
 
     print_table(
@@ -117,8 +117,8 @@ def _print(found: Sequence[CameraCompared]) -> None:
     for one in found:
         print_line(verdict_sentence(one))
     for what, command, cameras in (
-        ("lens", "intrinsics", [c.camera for c in found if c.lens.verdict is Verdict.NOT_JUDGED]),
-        ("mounting", "extrinsics", [c for c, m in mounted if m.verdict is Verdict.NOT_JUDGED]),
+        ("lens", "intrinsics", [c.camera for c in found if c.lens.verdict is FitVerdict.NOT_JUDGED]),
+        ("mounting", "extrinsics", [c for c, m in mounted if m.verdict is FitVerdict.NOT_JUDGED]),
     ):
         if cameras:
             note(

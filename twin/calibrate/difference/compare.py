@@ -26,7 +26,7 @@ SIGN_M = 20.0
 """Distance of the sign that a difference is told for."""
 
 
-class Verdict(StrEnum):
+class FitVerdict(StrEnum):
     """What two fits say of each other."""
 
     AGREE = "agree"
@@ -43,7 +43,7 @@ class LensCompared:
 
     Attributes
     ----------
-    verdict : Verdict
+    verdict : FitVerdict
     turned_deg : float
         The rotation that was taken out: the two fits put the camera's axes so far apart.
     rms_deg, largest_deg : float
@@ -62,7 +62,7 @@ class LensCompared:
         Part of the picture that both vouch for; of the whole where neither says.
     """
 
-    verdict: Verdict
+    verdict: FitVerdict
     turned_deg: float
     rms_deg: float
     largest_deg: float
@@ -82,7 +82,7 @@ class MountingCompared:
 
     Attributes
     ----------
-    verdict : Verdict
+    verdict : FitVerdict
     roll_pitch_yaw_deg, sigma_deg : tuple of float
         Turn about the rig's axes, with the lens's own rotation made up for; joint sigma, None where unknown.
     moved_m, sigma_m : tuple of float
@@ -93,7 +93,7 @@ class MountingCompared:
         Probability that chance makes turn and move as large.
     """
 
-    verdict: Verdict
+    verdict: FitVerdict
     roll_pitch_yaw_deg: tuple[float, ...]
     sigma_deg: tuple[float, ...] | None
     moved_m: tuple[float, ...]
@@ -125,8 +125,8 @@ class CameraCompared:
     @property
     def differs(self) -> bool:
         """Whether more than chance parts the two."""
-        mounting = Verdict.AGREE if self.mounting is None else self.mounting.verdict
-        return Verdict.DIFFER in {self.lens.verdict, mounting}
+        mounting = FitVerdict.AGREE if self.mounting is None else self.mounting.verdict
+        return FitVerdict.DIFFER in {self.lens.verdict, mounting}
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +297,7 @@ def _lens_compared(
     length_px = np.linalg.norm(off_px, axis=-1)
     turn = Rotation.from_matrix(apart.rotation).magnitude()
     return LensCompared(
-        verdict=Verdict.SAME if angle[largest] < _SAME_RAD else _verdict(apart.by_chance),
+        verdict=FitVerdict.SAME if angle[largest] < _SAME_RAD else _verdict(apart.by_chance),
         turned_deg=float(np.degrees(turn)),
         rms_deg=float(np.degrees(np.sqrt(np.nanmean(angle**2)))),
         largest_deg=float(np.degrees(angle[largest])),
@@ -328,10 +328,10 @@ def _mounting_compared(difference: MountingDifference, foot_m: FloatArray) -> Mo
     )
 
 
-def _verdict(by_chance: float | None) -> Verdict:
+def _verdict(by_chance: float | None) -> FitVerdict:
     if by_chance is None:
-        return Verdict.NOT_JUDGED
-    return Verdict.DIFFER if by_chance < BY_CHANCE else Verdict.AGREE
+        return FitVerdict.NOT_JUDGED
+    return FitVerdict.DIFFER if by_chance < BY_CHANCE else FitVerdict.AGREE
 
 
 def _spread(both: BoolArray, values: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.calibrate.cell_maps import draw_cells
-from twin.calibrate.difference.compare import SIGN_M, ComparedMaps, Verdict
+from twin.calibrate.difference.compare import SIGN_M, ComparedMaps, FitVerdict
 from twin.calibrate.difference.words import verdict_sentence
 from twin.store.figure_files import check_figure_name, write_figure
 
@@ -48,7 +48,7 @@ def difference_figure(maps: Sequence[ComparedMaps]) -> Figure:
 
 def _draw_row(axes: Sequence[Axes], maps: ComparedMaps) -> None:
     size = maps.size_px
-    same = maps.compared.lens.verdict is Verdict.SAME
+    same = maps.compared.lens.verdict is FitVerdict.SAME
     if same:
         _say(axes[0], "The same lens in both")
     else:

@@ -7,7 +7,7 @@ from twin.calibrate.difference.compare import (
     CameraCompared,
     LensCompared,
     MountingCompared,
-    Verdict,
+    FitVerdict,
 )
 
 _SURE = 1e-5
@@ -32,12 +32,12 @@ def metres(value: float) -> str:
 def _lens(lens: LensCompared) -> str:
     most = f"{lens.largest_deg:.4f}° ({lens.largest_px:.3f} px, {_place(lens.where)})"
     sign = _sign(lens.sideways_m, lens.along_m)
-    if lens.verdict is Verdict.SAME:
+    if lens.verdict is FitVerdict.SAME:
         return "the lens is the same in both"
-    if lens.verdict is Verdict.NOT_JUDGED:
+    if lens.verdict is FitVerdict.NOT_JUDGED:
         return f"the lenses part by {most} at most = {sign}"
     sigmas = f"{lens.in_sigmas:.1f} times what their uncertainty gives by chance"
-    if lens.verdict is Verdict.AGREE:
+    if lens.verdict is FitVerdict.AGREE:
         return f"the lenses agree: they part by {most} at most = {sign}, {sigmas}"
     return f"the lenses differ by {most} = {sign}, {sigmas} ({_chance(lens.by_chance)})"
 
@@ -47,9 +47,9 @@ def _mounting(mounting: MountingCompared) -> str:
     moved = sum(part**2 for part in mounting.moved_m) ** 0.5
     how = f"turned by {turn:.3f}° and moved by {metres(moved)}"
     sign = f"together {_sign(mounting.sideways_m, mounting.along_m)}"
-    if mounting.verdict is Verdict.NOT_JUDGED:
+    if mounting.verdict is FitVerdict.NOT_JUDGED:
         return f"the mounting is {how}, {sign}"
-    if mounting.verdict is Verdict.AGREE:
+    if mounting.verdict is FitVerdict.AGREE:
         return f"the mountings agree: {how}, which is chance, {sign}"
     return f"the mountings differ: {how}, {sign} ({_chance(mounting.by_chance)})"
 
