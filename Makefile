@@ -68,6 +68,7 @@ bench-export: $(VENV)/.installed  ## an export of 100,000 findings against bare 
 
 bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known lenses, against the bars
 	$(BIN)/python benchmarks/calibration.py
+	$(BIN)/python benchmarks/calibration_diff.py
 	$(BIN)/python benchmarks/extrinsics.py
 
 bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium

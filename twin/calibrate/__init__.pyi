@@ -1,3 +1,7 @@
+from .coverage.look import CoverageReport as CoverageReport
+from .coverage.look import look_at as look_at
+from .difference.compare import CameraCompared as CameraCompared
+from .difference.compare import compare_calibrations as compare_calibrations
 from .drives.history import Histories as Histories
 from .drives.history import cameras_from_drives as cameras_from_drives
 from .drives.plots import draw_histories as draw_histories
@@ -14,3 +18,6 @@ from .intrinsics.report import IntrinsicsReport as IntrinsicsReport
 from .intrinsics.report import intrinsics_report as intrinsics_report
 from .intrinsics.write import check_rig as check_rig
 from .intrinsics.write import write_calibration as write_calibration
+from .prints.boards import board_pdf as board_pdf
+from .prints.tags import tags_pdf as tags_pdf
+from .prints.yard_plan import write_yard_plan as write_yard_plan

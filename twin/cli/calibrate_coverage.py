@@ -38,7 +38,10 @@ def coverage(
     """Say which views of the board are still missing, and what to do next."""
     from twin.calibrate.coverage.look import look_at
     from twin.calibrate.coverage.plots import draw_coverage
+    from twin.store.figure_files import check_figure_name
 
+    if plot is not None:
+        check_figure_name(plot)
     if watch:
         _watch(sources, board, plot)
         return

@@ -38,7 +38,10 @@ def diff(
     """Compare two calibrations of a camera in units of their uncertainty: what has changed, and where."""
     from twin.calibrate.difference.compare import compare_calibrations
     from twin.calibrate.difference.plots import draw_difference
+    from twin.store.figure_files import check_figure_name
 
+    if plot is not None:
+        check_figure_name(plot)
     maps = compare_calibrations(first, second, camera)
     if plot is not None:
         draw_difference(maps, plot)

@@ -201,7 +201,7 @@ def test_files_of_other_programs_carry_the_mounting(other_car: Path, tmp_path: P
         *("calibrate", "extrinsics", other_car / "pictures", "--tags", other_car / "layout.toml"),
         *("--rig", other_car / "rig.json", "--out", tmp_path / "mounted"),
     )
-    assert answer.code == 2
+    assert answer.code == 4
     assert "give a rig file, a calibration file or a drive folder" in answer.err
     renamed = tmp_path / "pictures"
     renamed.mkdir()

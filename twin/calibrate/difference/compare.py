@@ -169,7 +169,7 @@ def compare_calibrations(first: Path, second: Path, camera: str | None = None) -
 
     Raises
     ------
-    CalibrationError, ConfigError, DriveError
+    CalibrationError, ConfigError, FileError, DriveError
         If one cannot be read, there is nothing to compare, or the pictures' sizes differ.
     """
     fits = read_fits(first), read_fits(second)

@@ -55,7 +55,7 @@ def read_fits(path: Path) -> Mapping[str, CameraFit]:
 
     Raises
     ------
-    CalibrationError, ConfigError, DriveError
+    CalibrationError, FileError, DriveError
         If it cannot be read.
     """
     if path.name == LENS_REPORT or (path / LENS_REPORT).is_file():

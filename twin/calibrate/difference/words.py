@@ -5,9 +5,9 @@ from __future__ import annotations
 from twin.calibrate.difference.compare import (
     SIGN_M,
     CameraCompared,
+    FitVerdict,
     LensCompared,
     MountingCompared,
-    FitVerdict,
 )
 
 _SURE = 1e-5

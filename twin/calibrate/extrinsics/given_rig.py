@@ -21,7 +21,7 @@ from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import ReadingNotes
 from twin.drives.rig.driveworks import find_rig
 from twin.drives.rig.rig_files import rig_of_folder
-from twin.errors import ConfigError
+from twin.errors import FileError
 
 _NOWHERE = (0.0, 0.0, 0.0)
 
@@ -63,7 +63,7 @@ def read_given_rig(path: Path | str) -> GivenRig:
 
     Raises
     ------
-    ConfigError, DriveError, CalibrationError
+    FileError, DriveError, CalibrationError
         If it cannot be read, or is nothing of that.
     """
     path = Path(path)
@@ -72,7 +72,7 @@ def read_given_rig(path: Path | str) -> GivenRig:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise ConfigError(
+        raise FileError(
             f"The rig {path} cannot be read ({error.strerror}): give a rig file, a calibration file or a"
             " drive folder."
         ) from error

@@ -55,7 +55,7 @@ def write_yard_plan(rig: Path, out: Path, size_m: float, page: str | None = None
 
     Raises
     ------
-    CalibrationError, ConfigError, DriveError, RefusedError
+    CalibrationError, ConfigError, FileError, DriveError, RefusedError
         If the rig cannot be read or has no camera with a place, the tags do not fit their page, or the folder
         cannot be written.
     """
