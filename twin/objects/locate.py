@@ -180,6 +180,9 @@ def locate_objects(
             there and not _at_border(camera, kept_px[k]) for there, k in zip(drawn, (0, -1), strict=True)
         )
         readings.append(Reading(row, outline, int(epoch_ns[number]), (first, last)))
+    if not readings:
+        why = "; ".join(f"{count:,} {reason}" for reason, count in left_out.most_common(3))
+        raise DriveError(f"None of the {len(rows):,} drawings on the ground of {path} has a place: {why}.")
     return DriveObjects(
         drive=drive,
         poses=view_poses(drive, trajectory, {row.camera for row in rows}),
