@@ -19,6 +19,7 @@ from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, brack
 from geoloc.trajectory.pose_noise import PoseSigmas, with_estimated_sigmas
 from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses, PoseTrack, without_headings
 from geoloc.trajectory.rig_poses import raw_poses, rig_poses
+from geoloc.trajectory.vehicle_motion import VehicleMotion
 
 __all__ = [
     "GnssFixes",
@@ -199,7 +200,11 @@ class Trajectory:
 
 
 def trajectory_from_gnss(
-    fixes: Sequence[GnssFixes], rig_antennas: Mapping[str, FloatArray], *, max_gap_s: float = MAX_GAP_S
+    fixes: Sequence[GnssFixes],
+    rig_antennas: Mapping[str, FloatArray],
+    *,
+    max_gap_s: float = MAX_GAP_S,
+    motion: VehicleMotion | None = None,  # noqa: ARG001 (the smoother takes it up next)
 ) -> Trajectory:
     """Make a trajectory of the rig from the fixes of one or more antennas.
 
@@ -222,6 +227,8 @@ def trajectory_from_gnss(
         Lever arms in the rig frame (FLU), metres.
     max_gap_s : float
         Longest time between fixes that is bridged.
+    motion : VehicleMotion, optional
+        What the car measured of its own motion.
 
     Raises
     ------
