@@ -17,6 +17,7 @@ DRIVE_TABLES: Mapping[str, Mapping[str, Key]] = {
     "gnss": known.GNSS_KEYS,
     "poses": known.POSE_KEYS,
     "poses.topics": known.POSE_TOPIC_KEYS,
+    "motion": known.MOTION_KEYS,
     "frames.NAME": known.FRAME_KEYS,
 }
 

@@ -24,6 +24,7 @@ from twin.drives.frames.sizes import size_contradictions
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.frames.stamps import read_stamps
 from twin.drives.frames.times import video_index
+from twin.drives.motion.read import with_motion
 from twin.drives.rig.rig_files import rig_of_folder
 from twin.drives.track.read import read_track
 from twin.errors import DriveError
@@ -91,7 +92,7 @@ def open_recording(
     told: list[str] = []
     trajectory: Trajectory | None = None
     try:
-        track = read_track(folder, settings, rig, notes)
+        track = with_motion(folder, settings.motion, read_track(folder, settings, rig, notes), notes)
         rig, trajectory = track.rig, trajectory_of(track)
     except (DriveError, GeolocError) as error:
         told.append(f"{error} Until then no place is proposed: every picture has to be clicked.")

@@ -13,6 +13,7 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.doubts import Doubt
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
+from geoloc.trajectory.vehicle_motion import VehicleMotion
 from twin.drives.folder.notes import Skipped
 
 if TYPE_CHECKING:
@@ -166,6 +167,8 @@ class Drive:
         Labels of annotations that are no signs: they are located, and not compared with NVDB.
     on_ground : tuple of Annotation
         Points, lines and areas on the ground, that somebody drew (`twin.objects` locates them).
+    motion : VehicleMotion or None
+        What the car measured of its own motion; None where ``drive.toml`` names nothing.
     """
 
     drive_id: str
@@ -192,6 +195,7 @@ class Drive:
     errors: Mapping[str, float] = field(default_factory=dict)
     clock: StatedClock | None = None
     on_ground: tuple[Annotation, ...] = ()
+    motion: VehicleMotion | None = None
 
     def annotated_cameras(self) -> set[str]:
         """Cameras of which something was annotated."""

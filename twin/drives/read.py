@@ -26,6 +26,12 @@ A ``drive.toml`` with every key::
     file = "poses.csv"
     lever_arm = [0.9, 0.0, 1.2]     # of the point whose poses they are (default: the rig's origin)
     topics = {position = "/fix", attitude = "/imu"}     # of ROS recordings with several
+    [motion]                        # what the car measured of its own motion
+    file = "can.csv"
+    time = "t"
+    time_unit = "s"
+    speed = "v_kmh"
+    speed_unit = "km/h"
     [timestamps]                    # by camera
     C3_tricam120 = "C3.timestamps"
     [frames]                        # by camera: a video, or a folder of images
@@ -60,6 +66,7 @@ from twin.drives.frames.find import find_pictures
 from twin.drives.frames.sizes import check_picture_sizes
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.frames.stamps import read_stamps
+from twin.drives.motion.read import with_motion
 from twin.drives.plausibility import check_span
 from twin.drives.rig.rig_files import rig_of_folder
 from twin.drives.track.read import Track, read_track
@@ -109,7 +116,7 @@ def read_drive(
     named = folder.has(SETTINGS_FILE)
     settings = read_settings(folder.content(SETTINGS_FILE)) if named else DriveSettings()
     rig, rig_text = rig_of_folder(folder, settings, notes)
-    track = read_track(folder, settings, rig, notes)
+    track = with_motion(folder, settings.motion, read_track(folder, settings, rig, notes), notes)
     pictures = find_pictures(folder, settings, track.rig)
     if detector is None:
         before = folder.entered()
@@ -170,6 +177,7 @@ def read_drive(
         errors=settings.errors,
         clock=_clock({*annotations.camera.tolist(), *of_ground}, stamps, clocks, track),
         on_ground=on_ground,
+        motion=track.motion,
     )
 
 

@@ -120,7 +120,7 @@ def trajectory_of(drive: Drive | Track) -> Trajectory:
     if drive.poses is not None:
         return trajectory_from_poses(drive.poses)
     lever_arms = {name: antenna.rig_t_antenna_m for name, antenna in drive.rig.antennas.items()}
-    return trajectory_from_gnss(drive.gnss, lever_arms)
+    return trajectory_from_gnss(drive.gnss, lever_arms, motion=drive.motion)
 
 
 def locate_annotations(

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
 from typing import Any, TypeVar
 
 from geoloc.adjustment.adjust import POLE_RADIUS_M
 from geoloc.rig.poses import PoseKind
-from twin.drives.epochs import credible
 from twin.drives.folder.keys import CAMERA_KEYS, FRAME_KEYS, GNSS_KEYS, POSE_KEYS, POSE_TOPIC_KEYS, ROOT_KEYS
+from twin.drives.folder.motion_settings import MotionSettings, motion_settings
 from twin.drives.folder.nominal_lens import NominalCamera, nominal_camera
 from twin.drives.folder.stated_errors import TERMS, can_be, wanted
 from twin.drives.folder.toml_values import (
@@ -18,6 +17,7 @@ from twin.drives.folder.toml_values import (
     choice_of,
     document_of,
     flag_of,
+    moment_of,
     names_of,
     number_of,
     refuse_unknown,
@@ -50,7 +50,6 @@ POSE_SIGMAS: Mapping[str, float] = {
 """One sigma of poses whose file states none, and the largest that locates anything."""
 
 _TABLES = {"gnss": GNSS_KEYS, "poses": POSE_KEYS}
-_INSTANT = 'an instant with its zone, "2026-06-10T07:59:59.123Z"'
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +152,8 @@ class DriveSettings:
     annotations : mapping of camera to files, or None
     errors : mapping of name to one sigma
         Terms of the error budget.
+    motion : MotionSettings
+        What the car measured of its own motion.
     """
 
     name: str | None = None
@@ -182,6 +183,7 @@ class DriveSettings:
     frames: Mapping[str, FrameSettings] | None = None
     annotations: Mapping[str, tuple[str, ...]] | None = None
     errors: Mapping[str, float] = field(default_factory=dict)
+    motion: MotionSettings = field(default_factory=MotionSettings)
 
 
 def read_settings(content: bytes) -> DriveSettings:
@@ -236,6 +238,7 @@ def read_settings(content: bytes) -> DriveSettings:
         frames=_frames(table_of(document, "frames")) if "frames" in document else None,
         annotations=_file_lists(annotations) if "annotations" in document else None,
         errors=_errors(table_of(document, "errors")),
+        motion=motion_settings(document),
     )
 
 
@@ -357,26 +360,10 @@ def _frames(table: Mapping[str, Any]) -> dict[str, FrameSettings]:
             raise wrong_value(
                 f"{name}.utc_offset_hours", offset, "a number from -14 to 14, 2 in Norwegian summer"
             )
-        start_ns = _moment(entry["start"], f"{name}.start") if "start" in entry else None
+        start_ns = moment_of(entry["start"], f"{name}.start") if "start" in entry else None
         zone = None if offset is None else float(offset)
         frames[camera] = FrameSettings(file, start_ns, zone, flag_of(entry, "numbered"))
     return frames
-
-
-def _moment(value: object, name: str) -> int:
-    """An instant, as TOML's own type or as text; its zone must be said."""
-    if isinstance(value, str):
-        try:
-            value = datetime.fromisoformat(value)
-        except ValueError as error:
-            raise wrong_value(name, value, _INSTANT) from error
-    if not isinstance(value, datetime) or value.tzinfo is None:
-        raise wrong_value(name, str(value), _INSTANT)
-    whole_s = (value.replace(microsecond=0) - datetime.fromtimestamp(0, UTC)) // timedelta(seconds=1)
-    epoch_ns = whole_s * 1_000_000_000 + value.microsecond * 1000
-    if not credible(epoch_ns):
-        raise wrong_value(name, str(value), "an instant in the years 2000–2099")
-    return epoch_ns
 
 
 def _lever_arms(table: Mapping[str, Any]) -> dict[str, tuple[float, float, float]]:

@@ -67,6 +67,7 @@ ROOT_KEYS: Mapping[str, Key] = {
     "cameras": Key("a table for each camera", _FROM_RIG, "lens and place, instead of the rig file's"),
     "gnss": Key("table", _FOUND, "GNSS recordings; not together with [poses]"),
     "poses": Key("table", _FOUND, "full poses: position and attitude"),
+    "motion": Key("table, or one for each source", "none", "what the car measured of its own motion"),
     "timestamps": Key("camera = file", _FOUND, "when each frame was taken"),
     "frames": Key("camera = file, folder or table", _FOUND, "the pictures: a video or a folder of images"),
     "annotations": Key(
@@ -128,6 +129,54 @@ POSE_KEYS: Mapping[str, Key] = {
 POSE_TOPIC_KEYS: Mapping[str, Key] = {
     "position": Key("topic", "the only one", "NavSatFix or Odometry"),
     "attitude": Key("topic", "the only one", "Imu"),
+}
+MOTION_KEYS: Mapping[str, Key] = {
+    "file": Key(
+        "file or folder", "", "a table (CSV), CAN log, ROS, SBP or DriveWorks recording, comma folder"
+    ),
+    "dbc": Key("file", "", "what the messages of a CAN log mean; needed beside one"),
+    "time": Key("column", "", "when each row of a table was measured"),
+    "time_unit": Key("s, ms, us, ns or iso", "", "of that column; iso for 2026-06-10T07:59:59.123Z"),
+    "time_zero": Key(
+        "unix, gps, or an instant with its zone",
+        "unix, where it gives a credible year",
+        "what the times count from: 1970, 1980-01-06 on GPS time, or that instant",
+    ),
+    "utc_offset_hours": Key(
+        "hours", "", "zone of times on a clock for people (ASC, BLF, TRC, iso without one): 0 for UTC"
+    ),
+    "speed": Key(
+        "column, MESSAGE.SIGNAL or topic, or a list of them",
+        "the recording's own",
+        "speed over ground at the rear axle; of several, as of both rear wheels, the mean",
+    ),
+    "speed_unit": Key(
+        "m/s, km/h, mph, kn; rad/s or rpm of a wheel; tick",
+        "what the recording states",
+        "of the speed; needed of a table",
+    ),
+    "speed_sigma_mps": Key("metres a second", "estimated", "one sigma of a value's own noise"),
+    "turn_rate": Key("as speed", "the recording's own", "rate of turn about the car's upward axis"),
+    "turn_rate_unit": Key("rad/s or deg/s", "what the recording states", "of the rate; needed of a table"),
+    "turn_rate_positive": Key("left or right", "left", "which turn is positive"),
+    "turn_rate_axis": Key(
+        "x, y, z, -x, -y or -z",
+        "what the format defines",
+        "which axis of the gyro points up in the car; -z where z points down",
+    ),
+    "turn_rate_sigma_deg_s": Key("degrees a second", "estimated", "one sigma of a value's own noise"),
+    "wheel_angle": Key("as speed", "the recording's own", "angle of the front wheels, or the steering wheel"),
+    "wheel_angle_unit": Key("rad or deg", "what the recording states", "of the angle; needed of a table"),
+    "wheel_angle_positive": Key("left or right", "left", "which angle is positive"),
+    "wheel_angle_sigma_deg": Key(
+        "degrees", "estimated", "one sigma of a value's own noise, as an angle of the front wheels"
+    ),
+    "steering_ratio": Key("number", "1", "turn of the steering wheel for one of the front wheels"),
+    "wheel_radius_m": Key("metres", _FROM_RIG, "of a speed in rad/s or rpm of a wheel"),
+    "metres_per_tick": Key("metres", "", "of a speed in ticks of a wheel"),
+    "wheelbase_m": Key("metres", _FROM_RIG, "rear axle to front axle; of [motion] itself"),
+    "lag_ms": Key("milliseconds", "0", "how much later than the measurement the stamps are"),
+    "lag_sigma_ms": Key("milliseconds", "100", "one sigma of lag_ms"),
 }
 FRAME_KEYS: Mapping[str, Key] = {
     "file": Key("video, or folder of images", "", 'the pictures; front = "front.mp4" says the same in short'),

@@ -28,7 +28,12 @@ def named_in(text: str, names: Iterable[str]) -> list[str]:
 
 def which_camera(name: str, cameras: Iterable[str]) -> str:
     """List the cameras that there are, and the one with the most similar name, as one clause."""
-    by_plain_name = {one.casefold(): one for one in cameras}
+    return which_of("cameras", name, cameras)
+
+
+def which_of(what: str, name: str, names: Iterable[str]) -> str:
+    """The same of anything that is called by names: ``columns``, ``signals``."""
+    by_plain_name = {one.casefold(): one for one in names}
     near = difflib.get_close_matches(name.casefold(), by_plain_name, n=1)
     nearest = f"; the nearest is {by_plain_name[near[0]]}" if near else ""
-    return f"its cameras: {', '.join(by_plain_name.values()) or 'none'}{nearest}"
+    return f"its {what}: {', '.join(by_plain_name.values()) or 'none':.300}{nearest}"

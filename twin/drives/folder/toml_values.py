@@ -6,12 +6,15 @@ import difflib
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
+from twin.drives.epochs import credible
 from twin.errors import DriveError
 
 SETTINGS_FILE = "drive.toml"
 _LARGEST_NUMBER = 1e15
+_INSTANT = 'an instant with its zone, "2026-06-10T07:59:59.123Z"'
 _BARE = re.compile(r"\s*([\w.-]{1,80})\s*=\s*([^\W\d][\w./\\:# -]{0,80}?|[\w./-]{1,80}\.[A-Za-z]\w{0,9})\s*$")
 """A key with a word, or a file's name, that has no quotation marks."""
 
@@ -110,3 +113,26 @@ def names_of(parent: Mapping[str, Any], key: str, name: str) -> dict[str, str]:
         if not isinstance(file, str) or not file.strip():
             raise wrong_value(f"{name}.{sensor}", file, "a file name in quotation marks")
     return dict(table)
+
+
+def moment_of(value: object, name: str, or_else: str = "") -> int:
+    """Return the epoch of an instant, as TOML's own type or as text; its zone must be said.
+
+    Parameters
+    ----------
+    or_else : str
+        What the key may be besides, for the message.
+    """
+    wanted = f"{or_else} or {_INSTANT}" if or_else else _INSTANT
+    if isinstance(value, str):
+        try:
+            value = datetime.fromisoformat(value)
+        except ValueError as error:
+            raise wrong_value(name, value, wanted) from error
+    if not isinstance(value, datetime) or value.tzinfo is None:
+        raise wrong_value(name, str(value), wanted)
+    whole_s = (value.replace(microsecond=0) - datetime.fromtimestamp(0, UTC)) // timedelta(seconds=1)
+    epoch_ns = whole_s * 1_000_000_000 + value.microsecond * 1000
+    if not credible(epoch_ns):
+        raise wrong_value(name, str(value), "an instant in the years 2000–2099")
+    return epoch_ns

@@ -193,7 +193,7 @@ def _tell_of_track(drive: Drive, notes: ReadingNotes) -> None:
         return
     notes.say("building the trajectory, as ingest-drive would")
     arms = {name: antenna.rig_t_antenna_m for name, antenna in drive.rig.antennas.items()}
-    dropped = trajectory_from_gnss(drive.gnss, arms).dropped
+    dropped = trajectory_from_gnss(drive.gnss, arms, motion=drive.motion).dropped
     notes.skipped.extend(Skipped("GNSS fixes", drive.name, count, reason) for count, reason in dropped)
 
 

@@ -11,6 +11,7 @@ from geoloc.errors import CalibrationError
 from geoloc.rig.rig import Antenna, Rig, rig_with_lever_arms
 from geoloc.trajectory.fix_checks import VERTICAL_FACTOR, sigma_of_quality
 from geoloc.trajectory.trajectory import GnssFixes, PoseTrack
+from geoloc.trajectory.vehicle_motion import VehicleMotion
 from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes
@@ -29,11 +30,12 @@ _LONGEST_MISSING_S, _LARGEST_MISSING = 5.0, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """Where the car was: fixes or poses, and the rig with the antennas that they belong to."""
+    """Where the car was: fixes or poses, the rig with the antennas they belong to, and its own motion."""
 
     rig: Rig
     gnss: tuple[GnssFixes, ...]
     poses: PoseTrack | None
+    motion: VehicleMotion | None = None
 
     def span_ns(self) -> tuple[int, int]:
         """First and last epoch at which anything was recorded."""

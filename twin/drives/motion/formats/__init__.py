@@ -1,0 +1,1 @@
+"""One module a format: a recording → samples as they stand in it."""

@@ -1,0 +1,50 @@
+"""Every format that says how a car moved: how it is recognised and how it is read.
+
+A new format is a module beside this one and a line in `FORMATS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from twin.drives.folder.files import DriveFolder
+from twin.drives.folder.motion_settings import MotionSource
+from twin.drives.motion.formats import table_file
+from twin.drives.motion.samples import MotionRead
+
+
+class MotionFormat(NamedTuple):
+    """One format.
+
+    Attributes
+    ----------
+    name : str
+        In a sentence about a file.
+    is_it : callable
+        Whether a file or folder is of this format.
+    read : callable
+        Reads what ``drive.toml`` asks for.
+    """
+
+    name: str
+    is_it: Callable[[DriveFolder, MotionSource], bool]
+    read: Callable[[DriveFolder, MotionSource], MotionRead]
+
+
+TABLE = MotionFormat("a table", lambda _folder, _source: True, table_file.read)
+FORMATS = (TABLE,)
+"""The first that knows a file reads it; a table may look like anything."""
+
+
+def motion_format(folder: DriveFolder, source: MotionSource) -> MotionFormat:
+    """Return the format of a file or folder that ``drive.toml`` names.
+
+    Raises
+    ------
+    DriveError
+        If it is not there.
+    """
+    if not folder.is_folder(source.file):
+        folder.open(source.file).close()
+    return next(one for one in FORMATS if one.is_it(folder, source))

@@ -1,0 +1,196 @@
+"""What the car measured of its own motion, from every source that ``drive.toml`` names, beside its track."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from geoloc.arrays import IntArray
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.trajectory import GnssFixes
+from geoloc.trajectory.vehicle_motion import MotionSeries, VehicleMotion
+from twin.drives.epochs import clock_hint, utc_text
+from twin.drives.folder.files import DriveFolder
+from twin.drives.folder.motion_settings import MotionSettings, MotionSource, Quantity
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes
+from twin.drives.folder.toml_values import SETTINGS_FILE
+from twin.drives.motion.against_track import Check, Reference, check, reference
+from twin.drives.motion.clocks import HOST_SIGMA_S, host_offset
+from twin.drives.motion.formats.table import motion_format
+from twin.drives.motion.samples import Samples, series, unit_of
+from twin.drives.track.fixes import counted
+from twin.drives.track.read import Track
+from twin.errors import DriveError
+
+
+@dataclass(frozen=True, slots=True)
+class MotionSeen:
+    """One series, for people.
+
+    Attributes
+    ----------
+    quantity : Quantity
+    file : str
+    unit : str
+        As it was read, before it became SI.
+    series : MotionSeries
+    check : Check
+        Against the fixes.
+    """
+
+    quantity: Quantity
+    file: str
+    unit: str
+    series: MotionSeries
+    check: Check
+
+    def told(self) -> str:
+        """Say how it fits the fixes; "" where they show nothing."""
+        words = [self.unit]
+        if self.check.ratio is not None:
+            words.append(f"{self.check.ratio:.3f} of the fixes'")
+        if self.check.late_s is not None:
+            words.append(f"{self.check.late_s + self.series.lag_s:+.2f} s late")
+        return ", ".join(words)
+
+
+@dataclass(frozen=True, slots=True)
+class MotionOfDrive:
+    """What was read: for the trajectory, and for people."""
+
+    motion: VehicleMotion | None = None
+    seen: tuple[MotionSeen, ...] = ()
+
+
+@dataclass(slots=True)
+class _Reading:
+    """What the readers of all sources share."""
+
+    folder: DriveFolder
+    settings: MotionSettings
+    rig: Rig
+    known: Reference
+    span_ns: tuple[int, int]
+    host_offset_ns: int
+    notes: ReadingNotes
+    seen: dict[Quantity, MotionSeen] = field(default_factory=dict)
+
+    @property
+    def wheelbase_m(self) -> float | None:
+        """As ``drive.toml`` states it, else the rig's."""
+        vehicle = self.rig.vehicle
+        return self.settings.wheelbase_m or (None if vehicle is None else vehicle.wheelbase_m)
+
+
+def read_motion(
+    folder: DriveFolder,
+    settings: MotionSettings,
+    rig: Rig,
+    gnss: tuple[GnssFixes, ...],
+    notes: ReadingNotes,
+) -> MotionOfDrive:
+    """Read every source of ``[motion]``; nothing is looked for that is not named.
+
+    Parameters
+    ----------
+    gnss : tuple of GnssFixes
+        Of the drive: units, signs and clocks are held against them.
+
+    Raises
+    ------
+    DriveError
+        If a source cannot be read, lies outside the fixes, states no unit, or contradicts the fixes.
+    """
+    if not settings.sources:
+        return MotionOfDrive()
+    if not gnss:
+        notes.warn(
+            DriveDoubt.TRACK,
+            f"[motion] of {SETTINGS_FILE} is not used: the drive has full poses, which say all of it.",
+        )
+        return MotionOfDrive()
+    span_ns = min(int(f.epoch_ns[0]) for f in gnss), max(int(f.epoch_ns[-1]) for f in gnss)
+    offset_ns, sentence = host_offset(gnss)
+    reading = _Reading(folder, settings, rig, reference(gnss), span_ns, offset_ns, notes)
+    by_host = [_read_source(reading, source) for source in settings.sources]
+    if any(by_host) and sentence:
+        notes.warn(DriveDoubt.CLOCK, sentence)
+    seen = reading.seen
+    if Quantity.WHEEL_ANGLE in seen and reading.wheelbase_m is None:
+        raise DriveError(
+            f"{seen[Quantity.WHEEL_ANGLE].file} holds the angle of the front wheels, and the rig file states"
+            f" no wheelbase: give [motion] wheelbase_m in {SETTINGS_FILE}, rear axle to front axle."
+        )
+    found: Mapping[str, MotionSeries] = {quantity: one.series for quantity, one in seen.items()}
+    motion = VehicleMotion(**found, wheelbase_m=reading.wheelbase_m)
+    return MotionOfDrive(motion, tuple(seen.values()))
+
+
+def with_motion(folder: DriveFolder, settings: MotionSettings, track: Track, notes: ReadingNotes) -> Track:
+    """Return a track with what the car measured of its own motion; raises as `read_motion`."""
+    return replace(track, motion=read_motion(folder, settings, track.rig, track.gnss, notes).motion)
+
+
+def _read_source(reading: _Reading, source: MotionSource) -> bool:
+    """Read one source; say whether the host stamped any of it."""
+    its = motion_format(reading.folder, source)
+    read = its.read(reading.folder, source)
+    faults = Counter(read.faults)
+    by_host = False
+    for quantity, parts in read.samples.items():
+        if quantity in reading.seen:
+            raise DriveError(
+                f"{reading.seen[quantity].file} and {source.file} both give the {quantity}: name it under one"
+                f" table of [motion] in {SETTINGS_FILE}."
+            )
+        hosts = not all(part.of_receiver for part in parts)
+        by_host |= hosts
+        reading.seen[quantity] = _seen(reading, source, quantity, parts, faults, hosts=hosts)
+    late = [warning for quantity in read.samples if (warning := reading.seen[quantity].check.warning)]
+    reading.notes.warn(DriveDoubt.CLOCK, *(f"{source.file}: {warning}." for warning in late[:1]))
+    reading.notes.warn(DriveDoubt.TRACK, *read.warnings)
+    reading.notes.skipped += counted("samples of motion", source.file, faults)
+    return by_host
+
+
+def _seen(
+    reading: _Reading,
+    source: MotionSource,
+    quantity: Quantity,
+    parts: Sequence[Samples],
+    faults: Counter[str],
+    *,
+    hosts: bool,
+) -> MotionSeen:
+    vehicle = reading.rig.vehicle
+    one = series(quantity, parts, source, None if vehicle is None else vehicle.wheel_radius_m, faults)
+    if hosts and reading.host_offset_ns:
+        moved = one.epoch_ns - reading.host_offset_ns
+        one = replace(one, epoch_ns=moved, lag_sigma_s=max(one.lag_sigma_s, HOST_SIGMA_S))
+    _check_span(one.epoch_ns, reading.span_ns, source)
+    checked = check(quantity, one, source, reading.known, reading.wheelbase_m)
+    if checked.problem:
+        raise DriveError(f"{source.file} contradicts the fixes: {checked.problem}.")
+    seen = MotionSeen(quantity, source.file, unit_of(quantity, parts[0], source), one, checked)
+    rate_hz = 1e9 / float(np.median(np.diff(one.epoch_ns))) if len(one.epoch_ns) > 1 else np.nan
+    reading.notes.say(
+        f"Motion {source.file}: {quantity}, {len(one.epoch_ns):,} at {rate_hz:.1f} Hz, {seen.told()}."
+    )
+    return seen
+
+
+def _check_span(epoch_ns: IntArray, span_ns: tuple[int, int], source: MotionSource) -> None:
+    """Refuse what was measured wholly before or after the fixes."""
+    first, last = int(epoch_ns[0]), int(epoch_ns[-1])
+    if first <= span_ns[1] and last >= span_ns[0]:
+        return
+    hint = clock_hint((first, last), span_ns)
+    told = hint.partition(":")[0] if hint else "Correct the times, or name the recording of this drive"
+    raise DriveError(
+        f"{source.file} ({utc_text(first)} to {utc_text(last)}) lies outside the fixes"
+        f" ({utc_text(span_ns[0])} to {utc_text(span_ns[1])}). {told}: see time_unit, time_zero and"
+        f" utc_offset_hours under [{source.table}]."
+    )
