@@ -29,9 +29,8 @@ _SPEED_OFF, _TURN_OFF = 1.25, 1.6
 _TOLERANCE = 1.08
 _TELLING = 0.7
 """Correlation below which a ratio says nothing."""
-_UNLIKE = 0.3
-"""Correlation below which it is not what its name says, where the fixes are good and the car turns."""
 _GOOD_M = 0.5
+"""One sigma of fixes that show every bend."""
 _ALIKE = 0.95
 """Correlation from which it shows by how much stamps are late."""
 _LATE_S = 0.3
@@ -141,12 +140,12 @@ def check(
     late_s = float(_LAGS_S[best]) if abs(alike) > _ALIKE and 0 < best < len(fits) - 1 else None
     if quantity is Quantity.SPEED:
         return Check(ratio, late_s, _speed_problem(ratio, source))
-    if known.is_good and abs(alike) < _UNLIKE and np.std(wanted) > _LEAST_TURN_RAD_S:
-        told = f"it does not follow the turns of the fixes (correlation {alike:+.2f})"
-        return Check(problem=f"{told}: check the name and axis of the {quantity} under [{source.table}]")
-    if abs(alike) < _TELLING or np.abs(wanted).max() < _LEAST_TURN_RAD_S:
-        return Check()
-    return Check(ratio, late_s, _turn_problem(quantity, ratio, source))
+    if abs(alike) >= _TELLING and np.abs(wanted).max() >= _LEAST_TURN_RAD_S:
+        return Check(ratio, late_s, _turn_problem(quantity, ratio, source))
+    if known.is_good and np.std(wanted) > _LEAST_TURN_RAD_S:
+        told = f"its {quantity} does not follow the turns of the fixes (correlation {alike:+.2f})"
+        return Check(problem=f"{told}: check its name and axis under [{source.table}]")
+    return Check()
 
 
 def _speed_problem(ratio: float, source: MotionSource) -> str:
