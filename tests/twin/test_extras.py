@@ -11,6 +11,7 @@ import pytest
 
 HIDE = "import sys; sys.modules[sys.argv.pop(1)] = None; from twin.cli import main; main()"
 VIDEO = "C2_tricam60.h264"
+LOG = '[motion]\nfile = "bus.log"\ndbc = "car.dbc"\nspeed = "WHEELS.SPEED"\n'
 
 
 @pytest.fixture
@@ -37,12 +38,17 @@ def _ingest_without(library: str, drive: Path, *options: str) -> subprocess.Comp
         ("av", "video", ()),
         ("onnxruntime", "detect", ("--detector", "network.onnx")),
         ("rasterio", "terrain", ("--terrain", "dtm.tif")),
+        ("cantools", "can", ()),
     ],
 )
 def test_an_extra_that_is_not_installed_is_named(
     drive: Path, library: str, extra: str, options: tuple[str, ...]
 ) -> None:
     """Its absence is a wrong use, told in one sentence with what to install."""
+    if library == "cantools":
+        (drive / "drive.toml").write_text(LOG)
+        (drive / "bus.log").touch()
+        (drive / "car.dbc").touch()
     if library == "av":  # a film without stamps: its own times are needed
         (drive / VIDEO).rename(drive / "C2_tricam60.mp4")
         (drive / f"{VIDEO}.timestamps").unlink()

@@ -181,10 +181,11 @@ class DriveFolder:
         """Remember a file from outside the folder that the drive was read with."""
         self._enter(name, hashlib.sha256(content).digest(), track=False)
 
-    def recording(self, name: str) -> Path:
+    def recording(self, name: str, *, track: bool = True) -> Path:
         """Path of a recording that its reader opens itself, piece by piece.
 
-        It becomes part of what the drive was read from, and says where the car was (see :meth:`content`).
+        It becomes part of what the drive was read from, and says where the car was (see :meth:`content`)
+        unless `track` is false.
 
         Raises
         ------
@@ -204,7 +205,7 @@ class DriveFolder:
                 digest = hashlib.file_digest(file, "sha256").digest()
         except OSError as error:
             raise self._unreadable(name, error) from error
-        self._enter(name, digest, track=True)
+        self._enter(name, digest, track=track)
         return path
 
     def beginning(self, name: str, n_bytes: int) -> bytes:

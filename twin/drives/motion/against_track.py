@@ -128,11 +128,9 @@ def check(
         with np.errstate(invalid="ignore", divide="ignore"):
             expected = np.arctan(wheelbase_m * known.turn_rad_s / known.speed_mps)
     use = np.isfinite(expected) & (known.speed_mps > _MOVING_MPS)
-    if np.count_nonzero(use) < _FEWEST:
-        return Check()
     epochs, wanted = known.epoch_ns[use], expected[use]
     fits = [_fit(quantity, epochs, wanted, series, lag_s) for lag_s in _LAGS_S + series.lag_s]
-    if max(fit.n for fit in fits) < _FEWEST:
+    if max(fit.n for fit in fits) < _FEWEST:  # a drive that hardly moved, or a gap of the fixes
         return Check()
     best = max(range(len(fits)), key=lambda k: abs(fits[k].alike))
     ratio, alike, _ = fits[best]
