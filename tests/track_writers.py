@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -167,6 +168,32 @@ class Ros:
         spread_twist = self._of("geometry_msgs/msg/TwistWithCovariance", twist, spread)
         header = self.header(epoch_ns)
         return self._of("nav_msgs/msg/Odometry", header, "base_link", spread_pose, spread_twist)
+
+    def gyro(self, epoch_ns: int, rate_rad_s: Sequence[float], sigma_rad_s: float = 0.0) -> Any:
+        """Return an Imu message with rates of turn about its three axes, and no attitude."""
+        q = self._of("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0)
+        zero = self._of("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+        rate = self._of("geometry_msgs/msg/Vector3", *rate_rad_s)
+        without, none = np.array([-1.0, *[0.0] * 8]), np.zeros(9)
+        spread = np.diag([sigma_rad_s**2] * 3).ravel()
+        kind = "sensor_msgs/msg/Imu"
+        return self._of(kind, self.header(epoch_ns), q, without, rate, spread, zero, none)
+
+    def twist(self, epoch_ns: int, speed_mps: float, turn_rad_s: float, frame: str = "base_link") -> Any:
+        """Return a TwistStamped of a car."""
+        linear = self._of("geometry_msgs/msg/Vector3", speed_mps, 0.0, 0.0)
+        angular = self._of("geometry_msgs/msg/Vector3", 0.0, 0.0, turn_rad_s)
+        header = dataclasses.replace(self.header(epoch_ns), frame_id=frame)
+        twist = self._of("geometry_msgs/msg/Twist", linear, angular)
+        return self._of("geometry_msgs/msg/TwistStamped", header, twist)
+
+    def moving_odometry(self, epoch_ns: int, speed_mps: float, turn_rad_s: float, sigma_mps: float) -> Any:
+        """Return an Odometry message with a twist."""
+        still = self.odometry(epoch_ns, (0.0, 0.0, 0.0, 1.0))
+        twist = self.twist(epoch_ns, speed_mps, turn_rad_s).twist
+        spread = np.diag([sigma_mps**2] * 6).ravel()
+        kind = "geometry_msgs/msg/TwistWithCovariance"
+        return dataclasses.replace(still, twist=self._of(kind, twist, spread))
 
     def text(self, text: str) -> Any:
         """Return a message of a type that twin does not read."""

@@ -111,6 +111,7 @@ def check(
     source: MotionSource,
     known: Reference,
     wheelbase_m: float | None,
+    axis: str | None = None,
 ) -> Check:
     """Hold a series against the fixes.
 
@@ -118,6 +119,8 @@ def check(
     ----------
     wheelbase_m : float or None
         Without it the angle of the wheels is not checked.
+    axis : str or None
+        Which axis of a gyro with three was taken.
     """
     expected = known.speed_mps
     if quantity is Quantity.TURN_RATE:
@@ -139,7 +142,7 @@ def check(
     if quantity is Quantity.SPEED:
         return Check(ratio, late_s, _speed_problem(ratio, source))
     if abs(alike) >= _TELLING and np.abs(wanted).max() >= _LEAST_TURN_RAD_S:
-        return Check(ratio, late_s, _turn_problem(quantity, ratio, source))
+        return Check(ratio, late_s, _turn_problem(quantity, ratio, source, axis))
     if known.is_good and np.std(wanted) > _LEAST_TURN_RAD_S:
         told = f"its {quantity} does not follow the turns of the fixes (correlation {alike:+.2f})"
         return Check(problem=f"{told}: check its name and axis under [{source.table}]")
@@ -158,14 +161,13 @@ def _speed_problem(ratio: float, source: MotionSource) -> str:
     return f"{told}: check the name and unit of the speed under [{source.table}]"
 
 
-def _turn_problem(quantity: Quantity, ratio: float, source: MotionSource) -> str:
+def _turn_problem(quantity: Quantity, ratio: float, source: MotionSource, axis: str | None) -> str:
     what = "rate of turn" if quantity is Quantity.TURN_RATE else "wheel angle"
     told = f"its {what} is {ratio:.2f} times that of the fixes"
     if 1 / _TURN_OFF < ratio < _TURN_OFF:
         return ""
     if 1 / _TURN_OFF < -ratio < _TURN_OFF:
-        if quantity is Quantity.TURN_RATE and source.turn_rate_axis:
-            axis = source.turn_rate_axis
+        if axis is not None:
             turned = axis.removeprefix("-") if axis.startswith("-") else f"-{axis}"
             return f'{told}: give [{source.table}] turn_rate_axis = "{turned}"'
         return f'{told}: give [{source.table}] {quantity}_positive = "right"'

@@ -20,7 +20,7 @@ from twin.drives.folder.toml_values import SETTINGS_FILE
 from twin.drives.motion.against_track import Check, Reference, check, reference
 from twin.drives.motion.clocks import HOST_SIGMA_S, host_offset
 from twin.drives.motion.formats.table import motion_format
-from twin.drives.motion.samples import Samples, series, unit_of
+from twin.drives.motion.samples import Samples, axis_of, series, unit_of
 from twin.drives.track.fixes import counted
 from twin.drives.track.read import Track
 from twin.errors import DriveError
@@ -171,7 +171,8 @@ def _seen(
         moved = one.epoch_ns - reading.host_offset_ns
         one = replace(one, epoch_ns=moved, lag_sigma_s=max(one.lag_sigma_s, HOST_SIGMA_S))
     _check_span(one.epoch_ns, reading.span_ns, source)
-    checked = check(quantity, one, source, reading.known, reading.wheelbase_m)
+    axis = axis_of(parts[0], source) if parts[0].values.ndim > 1 else None
+    checked = check(quantity, one, source, reading.known, reading.wheelbase_m, axis)
     if checked.problem:
         raise DriveError(f"{source.file} contradicts the fixes: {checked.problem}.")
     seen = MotionSeen(quantity, source.file, unit_of(quantity, parts[0], source), one, checked)

@@ -212,14 +212,26 @@ def _factor(quantity: Quantity, unit: str, source: MotionSource, wheel_radius_m:
 
 
 def _about_up(part: Samples, source: MotionSource) -> Samples:
+    axis = axis_of(part, source)
+    column = part.values[:, "xyz".index(axis[-1])]
+    return replace(part, values=-column if axis.startswith("-") else column)
+
+
+def axis_of(part: Samples, source: MotionSource) -> str:
+    """Which axis of a gyro points up in the car.
+
+    Raises
+    ------
+    DriveError
+        If neither ``drive.toml`` nor the format says.
+    """
     axis = source.turn_rate_axis or part.axis
     if axis is None:
         raise DriveError(
             f"{source.file} gives rates about the axes of its own sensor: say which of them points up in the"
             f' car, [{source.table}] turn_rate_axis = "z", or "-z" where z points down.'
         )
-    column = part.values[:, "xyz".index(axis[-1])]
-    return replace(part, values=-column if axis.startswith("-") else column)
+    return axis
 
 
 def _from_ticks(part: Samples, source: MotionSource) -> Samples:

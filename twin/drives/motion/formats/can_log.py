@@ -186,7 +186,7 @@ def _unreadable(source: MotionSource, error: Exception) -> DriveError:
 def _take(one: _Wanted, message: Any, faults: Counter[str]) -> None:
     try:
         decoded = one.message.decode(bytes(message.data), decode_choices=False)
-        value = float(decoded[one.signal.name])  # type: ignore[call-overload]  # no container message
+        value = float(decoded[one.signal.name])  # type: ignore[call-overload,arg-type]
     except KeyError:  # of another group of a multiplexed message
         return
     except Exception:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.motion_settings import MotionSource
-from twin.drives.motion.formats import can_log, table_file
+from twin.drives.motion.formats import can_log, ros, table_file
 from twin.drives.motion.samples import MotionRead
 
 
@@ -34,7 +34,8 @@ class MotionFormat(NamedTuple):
 
 TABLE = MotionFormat("a table", lambda _folder, _source: True, table_file.read)
 CAN = MotionFormat("a CAN log", can_log.is_can_log, can_log.read)
-FORMATS = (CAN, TABLE)
+ROS = MotionFormat("a ROS recording", ros.is_ros, ros.read)
+FORMATS = (ROS, CAN, TABLE)
 """The first that knows a file reads it; a table may look like anything."""
 
 

@@ -58,16 +58,21 @@ def is_ros_recording(recording: Recording) -> bool:
 
 def fixes_of_recording(recording: Recording, antenna: str, settings: DriveSettings) -> FixesRead:
     """Read the positions of an antenna, of the topic that ``drive.toml`` names for it."""
-    return read_rosbag(_paths(recording), antenna, recording.where, settings.gnss_topics.get(antenna))
+    return read_rosbag(paths_of(recording), antenna, recording.where, settings.gnss_topics.get(antenna))
 
 
 def poses_of_recording(recording: Recording, settings: DriveSettings) -> PosesRead:
     """Read full poses, of the topics that ``drive.toml`` names."""
-    return read_rosbag_poses(_paths(recording), recording.where, settings.pose_topics)
+    return read_rosbag_poses(paths_of(recording), recording.where, settings.pose_topics)
 
 
-def _paths(recording: Recording) -> list[Path]:
+def paths_of(recording: Recording, *, track: bool = True) -> list[Path]:
     """Files of a recording: of a ROS 2 folder those of its parts, in order.
+
+    Parameters
+    ----------
+    track : bool
+        Whether it says where the car was (:meth:`twin.drives.folder.files.DriveFolder.content`).
 
     Raises
     ------
@@ -75,7 +80,7 @@ def _paths(recording: Recording) -> list[Path]:
         If it is a folder without any.
     """
     if not recording.is_folder:
-        return [recording.folder.recording(recording.name)]
+        return [recording.folder.recording(recording.name, track=track)]
     files = recording.folder.names_in(recording.name, *_ROS2_SUFFIXES)
     if not files:
         raise DriveError(
@@ -83,7 +88,8 @@ def _paths(recording: Recording) -> list[Path]:
             " compressed (zstd -d), or add them."
         )
     # Part 10 comes after part 9.
-    return [recording.folder.recording(file) for file in sorted(files, key=lambda file: (len(file), file))]
+    in_order = sorted(files, key=lambda file: (len(file), file))
+    return [recording.folder.recording(file, track=track) for file in in_order]
 
 
 def read_rosbag(paths: Sequence[Path], antenna: str, where: str, topic: str | None = None) -> FixesRead:
@@ -133,9 +139,9 @@ def read_rosbag_poses(paths: Sequence[Path], where: str, topics: Mapping[str, st
     fixes = _fixes(paths, "", where, position)
     faults: Counter[str] = Counter()
     rows: list[tuple[int, tuple[float, ...]]] = []
-    for _, message in _messages(paths, where, [attitude], faults):
+    for _, message in messages_of(paths, where, [attitude], faults):
         try:
-            rows.append((_stamp_ns(message), attitude_of(message)))
+            rows.append((stamp_ns_of(message), attitude_of(message)))
         except LeftOutError as reason:
             faults[str(reason)] += 1
     cure = f"name a topic whose attitude is against north under [poses] topics in {SETTINGS_FILE}"
@@ -145,7 +151,7 @@ def read_rosbag_poses(paths: Sequence[Path], where: str, topics: Mapping[str, st
 def _fixes(paths: Sequence[Path], antenna: str, where: str, topic: str) -> FixesRead:
     faults: Counter[str] = Counter()
     rows = []
-    for host_ns, message in _messages(paths, where, [topic], faults):
+    for host_ns, message in messages_of(paths, where, [topic], faults):
         try:
             rows.append(_fix(message, host_ns))
         except LeftOutError as reason:
@@ -159,7 +165,7 @@ def _fix(message: Any, host_ns: int) -> Fix:
         raise LeftOutError("no fix by its status")
     place = (float(message.latitude), float(message.longitude), float(message.altitude))
     check_position(*place)
-    epoch_ns = _stamp_ns(message)
+    epoch_ns = stamp_ns_of(message)
     horizontal = vertical = math.nan
     if message.position_covariance_type:
         east, north, up = (max(float(message.position_covariance[i]), 0.0) for i in (0, 4, 8))
@@ -171,7 +177,14 @@ def _fix(message: Any, host_ns: int) -> Fix:
     return Fix(epoch_ns, host_ns, *place, quality, horizontal, vertical)
 
 
-def _stamp_ns(message: Any) -> int:
+def stamp_ns_of(message: Any) -> int:
+    """Stamp of a message's header.
+
+    Raises
+    ------
+    LeftOutError
+        If no recording of a car has it.
+    """
     stamp = message.header.stamp
     epoch_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
     check_epoch(epoch_ns)
@@ -232,7 +245,7 @@ def recorded_topics(paths: Sequence[Path], where: str) -> dict[str, str]:
     return topics
 
 
-def _messages(
+def messages_of(
     paths: Sequence[Path], where: str, topics: Collection[str], faults: Counter[str]
 ) -> Iterator[tuple[int, Any]]:
     """When each message was recorded, and the message; what cannot be unpacked is counted."""
