@@ -10,8 +10,10 @@ from typing import NamedTuple
 
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.motion_settings import MotionSource
-from twin.drives.motion.formats import can_log, ros, table_file
+from twin.drives.folder.toml_values import SETTINGS_FILE
+from twin.drives.motion.formats import can_log, comma, driveworks, ros, sbp, table_file
 from twin.drives.motion.samples import MotionRead
+from twin.errors import DriveError
 
 
 class MotionFormat(NamedTuple):
@@ -35,7 +37,10 @@ class MotionFormat(NamedTuple):
 TABLE = MotionFormat("a table", lambda _folder, _source: True, table_file.read)
 CAN = MotionFormat("a CAN log", can_log.is_can_log, can_log.read)
 ROS = MotionFormat("a ROS recording", ros.is_ros, ros.read)
-FORMATS = (ROS, CAN, TABLE)
+COMMA = MotionFormat("a comma log", comma.is_comma, comma.read)
+SBP = MotionFormat("SBP", sbp.is_sbp, sbp.read)
+DRIVEWORKS = MotionFormat("DriveWorks JSON or egomotion", driveworks.is_driveworks, driveworks.read)
+FORMATS = (ROS, COMMA, SBP, CAN, DRIVEWORKS, TABLE)
 """The first that knows a file reads it; a table may look like anything."""
 
 
@@ -45,8 +50,14 @@ def motion_format(folder: DriveFolder, source: MotionSource) -> MotionFormat:
     Raises
     ------
     DriveError
-        If it is not there.
+        If it is not there, or a folder of no format.
     """
     if not folder.is_folder(source.file):
         folder.open(source.file).close()
-    return next(one for one in FORMATS if one.is_it(folder, source))
+    its = next(one for one in FORMATS if one.is_it(folder, source))
+    if its is TABLE and folder.is_folder(source.file):
+        raise DriveError(
+            f"{source.file} is a folder that is neither a ROS 2 recording nor a comma log: name a file under"
+            f" [{source.table}] in {SETTINGS_FILE}."
+        )
+    return its

@@ -103,7 +103,12 @@ def read_sbp_poses(content: bytes, where: str) -> PosesRead:
     return poses_of_fixes(fixes, _attitudes(log, where, faults), where, faults)
 
 
-class _Clock(NamedTuple):
+def clock_of(content: bytes) -> Clock | None:
+    """Clock of a recording, which turns times of the week into UTC; None without a sound time message."""
+    return _Log(content).clock()
+
+
+class Clock(NamedTuple):
     """What turns times of the week into UTC."""
 
     gps_ns: int
@@ -173,14 +178,14 @@ class _Log:
         for message in sbp.iter_messages(content, self.faults):
             self._take(message)
 
-    def clock(self) -> _Clock | None:
+    def clock(self) -> Clock | None:
         """Clock of the recording; None where it has no sound time message."""
         # Without GPS_TIME the week is that of UTC: leap seconds are few against half a week.
         near_ns = self._utc_ns if self._gps_ns is None else self._gps_ns
         if near_ns is None:
             return None
         ahead = self._ahead_s.most_common(1)
-        return _Clock(near_ns, ahead[0][0] if ahead else None, self._residual_ns, self._moved)
+        return Clock(near_ns, ahead[0][0] if ahead else None, self._residual_ns, self._moved)
 
     def _take(self, message: Message) -> None:
         kind, sender, field = message
@@ -293,7 +298,7 @@ def _said(motion: _Motion | None, kind: int) -> Callable[[float], dict[str, Any]
 def _rows(
     positions: Sequence[_Position],
     said: Callable[[float], dict[str, Any]],
-    clock: _Clock | None,
+    clock: Clock | None,
     faults: Counter[str],
 ) -> list[Fix]:
     rows = []
@@ -305,7 +310,7 @@ def _rows(
     return rows
 
 
-def _fix(position: _Position, clock: _Clock | None) -> Fix:
+def _fix(position: _Position, clock: Clock | None) -> Fix:
     quality = _GGA_QUALITY.get(position.flags & 0b111)
     if quality is None:
         raise LeftOutError("fix mode 0 or unknown")
@@ -345,7 +350,7 @@ def _warnings(positions: Sequence[_Position], kind: int, where: str) -> list[str
     return warnings
 
 
-def _cure(log: _Log, clock: _Clock | None) -> str:
+def _cure(log: _Log, clock: Clock | None) -> str:
     if not any(log.positions.values()):
         return "switch the messages POS_LLH and GPS_TIME on in the receiver"
     if clock is None:

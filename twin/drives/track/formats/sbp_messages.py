@@ -67,7 +67,20 @@ LAYOUTS: Mapping[int, _Layout] = {
     VEL_NED_COV: _VELOCITY_COVARIANCE,
     VEL_NED_COV_GNSS: _VELOCITY_COVARIANCE,
 }
-"""Message types that are read; others are passed by."""
+"""Message types that say where and when; others are passed by."""
+IMU_RAW = 0x0900
+IMU_AUX = 0x0901
+ODOMETRY = 0x0903
+WHEELTICK = 0x0904
+ANGULAR_RATE = 0x0222
+MOTION_LAYOUTS: Mapping[int, _Layout] = {
+    IMU_RAW: _layout("IBhhhhhh", "tow tow_f acc_x acc_y acc_z gyr_x gyr_y gyr_z"),
+    IMU_AUX: _layout("BhB", "imu_type temp imu_conf"),
+    ODOMETRY: _layout("IiB", "tow velocity flags"),
+    WHEELTICK: _layout("QBBi", "time flags source ticks"),
+    ANGULAR_RATE: _layout("IiiiB", "tow x y z flags"),
+}
+"""Those that say how the car moved."""
 
 _PREAMBLE = b"\x55"
 _HEADER = struct.Struct("<HHB")
@@ -92,21 +105,24 @@ def looks_like_sbp(head: bytes) -> bool:
     return sum(1 for _ in zip(frames, range(_FRAMES_IN_HEAD), strict=False)) == _FRAMES_IN_HEAD
 
 
-def iter_messages(content: bytes, faults: Counter[str]) -> Iterator[Message]:
-    """Yield every sound message of the types in `LAYOUTS`; count what is none in `faults`."""
-    yield from _from_json(content, faults) if _is_json(content[:65_536]) else _from_binary(content, faults)
+def iter_messages(
+    content: bytes, faults: Counter[str], layouts: Mapping[int, _Layout] = LAYOUTS
+) -> Iterator[Message]:
+    """Yield every sound message of the types in `layouts`; count what is none in `faults`."""
+    of_content = _from_json if _is_json(content[:65_536]) else _from_binary
+    yield from of_content(content, faults, layouts)
 
 
 def _is_json(head: bytes) -> bool:
     return head.lstrip()[:1] == b"{"
 
 
-def _from_binary(content: bytes, faults: Counter[str]) -> Iterator[Message]:
+def _from_binary(content: bytes, faults: Counter[str], layouts: Mapping[int, _Layout]) -> Iterator[Message]:
     for frame in _frames(content):
         if not isinstance(frame, tuple):
             faults["stretch of bytes that is no SBP frame"] += 1
-        elif frame[0] in LAYOUTS:
-            yield from _decoded(*frame, faults)
+        elif frame[0] in layouts:
+            yield from _decoded(*frame, faults, layouts[frame[0]])
 
 
 def _frames(content: bytes) -> Iterator[tuple[int, int, bytes] | None]:
@@ -132,24 +148,26 @@ def _frames(content: bytes) -> Iterator[tuple[int, int, bytes] | None]:
         yield None
 
 
-def _decoded(kind: int, sender: int, payload: bytes, faults: Counter[str]) -> Iterator[Message]:
-    names, packed = LAYOUTS[kind]
+def _decoded(
+    kind: int, sender: int, payload: bytes, faults: Counter[str], layout: _Layout
+) -> Iterator[Message]:
+    names, packed = layout
     if len(payload) < packed.size:
         faults["message too short"] += 1
         return
     yield from _checked(kind, sender, dict(zip(names, packed.unpack_from(payload), strict=True)), faults)
 
 
-def _from_json(content: bytes, faults: Counter[str]) -> Iterator[Message]:
+def _from_json(content: bytes, faults: Counter[str], layouts: Mapping[int, _Layout]) -> Iterator[Message]:
     for line in io.BytesIO(content):
         kind = _JSON_TYPE.search(line)
         if kind is None:
             faults["line that is no SBP message"] += bool(line.strip())
-        elif int(kind.group(1)) in LAYOUTS:
-            yield from _json_message(line, faults)
+        elif int(kind.group(1)) in layouts:
+            yield from _json_message(line, faults, layouts)
 
 
-def _json_message(line: bytes, faults: Counter[str]) -> Iterator[Message]:
+def _json_message(line: bytes, faults: Counter[str], layouts: Mapping[int, _Layout]) -> Iterator[Message]:
     try:
         document = json.loads(line)
     except (ValueError, RecursionError):
@@ -158,8 +176,8 @@ def _json_message(line: bytes, faults: Counter[str]) -> Iterator[Message]:
     # Swift's console wraps each message: {"time": …, "data": {…}}.
     message = document.get("data", document)
     kind, sender = (message.get(name) for name in ("msg_type", "sender")) if _is_table(message) else (0, 0)
-    if kind in LAYOUTS and isinstance(sender, int):
-        yield from _checked(kind, sender, {name: message.get(name) for name in LAYOUTS[kind].names}, faults)
+    if kind in layouts and isinstance(sender, int):
+        yield from _checked(kind, sender, {name: message.get(name) for name in layouts[kind].names}, faults)
     else:
         faults["line that is no SBP message"] += 1
 
