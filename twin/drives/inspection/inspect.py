@@ -28,7 +28,16 @@ from twin.drives.frames.find import Pictures, find_pictures
 from twin.drives.frames.sizes import size_contradictions
 from twin.drives.frames.stamps import read_stamps
 from twin.drives.inspection.recognise import FileSeen, recognised
-from twin.drives.inspection.sensors import SensorSpan, annotations_span, frames_span, gnss_span, poses_span
+from twin.drives.inspection.sensors import (
+    SensorSpan,
+    annotations_span,
+    frames_span,
+    gnss_span,
+    motion_span,
+    poses_span,
+)
+from twin.drives.motion.beside import motion_beside
+from twin.drives.motion.read import MotionSeen, read_motion
 from twin.drives.plausibility import check_enough_read, check_track
 from twin.drives.read import read_drive
 from twin.drives.rig.rig_files import rig_of_folder
@@ -70,7 +79,7 @@ class Inspection:
     cameras : tuple of CameraSeen
     antennas : mapping of name to lever arm (x, y, z), metres
     sensors : tuple of SensorSpan
-        In the order GNSS or poses, then frames and annotations camera by camera.
+        In the order GNSS or poses, the car's own motion, then frames and annotations camera by camera.
     warnings : tuple of str
         What reading told, and what is missing for a full result.
     skipped : tuple of Skipped
@@ -146,6 +155,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
     rig = None if read is None else read[0]
     # Without a rig the recordings still say when they were made.
     track = rest.tried(lambda: read_track(folder, settings, rig or Rig({}, {}, "the rig"), notes))
+    motion = _motion(folder, settings, track, notes, rest)
     annotated: AnnotationsRead | None = None
     pictures: Mapping[str, Pictures] = {}
     stamps: dict[str, tuple[IntArray, str]] = {}
@@ -163,6 +173,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
     if not parts.refusals:
         parts.tried(lambda: _tell_of_track(read_drive(path), notes))
     missing = _missing(settings, rig, annotated, stamps)
+    missing += motion_beside(folder, "" if read is None else read[1], settings.motion)
     notes.say("looking at every file")
     return Inspection(
         path=str(path),
@@ -172,7 +183,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         files=recognised(folder, _images_of_times(pictures, stamps)),
         cameras=_cameras(rig),
         antennas=_antennas(rig if track is None else track.rig),
-        sensors=_sensors(settings, track, annotated, stamps),
+        sensors=_sensors(settings, track, motion, annotated, stamps),
         warnings=tuple(dict.fromkeys((*map(str, notes.warnings), *missing))),
         skipped=tuple(dict.fromkeys(notes.skipped)),
         settings=_settled(folder, settings),
@@ -195,6 +206,17 @@ def _tell_of_track(drive: Drive, notes: ReadingNotes) -> None:
     arms = {name: antenna.rig_t_antenna_m for name, antenna in drive.rig.antennas.items()}
     dropped = trajectory_from_gnss(drive.gnss, arms, motion=drive.motion).dropped
     notes.skipped.extend(Skipped("GNSS fixes", drive.name, count, reason) for count, reason in dropped)
+
+
+def _motion(
+    folder: DriveFolder, settings: DriveSettings, track: Track | None, notes: ReadingNotes, parts: _Parts
+) -> tuple[MotionSeen, ...]:
+    """What the car measured of its own motion, as far as it can be read."""
+    if track is None:
+        return ()
+    known = track
+    read = parts.tried(lambda: read_motion(folder, settings.motion, known.rig, known.gnss, notes))
+    return () if read is None else read.seen
 
 
 def _settings(folder: DriveFolder) -> DriveSettings:
@@ -269,6 +291,7 @@ def _antennas(rig: Rig | None) -> dict[str, tuple[float, float, float]]:
 def _sensors(
     settings: DriveSettings,
     track: Track | None,
+    motion: tuple[MotionSeen, ...],
     annotated: AnnotationsRead | None,
     stamps: Mapping[str, tuple[IntArray, str]],
 ) -> tuple[SensorSpan, ...]:
@@ -280,6 +303,7 @@ def _sensors(
             spans.append(gnss_span(fixes, file))
         if track.poses is not None:
             spans.append(poses_span(track.poses, settings.poses or ""))
+    spans += map(motion_span, motion)
     for camera, (epoch_ns, file) in stamps.items():
         spans.append(frames_span(camera, epoch_ns, file))
         annotations = None if annotated is None else annotated.annotations

@@ -19,7 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _NS_PER_S = 1e9
-_COLOURS = {"GNSS": "#1f6f8b", "poses": "#1f6f8b", "frames": "#6a994e", "annotations": "#c8553d"}
+_COLOURS = {
+    "GNSS": "#1f6f8b",
+    "poses": "#1f6f8b",
+    "motion": "#8f5fa8",
+    "frames": "#6a994e",
+    "annotations": "#c8553d",
+}
 _GAP = "#cc3311"
 _FULL, _PART, _NOTHING = "█", "▒", "·"
 _MOST_MARKS = 4000
@@ -82,6 +88,12 @@ def told(sensor: SensorSpan) -> str:
     if sensor.quality:
         best = max(sensor.quality, key=lambda name: sensor.quality[name])  # type: ignore[index]
         words.append(f"{sensor.quality[best] / sensor.count:.0%} {best}")
+    if sensor.unit is not None:
+        words.append(sensor.unit)
+    if sensor.of_fixes is not None:
+        words.append(f"{sensor.of_fixes:.3f} of the fixes'")
+    if sensor.late_s is not None:
+        words.append(f"{sensor.late_s:+.2f} s late")
     words += [
         f"{n:,} {what}" for n, what in ((sensor.headings, "headings"), (sensor.velocities, "velocities")) if n
     ]

@@ -18,6 +18,7 @@ from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.files import DriveFolder
 from twin.drives.frames.images import IMAGE_SUFFIXES
 from twin.drives.frames.stamp_files import names_images
+from twin.drives.motion.beside import motion_file
 from twin.drives.track.formats.recording import Recording
 from twin.drives.track.formats.rosbag import ROS2_METADATA
 from twin.drives.track.formats.table import track_format
@@ -105,8 +106,9 @@ def kind_of(folder: DriveFolder, name: str) -> str:
         head = folder.head(name)
         suffix = suffix_of(name, head)
         track = None if suffix == JSON and calibration_kind(head) else track_format(Recording(folder, name))
-        if track is not None:
-            return track.kind
+        its = track or motion_file(name, head)
+        if its is not None:
+            return its.kind
         return _json_kind(folder, name, head) if suffix == JSON else _text_kind(name, suffix, head)
     except DriveError as error:
         return f"unreadable: {error}"

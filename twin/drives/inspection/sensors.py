@@ -11,6 +11,7 @@ from geoloc.arrays import IntArray
 from geoloc.trajectory.fix_checks import quality_counts
 from geoloc.trajectory.poses import GnssFixes, PoseTrack
 from twin.drives.frames.stamp_files import NO_STAMP
+from twin.drives.motion.read import MotionSeen
 
 _NS_PER_S = 1_000_000_000
 # A step this much longer than the usual one is a hole in the recording, and not one late sample.
@@ -38,8 +39,8 @@ class SensorSpan:
     Attributes
     ----------
     name : str
-        Antenna, ``poses``, or camera.
-    kind : {"GNSS", "poses", "frames", "annotations"}
+        Antenna, ``poses``, what was measured of the car's motion, or camera.
+    kind : {"GNSS", "poses", "motion", "frames", "annotations"}
     file : str
         Where it was read from.
     count : int
@@ -57,6 +58,10 @@ class SensorSpan:
         Fix quality in words → number of fixes.
     headings, velocities : int or None
         Fixes with a heading, or velocity, of the receiver's own that is used; None for none.
+    unit : str or None
+        In which the car's motion was read.
+    of_fixes, late_s : float or None
+        The car's motion over what the fixes say, and how late its stamps are against them, seconds.
     """
 
     name: str
@@ -72,6 +77,9 @@ class SensorSpan:
     quality: dict[str, int] | None = None
     headings: int | None = None
     velocities: int | None = None
+    unit: str | None = None
+    of_fixes: float | None = None
+    late_s: float | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Give everything but the single epochs."""
@@ -87,6 +95,9 @@ class SensorSpan:
             "quality",
             "headings",
             "velocities",
+            "unit",
+            "of_fixes",
+            "late_s",
         )
         document: dict[str, Any] = {name: getattr(self, name) for name in plain}
         document |= {"first_ns": self.first_ns, "last_ns": self.last_ns}
@@ -121,6 +132,12 @@ def gnss_span(fixes: GnssFixes, file: str) -> SensorSpan:
 def poses_span(track: PoseTrack, file: str) -> SensorSpan:
     """Span of a full-pose track."""
     return _span("poses", "poses", file, track.epoch_ns)
+
+
+def motion_span(seen: MotionSeen) -> SensorSpan:
+    """Span of what the car measured of its own motion, by its stamps as UTC."""
+    span = _span(str(seen.quantity), "motion", seen.file, seen.series.epoch_ns)
+    return replace(span, unit=seen.unit, of_fixes=seen.check.ratio, late_s=seen.check.late_s)
 
 
 def frames_span(camera: str, stamps_ns: IntArray, file: str) -> SensorSpan | None:

@@ -1,0 +1,30 @@
+"""Clocks: what a host stamped is brought to UTC by what it stamped of the fixes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from moving_car import TABLE, MovingCar, motion_of, settings_of
+
+from twin.drives.folder.notes import DriveDoubt, ReadingNotes
+
+
+def _host_ahead(trip: Path, ahead_us: int) -> None:
+    """Let the host's clock run ahead: the stamps at the end of its lines."""
+    for file in trip.glob("gnss*.bin"):
+        lines = [line.rpartition(" ") for line in file.read_text().splitlines()]
+        file.write_text("".join(f"{head} {int(stamp) + ahead_us}\r\n" for head, _, stamp in lines))
+
+
+def test_host_on_gps_time_is_brought_to_utc(car: MovingCar) -> None:
+    """A host 18 s ahead stamps fixes and bus alike: its motion is moved back to 0.1 s, and less trusted."""
+    _host_ahead(car.trip, 18_000_000)
+    car.table(car.trip / "can.csv", late_s=18.0)
+    notes = ReadingNotes()
+    motion = motion_of(car.trip, settings_of(**TABLE), notes).motion
+    assert motion is not None
+    assert motion.speed is not None
+    assert np.abs(motion.speed.epoch_ns - car.epoch_ns).max() < 150_000_000
+    assert motion.speed.lag_sigma_s == 0.25
+    assert any("moved by -18.0" in str(w) for w in notes.warnings if w.kind is DriveDoubt.CLOCK)
