@@ -52,6 +52,8 @@ _SPELLINGS = {
 _LONGEST_BETWEEN_S = 0.5
 """Samples of another wheel that are further apart than this say nothing of the time between."""
 _FASTEST_TICKS_MPS = 100.0
+_MOST = 1000.0
+"""In SI units, beyond what a wrong unit makes of what a car does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -252,9 +254,11 @@ def _from_ticks(part: Samples, source: MotionSource) -> Samples:
 def _ordered(part: Samples, faults: Counter[str]) -> Samples:
     """Samples that have a value, in order of time."""
     known = np.isfinite(part.values)
+    sane = known & (np.abs(np.where(known, part.values, 0.0)) < _MOST)
+    faults["what no car does, in any unit"] += int(np.count_nonzero(known & ~sane))
     faults["not a number"] += int(np.count_nonzero(~known))
-    stamp_ns, values = part.stamp_ns[known], part.values[known]
-    sigma = None if part.sigma is None else part.sigma[known]
+    stamp_ns, values = part.stamp_ns[sane], part.values[sane]
+    sigma = None if part.sigma is None else part.sigma[sane]
     keep = longest_increasing(stamp_ns)
     faults["stamp not after the sample before"] += int(np.count_nonzero(~keep))
     return replace(

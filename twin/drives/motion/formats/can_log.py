@@ -6,9 +6,12 @@ left out: that is how a car says that it has none.
 
 from __future__ import annotations
 
+import logging
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -51,6 +54,19 @@ class _Log(NamedTuple):
     reader: Any
     is_clock: bool
     """Whether the times are those of a clock on the wall, whose zone nobody states."""
+
+
+class _Counted(logging.Handler):
+    """Counts what python-can passes over, and would only tell a log of its own."""
+
+    def __init__(self, faults: Counter[str]) -> None:
+        super().__init__(logging.WARNING)
+        self.faults = faults
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count one line."""
+        del record
+        self.faults["line that is no message"] += 1
 
 
 def is_can_log(_folder: DriveFolder, source: MotionSource) -> bool:
@@ -124,7 +140,7 @@ def _decoded(
     for one in wanted:
         by_id[one.message.frame_id, one.message.is_extended_frame].append(one)
     log = _opened(path, suffix, source)
-    with log.reader:
+    with log.reader, _counting(faults):
         for message in _messages(log, source, faults):
             for one in by_id.get((message.arbitration_id, message.is_extended_id), ()):
                 _take(one, message, faults)
@@ -139,21 +155,33 @@ def _decoded(
     return {one.name: _epochs(np.array(one.times_s) + shift_s, log, source) for one in wanted}
 
 
+@contextmanager
+def _counting(faults: Counter[str]) -> Iterator[None]:
+    handler, logger = _Counted(faults), logging.getLogger("can")
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+
+
 def _opened(path: Path, suffix: str, source: MotionSource) -> _Log:
     try:
         import can
     except ImportError as error:
         raise MissingExtraError(f"The CAN log {source.file}", "python-can", "can") from error
+    # The library leaves a file open that it cannot begin with.
+    file = path.open("rb") if suffix == ".blf" else path.open(encoding="cp1252", errors="replace")
+    readers: Mapping[str, Callable[[Any], Any]] = {
+        ".asc": partial(can.ASCReader, relative_timestamp=source.time_zero_ns is not None),
+        ".blf": can.BLFReader,
+        ".trc": can.TRCReader,
+        CANDUMP: can.CanutilsLogReader,
+    }
     try:
-        if suffix == ".asc":
-            relative = source.time_zero_ns is not None
-            return _Log(can.ASCReader(path, relative_timestamp=relative), is_clock=True)
-        if suffix == ".blf":
-            return _Log(can.BLFReader(path), is_clock=True)
-        if suffix == ".trc":
-            return _Log(can.TRCReader(path), is_clock=True)
-        return _Log(can.CanutilsLogReader(path), is_clock=False)
+        return _Log(readers[suffix](file), is_clock=suffix != CANDUMP)
     except Exception as error:
+        file.close()
         raise _unreadable(source, error) from error
 
 

@@ -118,10 +118,11 @@ def _boot_ns(folder: DriveFolder, log: str) -> int | None:
     poses = f"{parent}/{_POSES}" if parent else _POSES
     if folder.has(f"{poses}/frame_gps_times") and folder.has(f"{poses}/frame_times"):
         gps = _array(folder, f"{poses}/frame_gps_times").reshape(-1, 2)
-        week, tow_s = gps[len(gps) // 2].tolist()
+        week, tow_s = np.nan_to_num(gps[len(gps) // 2]).tolist()
         utc_ns = utc_from_gps(round(week) * WEEK_NS + round(tow_s * _NS_PER_S))
         t_s = _array(folder, f"{poses}/frame_times").ravel()[len(gps) // 2]
-        return utc_ns - round(float(t_s) * _NS_PER_S)
+        boot_ns = utc_ns - round(float(t_s) * _NS_PER_S)
+        return boot_ns if credible(boot_ns) else None
     for receiver in _RECEIVERS:
         if folder.is_folder(f"{log}/{receiver}"):
             t_s = _array(folder, f"{log}/{receiver}/t").ravel()
@@ -146,7 +147,7 @@ def _array(folder: DriveFolder, name: str) -> FloatArray:
     try:
         array = np.load(io.BytesIO(folder.content(name)), allow_pickle=False)
         numbers = np.asarray(array, np.float64)
-    except (ValueError, EOFError, OSError, MemoryError) as error:
+    except Exception as error:  # damage shows in NumPy's header as errors of nearly every kind
         told = str(error).partition("\n")[0]
         raise DriveError(f"{name} is no NumPy array of numbers ({told:.80}): copy it again.") from error
     if not numbers.size or not np.abs(np.nan_to_num(numbers)).max() < _LATEST_S * 1e3:
