@@ -24,7 +24,7 @@ from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import LENS_KEYS, camera_model, model_properties, unsupported_model, with_model
 from geoloc.rig.poses import FLU_R_RDF, NOMINAL, POSE_KEYS, sensor_pose
 from geoloc.rig.sensor_entry import SensorEntry, mask_document
-from geoloc.rig.vehicle import Vehicle, vehicle_of_document
+from geoloc.rig.vehicle import Vehicle, vehicle_document, vehicle_of_document
 
 __all__ = [
     "FLU_R_RDF",
