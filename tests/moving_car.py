@@ -96,9 +96,9 @@ def motion_of(trip: Path, settings: DriveSettings, notes: ReadingNotes | None = 
     """Read the motion of a trip."""
     notes = notes or ReadingNotes()
     folder = DriveFolder(trip)
-    rig, _ = rig_of_folder(folder, settings, notes)
+    rig, rig_text = rig_of_folder(folder, settings, notes)
     track = read_track(folder, settings, rig, notes)
-    return read_motion(folder, settings.motion, track.rig, track.gnss, notes)
+    return read_motion(folder, settings.motion, rig_text, track.gnss, notes)
 
 
 def nearly(values: FloatArray, truth: FloatArray, within: float) -> bool:

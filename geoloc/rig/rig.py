@@ -24,7 +24,6 @@ from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import LENS_KEYS, camera_model, model_properties, unsupported_model, with_model
 from geoloc.rig.poses import FLU_R_RDF, NOMINAL, POSE_KEYS, sensor_pose
 from geoloc.rig.sensor_entry import SensorEntry, mask_document
-from geoloc.rig.vehicle import Vehicle, vehicle_document, vehicle_of_document
 
 __all__ = [
     "FLU_R_RDF",
@@ -104,8 +103,6 @@ class Rig:
         the way of the others; `camera` says why when one is asked for.
     document : mapping or None
         The file that it was read from, parsed: what of it is not read is written again.
-    vehicle : Vehicle or None
-        The car itself, where the rig file says anything of it.
     """
 
     cameras: Mapping[str, RigCamera]
@@ -113,7 +110,6 @@ class Rig:
     source: str
     unsupported: Mapping[str, str] = field(default_factory=dict)
     document: Mapping[str, Any] | None = field(default=None, repr=False, compare=False)
-    vehicle: Vehicle | None = None
 
     def camera(self, name: str) -> RigCamera:
         """Return the camera of that name.
@@ -216,8 +212,7 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
                 cameras[entry.name] = _camera(entry)
             else:
                 unsupported[entry.name] = reason
-    vehicle = vehicle_of_document(document)
-    return Rig(cameras, antennas, source, unsupported, document, vehicle)
+    return Rig(cameras, antennas, source, unsupported, document)
 
 
 def rig_with_lever_arms(rig: Rig, lever_arms_m: Mapping[str, Sequence[float]]) -> Rig:

@@ -61,23 +61,6 @@ def vehicle_of_document(document: Mapping[str, Any]) -> Vehicle | None:
     )
 
 
-def vehicle_document(vehicle: Vehicle | None) -> dict[str, Any]:
-    """Write ``rig.vehicle``, which `vehicle_of_document` reads back."""
-    if vehicle is None:
-        return {"valid": False}
-    radius = {f"wheelRadius{side}": vehicle.wheel_radius_m for side in ("Left", "Right")}
-    rear = {"position": 0.0} | (radius if vehicle.wheel_radius_m is not None else {})
-    value: dict[str, Any] = {"axleRear": rear}
-    if vehicle.wheelbase_m is not None:
-        value["axleFront"] = {"position": vehicle.wheelbase_m}
-    body: dict[str, Any] = {}
-    if vehicle.size_m is not None:
-        body |= dict(zip(("length", "width", "height"), vehicle.size_m, strict=True))
-    if vehicle.rear_end_m is not None:
-        body["boundingBoxPosition"] = [vehicle.rear_end_m, 0.0, 0.0]
-    return {"valid": True, "value": value | ({"body": body} if body else {})}
-
-
 def _table(value: object) -> Mapping[str, Any]:
     return value if isinstance(value, Mapping) else {}
 

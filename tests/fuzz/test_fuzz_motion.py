@@ -16,7 +16,6 @@ from mutate import Draw, fuzzed, mutated
 from sbp.vehicle import MsgOdometry
 from track_writers import sbp_clock, sbp_time
 
-from geoloc.rig.rig import Rig
 from geoloc.simulation.simulate import scenario, simulate_drive
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import ReadingNotes
@@ -96,9 +95,7 @@ def test_fuzz_motion_gives_series_or_a_drive_error(damaged: tuple[str, bytes]) -
             (folder / other).write_bytes(content if other == name else whole)
         settings, notes = settings_of(**KEYS[name]), ReadingNotes()
         try:
-            read = read_motion(
-                DriveFolder(folder), settings.motion, Rig({}, {}, "rig"), car.drive.gnss, notes
-            )
+            read = read_motion(DriveFolder(folder), settings.motion, "", car.drive.gnss, notes)
         except DriveError:
             return
     for seen in read.seen:

@@ -88,11 +88,12 @@ def open_recording(
     folder = DriveFolder(Path(path))
     notes = ReadingNotes(progress)
     settings = read_settings(folder.content(SETTINGS_FILE)) if folder.has(SETTINGS_FILE) else DriveSettings()
-    rig, _ = rig_of_folder(folder, settings, notes)
+    rig, rig_text = rig_of_folder(folder, settings, notes)
     told: list[str] = []
     trajectory: Trajectory | None = None
     try:
-        track = with_motion(folder, settings.motion, read_track(folder, settings, rig, notes), notes)
+        track = read_track(folder, settings, rig, notes)
+        track = with_motion(folder, settings.motion, rig_text, track, notes)
         rig, trajectory = track.rig, trajectory_of(track)
     except (DriveError, GeolocError) as error:
         told.append(f"{error} Until then no place is proposed: every picture has to be clicked.")

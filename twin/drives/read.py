@@ -116,7 +116,8 @@ def read_drive(
     named = folder.has(SETTINGS_FILE)
     settings = read_settings(folder.content(SETTINGS_FILE)) if named else DriveSettings()
     rig, rig_text = rig_of_folder(folder, settings, notes)
-    track = with_motion(folder, settings.motion, read_track(folder, settings, rig, notes), notes)
+    track = read_track(folder, settings, rig, notes)
+    track = with_motion(folder, settings.motion, rig_text, track, notes)
     pictures = find_pictures(folder, settings, track.rig)
     if detector is None:
         before = folder.entered()

@@ -155,7 +155,8 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
     rig = None if read is None else read[0]
     # Without a rig the recordings still say when they were made.
     track = rest.tried(lambda: read_track(folder, settings, rig or Rig({}, {}, "the rig"), notes))
-    motion = _motion(folder, settings, track, notes, rest)
+    rig_text = "" if read is None else read[1]
+    motion = _motion(folder, settings, rig_text, track, notes, rest)
     annotated: AnnotationsRead | None = None
     pictures: Mapping[str, Pictures] = {}
     stamps: dict[str, tuple[IntArray, str]] = {}
@@ -173,7 +174,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
     if not parts.refusals:
         parts.tried(lambda: _tell_of_track(read_drive(path), notes))
     missing = _missing(settings, rig, annotated, stamps)
-    missing += motion_beside(folder, "" if read is None else read[1], settings.motion)
+    missing += motion_beside(folder, rig_text, settings.motion)
     notes.say("looking at every file")
     return Inspection(
         path=str(path),
@@ -209,13 +210,18 @@ def _tell_of_track(drive: Drive, notes: ReadingNotes) -> None:
 
 
 def _motion(
-    folder: DriveFolder, settings: DriveSettings, track: Track | None, notes: ReadingNotes, parts: _Parts
+    folder: DriveFolder,
+    settings: DriveSettings,
+    rig_text: str,
+    track: Track | None,
+    notes: ReadingNotes,
+    parts: _Parts,
 ) -> tuple[MotionSeen, ...]:
     """What the car measured of its own motion, as far as it can be read."""
     if track is None:
         return ()
-    known = track
-    read = parts.tried(lambda: read_motion(folder, settings.motion, known.rig, known.gnss, notes))
+    gnss = track.gnss
+    read = parts.tried(lambda: read_motion(folder, settings.motion, rig_text, gnss, notes))
     return () if read is None else read.seen
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from geoloc.arrays import IntArray
-from geoloc.rig.rig import Rig
+from geoloc.rig.vehicle import Vehicle, vehicle_of_document
 from geoloc.trajectory.trajectory import GnssFixes
 from geoloc.trajectory.vehicle_motion import MotionSeries, VehicleMotion
 from twin.drives.epochs import clock_hint, utc_text
@@ -71,7 +72,7 @@ class _Reading:
 
     folder: DriveFolder
     settings: MotionSettings
-    rig: Rig
+    vehicle: Vehicle
     known: Reference
     span_ns: tuple[int, int]
     host_offset_ns: int
@@ -81,14 +82,13 @@ class _Reading:
     @property
     def wheelbase_m(self) -> float | None:
         """As ``drive.toml`` states it, else the rig's."""
-        vehicle = self.rig.vehicle
-        return self.settings.wheelbase_m or (None if vehicle is None else vehicle.wheelbase_m)
+        return self.settings.wheelbase_m or self.vehicle.wheelbase_m
 
 
 def read_motion(
     folder: DriveFolder,
     settings: MotionSettings,
-    rig: Rig,
+    rig_text: str,
     gnss: tuple[GnssFixes, ...],
     notes: ReadingNotes,
 ) -> MotionOfDrive:
@@ -96,6 +96,8 @@ def read_motion(
 
     Parameters
     ----------
+    rig_text : str
+        The rig file, whose vehicle has a wheelbase and wheels; "" for none.
     gnss : tuple of GnssFixes
         Of the drive: units, signs and clocks are held against them.
 
@@ -114,7 +116,7 @@ def read_motion(
         return MotionOfDrive()
     span_ns = min(int(f.epoch_ns[0]) for f in gnss), max(int(f.epoch_ns[-1]) for f in gnss)
     offset_ns, sentence = host_offset(gnss)
-    reading = _Reading(folder, settings, rig, reference(gnss), span_ns, offset_ns, notes)
+    reading = _Reading(folder, settings, _vehicle(rig_text), reference(gnss), span_ns, offset_ns, notes)
     by_host = [_read_source(reading, source) for source in settings.sources]
     if any(by_host) and sentence:
         notes.warn(DriveDoubt.CLOCK, sentence)
@@ -129,9 +131,17 @@ def read_motion(
     return MotionOfDrive(motion, tuple(seen.values()))
 
 
-def with_motion(folder: DriveFolder, settings: MotionSettings, track: Track, notes: ReadingNotes) -> Track:
+def with_motion(
+    folder: DriveFolder, settings: MotionSettings, rig_text: str, track: Track, notes: ReadingNotes
+) -> Track:
     """Return a track with what the car measured of its own motion; raises as `read_motion`."""
-    return replace(track, motion=read_motion(folder, settings, track.rig, track.gnss, notes).motion)
+    return replace(track, motion=read_motion(folder, settings, rig_text, track.gnss, notes).motion)
+
+
+def _vehicle(rig_text: str) -> Vehicle:
+    """What the rig file says of the car; nothing of one that was refused before."""
+    document = json.loads(rig_text) if rig_text else {}
+    return vehicle_of_document(document) or Vehicle()
 
 
 def _read_source(reading: _Reading, source: MotionSource) -> bool:
@@ -165,8 +175,7 @@ def _seen(
     *,
     hosts: bool,
 ) -> MotionSeen:
-    vehicle = reading.rig.vehicle
-    one = series(quantity, parts, source, None if vehicle is None else vehicle.wheel_radius_m, faults)
+    one = series(quantity, parts, source, reading.vehicle.wheel_radius_m, faults)
     if hosts and reading.host_offset_ns:
         moved = one.epoch_ns - reading.host_offset_ns
         one = replace(one, epoch_ns=moved, lag_sigma_s=max(one.lag_sigma_s, HOST_SIGMA_S))
