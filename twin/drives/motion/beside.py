@@ -12,6 +12,7 @@ from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.motion_settings import MotionSettings, MotionSource
 from twin.drives.folder.toml_values import SETTINGS_FILE
 from twin.drives.motion.formats import comma, driveworks, ros
+from twin.drives.track.formats.framedata import is_framedata
 from twin.drives.track.formats.rosbag import recorded_topics
 from twin.errors import DriveError
 
@@ -61,7 +62,7 @@ _FILES: tuple[tuple[Callable[[str, str, bytes], bool], MotionFile], ...] = (
         MotionFile("measurements (MDF), not read", "export it as ASC, BLF or CSV", is_readable=False),
     ),
     (
-        lambda _name, _suffix, head: driveworks.is_framedata(head),
+        lambda _name, _suffix, head: is_framedata(head),
         MotionFile(
             "frames of a sensor, DriveWorks JSON",
             "give file, and the names of its signals or turn_rate_axis",

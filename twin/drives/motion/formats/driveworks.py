@@ -1,9 +1,7 @@
 """What DriveWorks' own tools write out of its recordings: JSON of the ingestion tools, and egomotion as text.
 
-``ingest_framedata`` and ``timesync_framedata`` turn a recording of a CAN bus, with its DBC, or of an IMU into
-JSON: records with ``timestamp_us`` (the host's clock) and ``payload``; of a CAN bus ``signal_name``,
-``value`` and ``unit``, of an IMU ``turnrate`` about the sensor's own axes. NVIDIA's pages name these fields
-and not what holds the records: they are taken from wherever they stand, or from one document a line.
+Of frames (:mod:`twin.drives.track.formats.framedata`) those of a CAN bus, recorded with its DBC, have a
+``signal_name``, ``value`` and ``unit``, those of an IMU ``turnrate`` about the sensor's own axes.
 
 The egomotion sample writes ``timestamp_us,x,y,z`` in metres of a frame of its own, ten times a second and
 rounded to centimetres: its steps are the car's speed.
@@ -14,11 +12,9 @@ DriveWorks 5, ``sample_egomotion --output`` and ``dwIMUFrame`` (turnrate in rad/
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -29,19 +25,13 @@ from twin.drives.folder.sensor_names import which_of
 from twin.drives.folder.toml_values import SETTINGS_FILE
 from twin.drives.motion.clocks import counted_from
 from twin.drives.motion.samples import MotionRead, Samples
+from twin.drives.track.formats.framedata import frames, is_framedata
 from twin.errors import DriveError
 
 TURN_RATE = "turnrate"
 _EGOMOTION = re.compile(rb"\d{10,19}(,-?\d+\.\d\d){3}\r?\n")
-_FRAMEDATA = re.compile(rb'"timestamp_us"\s*:')
 _US_NS = 1_000
-_LARGEST_US = 9_000_000_000_000_000
 _ROUNDED_M = 0.01 / np.sqrt(12.0)
-
-
-def is_framedata(head: bytes) -> bool:
-    """Whether a file begins as JSON of DriveWorks' ingestion tools."""
-    return head.lstrip()[:1] in (b"{", b"[") and _FRAMEDATA.search(head) is not None and b'"payload"' in head
 
 
 def is_egomotion(head: bytes) -> bool:
@@ -92,41 +82,6 @@ def read(folder: DriveFolder, source: MotionSource) -> MotionRead:
     stamp_ns = _stamps([stamp_us for stamp_us, _ in turns], source)
     values = np.array([rate for _, rate in turns], np.float64)
     return MotionRead({Quantity.TURN_RATE: [Samples(stamp_ns, values, unit="rad/s")]}, faults=faults)
-
-
-def frames(content: bytes, where: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Yield stamp (microseconds) and payload of every frame of a JSON file.
-
-    Raises
-    ------
-    DriveError
-        If it is not JSON, neither as a whole nor line by line.
-    """
-    for document in _documents(content, where):
-        stack: list[Any] = [document]
-        while stack:
-            part = stack.pop()
-            if isinstance(part, list):
-                stack.extend(reversed(part))
-            elif isinstance(part, dict):
-                stamp, payload = part.get("timestamp_us"), part.get("payload")
-                if type(stamp) is int and abs(stamp) < _LARGEST_US and isinstance(payload, dict):
-                    yield stamp, payload
-                else:
-                    stack.extend(reversed([one for one in part.values() if isinstance(one, list | dict)]))
-
-
-def _documents(content: bytes, where: str) -> Iterator[Any]:
-    try:
-        yield json.loads(content)
-    except (ValueError, RecursionError) as whole:
-        try:
-            lines = [json.loads(line) for line in content.splitlines() if line.strip()]
-        except (ValueError, RecursionError) as error:
-            raise DriveError(
-                f"{where} is not JSON ({whole}): export it again with --format=json (ION is not read)."
-            ) from error
-        yield from lines
 
 
 def _of_signals(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from twin.drives.folder.drive_toml import DriveSettings
 from twin.drives.track.fixes import FixesRead, PosesRead
-from twin.drives.track.formats import exif, gpmf, gpx, nmea, poses_csv, rosbag, sbp, sbp_messages
+from twin.drives.track.formats import exif, framedata, gpmf, gpx, nmea, poses_csv, rosbag, sbp, sbp_messages
 from twin.drives.track.formats.recording import Recording
 
 ReadFixes = Callable[[Recording, str, DriveSettings], FixesRead]
@@ -120,7 +120,15 @@ GOPRO = TrackFormat(
     gpmf.fixes_of_video,
     asked_for="a GoPro video with its own GPS",
 )
-FORMATS = (ROS, GOPRO, EXIF, POSES, GPX, SBP, NMEA)
+DRIVEWORKS = TrackFormat(
+    "DriveWorks JSON",
+    "GNSS, DriveWorks JSON",
+    _begins(framedata.is_gps_framedata),
+    _whole(framedata.read_gps),
+    asked_for="DriveWorks' JSON of a GPS",
+    states_quality=False,
+)
+FORMATS = (ROS, GOPRO, EXIF, POSES, DRIVEWORKS, GPX, SBP, NMEA)
 """The first that knows a recording as its own reads it."""
 _ASKED_FOR = [one.asked_for for one in reversed(FORMATS) if one.asked_for]
 NAMES = f"{', '.join(_ASKED_FOR[:-1])} or {_ASKED_FOR[-1]}"
