@@ -96,6 +96,17 @@ def gps5_packet(utc_ns: int, places: Sequence[tuple[float, float, float]], *, fi
     return _nested(b"DEVC", entry(b"DVID", b"L", 4, struct.pack(">I", 1)) + _nested(b"STRM", stream))
 
 
+def gyro_packet(rates_rad_s: Sequence[tuple[float, float, float]]) -> bytes:
+    """One packet of a gyro, in 939ths of a radian a second."""
+    rows = b"".join(struct.pack(">3h", *(round(939 * rate) for rate in row)) for row in rates_rad_s)
+    stream = (
+        entry(b"SIUN", b"c", 5, b"rad/s")
+        + entry(b"SCAL", b"s", 2, struct.pack(">h", 939))
+        + entry(b"GYRO", b"s", 6, rows)
+    )
+    return _nested(b"DEVC", _nested(b"STRM", stream))
+
+
 def gps9_packet(rows: Sequence[tuple[int, tuple[float, float, float]]], *, fix: int = 3) -> bytes:
     """One packet of a HERO11 and later: fixes with a time each."""
     scales = (*_SCALES, 1, 1000, 100, 1)

@@ -72,6 +72,8 @@ class Samples:
         Which axis of three points up by the format's own definition; None where it defines none.
     sigma : float64 (n,) or None
         One sigma in `unit`; NaN where the recording does not say.
+    stamp_sigma_s : float
+        One sigma of what all stamps are off because of how their epochs were found.
     of_receiver : bool
         Whether the stamps are a GNSS receiver's, and not those of the host's clock.
     """
@@ -82,6 +84,7 @@ class Samples:
     axis: str | None = None
     sigma: FloatArray | None = None
     of_receiver: bool = False
+    stamp_sigma_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +179,7 @@ def series(
         values=values[known],
         sigma=sigma[known],
         lag_s=source.lag_s,
-        lag_sigma_s=source.lag_sigma_s,
+        lag_sigma_s=max(source.lag_sigma_s, first.stamp_sigma_s),
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_camera import gps5_packet, gps9_packet, write_video
+from small_camera import gps5_packet, gps9_packet, gyro_packet, write_video
 
 from geoloc.rig.rig import Rig
 from twin.drives.folder.drive_toml import DriveSettings
@@ -82,6 +82,11 @@ def test_a_damaged_packet_costs_itself_alone(tmp_path: Path, cut: int) -> None:
     whole = [gps5_packet(START_NS + s * NS, [place(18 * s + k) for k in range(18)]) for s in range(3)]
     fixes = fixes_of(video(tmp_path, [whole[0], whole[1][:cut], whole[2]]))
     assert fixes.epoch_ns.size == 36
+
+
+def test_data_without_a_receiver_has_no_start(tmp_path: Path) -> None:
+    """A video whose camera has a gyro and no GPS says nothing of its start."""
+    assert start_by_gps(video(tmp_path, [gyro_packet([(0.0, 0.0, 0.1)] * 20)])) is None
 
 
 def test_without_reception_one_sentence_says_so(tmp_path: Path) -> None:

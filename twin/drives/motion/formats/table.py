@@ -11,7 +11,7 @@ from typing import NamedTuple
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.motion_settings import MotionSource
 from twin.drives.folder.toml_values import SETTINGS_FILE
-from twin.drives.motion.formats import can_log, comma, driveworks, ros, sbp, table_file
+from twin.drives.motion.formats import can_log, comma, driveworks, gopro, ros, sbp, table_file
 from twin.drives.motion.samples import MotionRead
 from twin.errors import DriveError
 
@@ -40,7 +40,8 @@ ROS = MotionFormat("a ROS recording", ros.is_ros, ros.read)
 COMMA = MotionFormat("a comma log", comma.is_comma, comma.read)
 SBP = MotionFormat("SBP", sbp.is_sbp, sbp.read)
 DRIVEWORKS = MotionFormat("DriveWorks JSON or egomotion", driveworks.is_driveworks, driveworks.read)
-FORMATS = (ROS, COMMA, SBP, CAN, DRIVEWORKS, TABLE)
+GOPRO = MotionFormat("a GoPro video", gopro.is_gopro, gopro.read)
+FORMATS = (ROS, COMMA, GOPRO, SBP, CAN, DRIVEWORKS, TABLE)
 """The first that knows a file reads it; a table may look like anything."""
 
 

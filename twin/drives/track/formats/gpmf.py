@@ -1,4 +1,4 @@
-"""GoPro's own GNSS track: GPMF in a data stream of the MP4.
+"""GoPro's own GNSS track and gyro: GPMF in a data stream of the MP4.
 
 Each packet, about a second, is a tree of entries: a name of four letters, a type, a size and a count, all
 padded to four bytes. Fixes are ``GPS5`` (HERO5 to 10: 18 a second, of which only the packet has a time,
@@ -18,6 +18,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from geoloc.arrays import FloatArray, IntArray
 from twin.drives.track.fixes import Fix, FixesRead, LeftOutError, check_epoch, check_position, fixes_read
 from twin.drives.track.formats.recording import Recording
 from twin.drives.track.sea_level import above_ellipsoid
@@ -44,6 +47,8 @@ _LEAST_SIGMA_M, _SIGMA_A_DOP_M = 2.0, 1.5
 START_SIGMA_S = 0.3
 """How well the time of fixes fits that of frames in a file: a packet of a second, and the receiver's lag."""
 _HEAD_BYTES = 1 << 20
+_MOST_RATES_HZ = 100.0
+"""A gyro of 200 to 3,200 samples a second is averaged to this: no car turns faster."""
 
 
 class _Entry(NamedTuple):
@@ -60,6 +65,14 @@ class StartByGps:
     epoch_ns: int
     why: str
     sigma_s: float = START_SIGMA_S
+
+
+class GyroOfVideo(NamedTuple):
+    """Samples of a gyro since the first packet: nanoseconds, rates as they are written, the unit."""
+
+    offset_ns: IntArray
+    rates: FloatArray
+    unit: str
 
 
 class _Packet(NamedTuple):
@@ -149,7 +162,56 @@ def _stream(container: InputContainer) -> Stream | None:
     return None
 
 
+def gyro_of_video(recording: Recording) -> GyroOfVideo | None:
+    """Rates of turn of a video's gyro, averaged to `_MOST_RATES_HZ`; None where it has none.
+
+    A packet's samples are spread evenly to the next packet's time.
+
+    Raises
+    ------
+    DriveError
+        If it cannot be read as a video.
+    """
+    found = [
+        (offset_ns, rates, unit)
+        for content, offset_ns in _contents(recording)
+        for rates, unit in _rates_of(content)
+        if len(rates)
+    ]
+    if not found:
+        return None
+    stamps, values, step_ns = [], [], _NS
+    for (offset_ns, rates, _), after in zip(found, [*found[1:], None], strict=True):
+        to_next_ns = after[0] - offset_ns if after else 0
+        step_ns = to_next_ns if 0 < to_next_ns < 3 * _NS else step_ns
+        count = max(1, min(len(rates), round(step_ns / _NS * _MOST_RATES_HZ)))
+        blocks = np.array_split(rates, count)
+        ends = np.cumsum([len(block) for block in blocks])
+        middles = (ends - np.array([len(block) for block in blocks]) / 2.0) / len(rates)
+        stamps.append(offset_ns + np.round(middles * step_ns).astype(np.int64))
+        values.append(np.array([block.mean(axis=0) for block in blocks]))
+    return GyroOfVideo(np.concatenate(stamps), np.concatenate(values), found[0][2])
+
+
+def _rates_of(content: bytes) -> Iterator[tuple[FloatArray, str]]:
+    """Samples ``(n, 3)`` of each gyro of a packet, and their unit."""
+    for device in _entries(content):
+        for stream in _entries(device.payload) if device.kind == _NESTED else ():
+            entries = {one.name: one for one in _entries(stream.payload)} if stream.kind == _NESTED else {}
+            numbers, scales = _numbers(entries.get("GYRO")), _scales(entries, 3)
+            if numbers and scales:
+                rows = np.array(numbers[: len(numbers) // 3 * 3], np.float64).reshape(-1, 3)
+                unit = entries["SIUN"].payload.strip(b"\0 ").decode("latin-1") if "SIUN" in entries else ""
+                yield rows / np.array(scales, np.float64), unit
+
+
 def _packets(recording: Recording) -> Iterator[_Packet]:
+    for content, offset_ns in _contents(recording):
+        yield from _fixes_of(content, offset_ns)
+
+
+def _contents(recording: Recording) -> Iterator[tuple[bytes, int]]:
+    """Packets of a video, each with its time since the first."""
     with _opened(recording) as container:
         stream = _stream(container)
         base = None if stream is None else stream.time_base
@@ -164,7 +226,7 @@ def _packets(recording: Recording) -> Iterator[_Packet]:
                 said = f"{recording.where} has more than {_MOST_PACKETS:,} packets of data: cut it."
                 raise DriveError(said)
             offset_ns = int((packet.pts - first) * base.numerator * _NS // base.denominator)
-            yield from _fixes_of(bytes(packet), offset_ns)
+            yield bytes(packet), offset_ns
 
 
 def _fixes_of(content: bytes, offset_ns: int) -> Iterator[_Packet]:
@@ -256,7 +318,7 @@ def _epoch_ns(text: bytes) -> int | None:
 def _timed(packets: list[_Packet]) -> list[_Packet]:
     """Spread fixes that share a packet's time evenly to the next packet's."""
     timed, step_ns = [], _NS
-    for packet, after in zip(packets, [*packets[1:], None], strict=True):
+    for packet, after in zip(packets, [*packets[1:], None], strict=False):  # there may be none at all
         fixes = packet.fixes
         if len(fixes) > 1 and fixes[0].epoch_ns == fixes[-1].epoch_ns:
             to_next_ns = after.fixes[0].epoch_ns - fixes[0].epoch_ns if after and after.fixes else 0
