@@ -11,8 +11,10 @@ from typing import Any, NamedTuple
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.motion_settings import MotionSettings, MotionSource
 from twin.drives.folder.toml_values import SETTINGS_FILE
-from twin.drives.motion.formats import comma, driveworks, ros
+from twin.drives.motion.formats import comma, driveworks, ros, sbp
+from twin.drives.track.formats import gpmf
 from twin.drives.track.formats.framedata import is_framedata
+from twin.drives.track.formats.recording import Recording
 from twin.drives.track.formats.rosbag import recorded_topics
 from twin.errors import DriveError
 
@@ -23,6 +25,7 @@ _CANDUMP = re.compile(rb"\s*\(\d+\.\d+\) \S+ [0-9A-Fa-f]+#")
 _ASC = re.compile(rb"\s*(//[^\n]*\n\s*)*date\s+\w+", re.IGNORECASE)
 _TRC = re.compile(rb"\s*;\$FILEVERSION|\s*;#{5,}")
 _KINDS = {"can": "a CAN bus", "imu": "an IMU"}
+_LOOK_BYTES = 1_000_000
 _HELP = "(`twin help drive-folder`)"
 
 
@@ -142,7 +145,7 @@ def _sentence(name: str, its: MotionFile) -> str:
 
 
 def _recordings(folder: DriveFolder) -> Iterator[tuple[str, str]]:
-    """ROS recordings with topics of motion, and folders of comma's logs."""
+    """Recordings that hold more than where the car was, and folders of comma's logs."""
     for name in [*folder.names(), *folder.folders()]:
         source = MotionSource("motion", name)
         said = []
@@ -154,11 +157,21 @@ def _recordings(folder: DriveFolder) -> Iterator[tuple[str, str]]:
                 said = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(of_motion.items())]
             elif comma.is_comma(folder, source):
                 said = ["comma log"]
+            elif not folder.is_folder(name):
+                said = _of_receiver(folder, source)
         except DriveError:
             continue
         if said:
             its = MotionFile(", ".join(said)[:300], f'give file = "{name}"', is_readable=True)
             yield name, _sentence(name, its)
+
+
+def _of_receiver(folder: DriveFolder, source: MotionSource) -> list[str]:
+    """What a receiver or a camera recorded besides where it was, by the beginning of its recording."""
+    if sbp.is_sbp(folder, source):
+        return sbp.messages_of_motion(folder.head(source.file, _LOOK_BYTES))
+    recording = Recording(folder, source.file)
+    return ["gyro of the camera"] if gpmf.is_gopro_video(recording) and gpmf.has_gyro(recording) else []
 
 
 def _named_by_rig(rig_text: str) -> Mapping[str, str]:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from command_line import Twin
 from moving_car import TABLE, MovingCar
-from track_writers import Ros
+from sbp.orientation import MsgAngularRate
+from small_camera import gyro_packet, write_video
+from track_writers import Ros, sbp_clock
 
 from twin.drives.read import read_drive
 
@@ -64,6 +66,10 @@ def test_what_is_not_used_or_cannot_be_read_is_named_with_the_cure(car: MovingCa
         log.on_message_received(can.Message(timestamp=car.epoch_ns[0] / 1e9, data=b"12"))
     ros = Ros(2)
     ros.write(car.trip / "car", [("/imu", int(car.epoch_ns[0]), ros.gyro(int(car.epoch_ns[0]), (0, 0, 0.1)))])
+    rate = MsgAngularRate(tow=1, x=0, y=0, z=0, flags=1).to_binary()
+    (car.trip / "ins.sbp").write_bytes(sbp_clock(int(car.epoch_ns[0])) + rate)
+    packets = [(0, gyro_packet([(0.0, 0.0, 0.1)] * 20))]
+    write_video(car.trip / "GX010001.MP4", car.epoch_ns[:3], int(car.epoch_ns[0]), data=packets)
     (car.trip / "drive.toml").write_text('[gnss]\nfiles = {"gnss50:vehicle" = "gnss50_vehicle.bin"}\n')
     document = twin("inspect", car.trip, "--json").json
     said = {warning.split()[0]: warning for warning in document["warnings"]}
@@ -76,6 +82,8 @@ def test_what_is_not_used_or_cannot_be_read_is_named_with_the_cure(car: MovingCa
     assert "ASC" in said["bus.mf4"]
     assert "not used (log of a CAN bus)" in said["bus.asc"]
     assert "/imu (Imu)" in said["car"]
+    assert "ANGULAR_RATE" in said["ins.sbp"]
+    assert "gyro of the camera" in said["GX010001.MP4"]
     kinds = {file["name"]: file["kind"] for file in document["files"]}
     assert kinds["can_vehicle0.bin"] == "DriveWorks' own recording of a CAN bus, not read"
     assert document["ready"]

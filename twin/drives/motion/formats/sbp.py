@@ -90,6 +90,12 @@ def read(folder: DriveFolder, source: MotionSource) -> MotionRead:
     return MotionRead(samples, faults=faults)
 
 
+def messages_of_motion(head: bytes) -> list[str]:
+    """Names of the messages at the beginning of a recording that say how the car moved."""
+    kinds = {message.kind for message in sbp.iter_messages(head, Counter(), MOTION_LAYOUTS)}
+    return [name for name, kind in _NAMES.items() if kind in kinds]
+
+
 def _rows(content: bytes, faults: Counter[str]) -> tuple[Mapping[str, list[_Row]], float | None]:
     """Messages by name, of several wheels those of the most, and the range of the gyro."""
     by_source: dict[str, dict[int, list[_Row]]] = defaultdict(lambda: defaultdict(list))

@@ -9,6 +9,7 @@ GoPro, "GPMF Introduction", https://github.com/gopro/gpmf-parser/blob/main/READM
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections import Counter
@@ -47,6 +48,7 @@ _LEAST_SIGMA_M, _SIGMA_A_DOP_M = 2.0, 1.5
 START_SIGMA_S = 0.3
 """How well the time of fixes fits that of frames in a file: a packet of a second, and the receiver's lag."""
 _HEAD_BYTES = 1 << 20
+_LOOK_PACKETS = 5
 _MOST_RATES_HZ = 100.0
 """A gyro of 200 to 3,200 samples a second is averaged to this: no car turns faster."""
 
@@ -191,6 +193,12 @@ def gyro_of_video(recording: Recording) -> GyroOfVideo | None:
         stamps.append(offset_ns + np.round(middles * step_ns).astype(np.int64))
         values.append(np.array([block.mean(axis=0) for block in blocks]))
     return GyroOfVideo(np.concatenate(stamps), np.concatenate(values), found[0][2])
+
+
+def has_gyro(recording: Recording) -> bool:
+    """Whether the first packets of a video hold samples of a gyro."""
+    first = itertools.islice(_contents(recording), _LOOK_PACKETS)
+    return any(len(rates) for content, _ in first for rates, _unit in _rates_of(content))
 
 
 def _rates_of(content: bytes) -> Iterator[tuple[FloatArray, str]]:
