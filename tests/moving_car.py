@@ -14,8 +14,6 @@ from twin.drives.folder.drive_toml import DriveSettings, read_settings
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import ReadingNotes
 from twin.drives.motion.read import MotionOfDrive, read_motion
-from twin.drives.rig.rig_files import rig_of_folder
-from twin.drives.track.read import read_track
 
 WHEELBASE_M = 2.7
 
@@ -92,13 +90,10 @@ def settings_of(**keys: str) -> DriveSettings:
     return read_settings(f"[motion]\n{lines}\n".encode())
 
 
-def motion_of(trip: Path, settings: DriveSettings, notes: ReadingNotes | None = None) -> MotionOfDrive:
-    """Read the motion of a trip."""
-    notes = notes or ReadingNotes()
-    folder = DriveFolder(trip)
-    rig, rig_text = rig_of_folder(folder, settings, notes)
-    track = read_track(folder, settings, rig, notes)
-    return read_motion(folder, settings.motion, rig_text, track.gnss, notes)
+def motion_of(car: MovingCar, settings: DriveSettings, notes: ReadingNotes | None = None) -> MotionOfDrive:
+    """Read the motion in the folder of a drive, beside its fixes."""
+    rig = (car.trip / "rig.json").read_text()
+    return read_motion(DriveFolder(car.trip), settings.motion, rig, car.drive.gnss, notes or ReadingNotes())
 
 
 def nearly(values: FloatArray, truth: FloatArray, within: float) -> bool:

@@ -131,9 +131,7 @@ POSE_TOPIC_KEYS: Mapping[str, Key] = {
     "attitude": Key("topic", "the only one", "Imu"),
 }
 MOTION_KEYS: Mapping[str, Key] = {
-    "file": Key(
-        "file or folder", "", "a table (CSV), CAN log, ROS, SBP or DriveWorks recording, comma folder"
-    ),
+    "file": Key("file or folder", "", "a table (CSV), a log of a CAN bus, or another recording"),
     "dbc": Key("file", "", "what the messages of a CAN log mean; needed beside one"),
     "time": Key("column", "", "when each row of a table was measured"),
     "time_unit": Key("s, ms, us, ns or iso", "", "of that column; iso for 2026-06-10T07:59:59.123Z"),

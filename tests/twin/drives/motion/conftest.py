@@ -23,5 +23,12 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> MovingCar:
 
 @pytest.fixture
 def car(driven: MovingCar, tmp_path: Path) -> MovingCar:
-    """The same drive in a folder of its own."""
+    """The same drive, and a folder that holds its rig file alone."""
+    shutil.copy(driven.trip / "rig.json", tmp_path)
+    return MovingCar(driven.drive, tmp_path)
+
+
+@pytest.fixture
+def whole(driven: MovingCar, tmp_path: Path) -> MovingCar:
+    """The same drive with all its files in a folder of its own."""
     return MovingCar(driven.drive, Path(shutil.copytree(driven.trip, tmp_path / "trip")))

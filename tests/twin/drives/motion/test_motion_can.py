@@ -66,13 +66,13 @@ def test_every_kind_of_log_gives_what_the_bus_said(car: MovingCar, name: str, zo
     write_log(car, name)
     if zone:
         with pytest.raises(DriveError, match="utc_offset_hours"):
-            motion_of(car.trip, settings_of(file=f'"{name}"', **KEYS))
+            motion_of(car, settings_of(file=f'"{name}"', **KEYS))
     offset = {"utc_offset_hours": "0"} if zone else {}
     if name == "a.asc":  # its writer takes the zone of the machine, and its format has none
         machine = datetime.fromtimestamp(ZERO_S, UTC).astimezone().utcoffset()
         assert machine is not None
         offset = {"utc_offset_hours": str(machine.total_seconds() / 3600.0)}
-    read = motion_of(car.trip, settings_of(file=f'"{name}"', **KEYS, **offset))
+    read = motion_of(car, settings_of(file=f'"{name}"', **KEYS, **offset))
     motion = read.motion
     assert motion is not None
     assert motion.speed is not None
@@ -88,16 +88,16 @@ def test_unit_that_the_dbc_lacks_is_asked_for(car: MovingCar) -> None:
     write_log(car, "a.log")
     angle = {"file": '"a.log"', "dbc": '"car.dbc"', "wheel_angle": '"ESC.STEERING"'}
     with pytest.raises(DriveError, match="wheel_angle_unit"):
-        motion_of(car.trip, settings_of(**angle))
+        motion_of(car, settings_of(**angle))
     angle |= {"wheel_angle_unit": '"deg"', "steering_ratio": "15", "wheelbase_m": str(WHEELBASE_M)}
-    read = motion_of(car.trip, settings_of(**angle))
+    read = motion_of(car, settings_of(**angle))
     assert read.motion is not None
     assert read.motion.wheel_angle is not None
     assert nearly(read.motion.wheel_angle.values, car.wheel_rad, np.radians(0.05 / 15))
     turns = {"file": '"a.log"', "dbc": '"car.dbc"', "speed": '"WHEELS.TURNS"'}
     with pytest.raises(DriveError, match="wheel_radius_m"):
-        motion_of(car.trip, settings_of(**turns))
-    read = motion_of(car.trip, settings_of(**turns, wheel_radius_m="0.33"))
+        motion_of(car, settings_of(**turns))
+    read = motion_of(car, settings_of(**turns, wheel_radius_m="0.33"))
     assert read.motion is not None
     assert read.motion.speed is not None
     assert nearly(read.motion.speed.values, car.speed_mps, 0.01 * 0.33)
@@ -107,9 +107,9 @@ def test_log_from_its_start_needs_an_instant(car: MovingCar) -> None:
     """``candump -t z`` counts from the first message: time_zero says when that was."""
     write_log(car, "a.log", zero_s=ZERO_S)
     with pytest.raises(DriveError, match="time_zero"):
-        motion_of(car.trip, settings_of(file='"a.log"', **KEYS))
+        motion_of(car, settings_of(file='"a.log"', **KEYS))
     zero = datetime.fromtimestamp(ZERO_S, UTC).isoformat()
-    read = motion_of(car.trip, settings_of(file='"a.log"', **KEYS, time_zero=f'"{zero}"'))
+    read = motion_of(car, settings_of(file='"a.log"', **KEYS, time_zero=f'"{zero}"'))
     assert read.motion is not None
     assert read.motion.speed is not None
     assert np.abs(read.motion.speed.epoch_ns - car.epoch_ns).max() < 1_500
@@ -123,7 +123,7 @@ def test_damage_costs_what_it_hits(car: MovingCar) -> None:
     lines[4] = lines[4].partition(b"#")[0] + b"#FFFFFFFFFFFFFFFF\n"
     path.write_bytes(b"".join(lines)[: len(text) // 2])
     notes = ReadingNotes()
-    read = motion_of(car.trip, settings_of(file='"a.log"', **KEYS), notes)
+    read = motion_of(car, settings_of(file='"a.log"', **KEYS), notes)
     assert read.motion is not None
     assert read.motion.speed is not None
     assert len(car.epoch_ns) // 2 - 5 < len(read.motion.speed.values) < len(car.epoch_ns) // 2 + 5
@@ -150,11 +150,11 @@ def test_what_cannot_be_read_is_said_in_one_sentence(
     for name, content in files.items():
         (car.trip / name).write_bytes(content)
     with pytest.raises(DriveError, match=told):
-        motion_of(car.trip, settings_of(**({"file": '"a.log"'} | KEYS | keys)))
+        motion_of(car, settings_of(**({"file": '"a.log"'} | KEYS | keys)))
 
 
 def test_a_log_without_its_dbc_asks_for_it(car: MovingCar) -> None:
     """A log by its name alone is known as one."""
     write_log(car, "a.log")
     with pytest.raises(DriveError, match=r"\[motion\] dbc"):
-        motion_of(car.trip, settings_of(file='"a.log"'))
+        motion_of(car, settings_of(file='"a.log"'))

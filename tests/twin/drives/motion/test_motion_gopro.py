@@ -34,10 +34,10 @@ def test_gyro_is_averaged_and_timed_by_the_fixes(car: MovingCar) -> None:
     """Its axis is asked for; rates are those of the car at 100 Hz, and the clock is the video's start."""
     film(car)
     with pytest.raises(DriveError, match="turn_rate_axis"):
-        motion_of(car.trip, settings_of(file='"GX010001.MP4"'))
+        motion_of(car, settings_of(file='"GX010001.MP4"'))
     with pytest.raises(DriveError, match='turn_rate_axis = "-y"'):
-        motion_of(car.trip, settings_of(file='"GX010001.MP4"', turn_rate_axis='"y"'))
-    motion = motion_of(car.trip, settings_of(file='"GX010001.MP4"', turn_rate_axis='"-y"')).motion
+        motion_of(car, settings_of(file='"GX010001.MP4"', turn_rate_axis='"y"'))
+    motion = motion_of(car, settings_of(file='"GX010001.MP4"', turn_rate_axis='"-y"')).motion
     assert motion is not None
     assert motion.turn_rate is not None
     rate = motion.turn_rate
@@ -52,9 +52,9 @@ def test_video_without_fixes_or_gyro_says_so(car: MovingCar) -> None:
     """Without fixes its start is asked for; a video of pictures alone has no gyro."""
     film(car, fix=0)
     with pytest.raises(DriveError, match="time_zero"):
-        motion_of(car.trip, settings_of(file='"GX010001.MP4"', turn_rate_axis='"-y"'))
+        motion_of(car, settings_of(file='"GX010001.MP4"', turn_rate_axis='"-y"'))
     stamps = car.epoch_ns[0] + np.arange(3, dtype=np.int64) * NS // 30
     none = entry(b"DEVC", b"\0", 1, entry(b"DVID", b"L", 4, struct.pack(">I", 1)))
     write_video(car.trip / "GX010001.MP4", stamps, int(car.epoch_ns[0]), data=[(0, none)])
     with pytest.raises(DriveError, match="has no gyro"):
-        motion_of(car.trip, settings_of(file='"GX010001.MP4"', turn_rate_axis='"-y"'))
+        motion_of(car, settings_of(file='"GX010001.MP4"', turn_rate_axis='"-y"'))

@@ -50,7 +50,7 @@ def write_sbp(car: MovingCar, *, gps_time: bool = True) -> None:
 def test_sbp_is_on_the_receivers_own_time(car: MovingCar) -> None:
     """Odometry and the rate about the vehicle's z, which points down, in UTC."""
     write_sbp(car)
-    motion = motion_of(car.trip, settings_of(file='"ins.sbp"')).motion
+    motion = motion_of(car, settings_of(file='"ins.sbp"')).motion
     assert motion is not None
     assert motion.speed is not None
     assert motion.turn_rate is not None
@@ -64,8 +64,8 @@ def test_sbp_ticks_and_raw_rates_need_what_they_do_not_say(car: MovingCar) -> No
     write_sbp(car)
     ticks = {"file": '"ins.sbp"', "speed": '"WHEELTICK"'}
     with pytest.raises(DriveError, match="metres_per_tick"):
-        motion_of(car.trip, settings_of(**ticks))
-    motion = motion_of(car.trip, settings_of(**ticks, metres_per_tick=str(METRES_PER_TICK))).motion
+        motion_of(car, settings_of(**ticks))
+    motion = motion_of(car, settings_of(**ticks, metres_per_tick=str(METRES_PER_TICK))).motion
     assert motion is not None
     assert motion.speed is not None
     assert np.abs(motion.speed.values - car.speed_mps[1:]).max() < METRES_PER_TICK * 30.0 * 1.01
@@ -73,8 +73,8 @@ def test_sbp_ticks_and_raw_rates_need_what_they_do_not_say(car: MovingCar) -> No
 
     raw = {"file": '"ins.sbp"', "turn_rate": '"IMU_RAW"'}
     with pytest.raises(DriveError, match="turn_rate_axis"):
-        motion_of(car.trip, settings_of(**raw))
-    motion = motion_of(car.trip, settings_of(**raw, turn_rate_axis='"y"')).motion
+        motion_of(car, settings_of(**raw))
+    motion = motion_of(car, settings_of(**raw, turn_rate_axis='"y"')).motion
     assert motion is not None
     assert motion.turn_rate is not None
     assert nearly(motion.turn_rate.values, car.turn_rad_s, np.radians(250.0 / 32768))
@@ -85,9 +85,9 @@ def test_sbp_of_another_clock_is_left_out(car: MovingCar) -> None:
     """What a processor stamped by its own time is counted, and nothing is left of it."""
     write_sbp(car, gps_time=False)
     with pytest.raises(DriveError, match="holds no usable ODOMETRY"):
-        motion_of(car.trip, settings_of(file='"ins.sbp"', speed='"ODOMETRY"'))
+        motion_of(car, settings_of(file='"ins.sbp"', speed='"ODOMETRY"'))
     with pytest.raises(DriveError, match=r"names VELOCITY as the speed .*ODOMETRY, WHEELTICK"):
-        motion_of(car.trip, settings_of(file='"ins.sbp"', speed='"VELOCITY"'))
+        motion_of(car, settings_of(file='"ins.sbp"', speed='"VELOCITY"'))
 
 
 def write_comma(car: MovingCar, *, poses: bool = True, receiver: bool = False) -> Path:
@@ -125,14 +125,14 @@ def write_comma(car: MovingCar, *, poses: bool = True, receiver: bool = False) -
 def test_comma_folder_is_read_in_utc(car: MovingCar, poses: bool, receiver: bool) -> None:
     """Rear wheels, the gyro's downward axis, and the device's clock by the GPS times in the folder."""
     write_comma(car, poses=poses, receiver=receiver)
-    motion = motion_of(car.trip, settings_of(file='"segment"')).motion
+    motion = motion_of(car, settings_of(file='"segment"')).motion
     assert motion is not None
     assert motion.speed is not None
     assert motion.turn_rate is not None
     assert np.abs(motion.speed.epoch_ns - car.epoch_ns).max() < 1_000_000
     assert nearly(motion.speed.values, car.speed_mps, 1e-9)
     assert nearly(motion.turn_rate.values, car.turn_rad_s, 1e-12)
-    named = motion_of(car.trip, settings_of(file='"segment/processed_log"', speed='"CAN/speed"')).motion
+    named = motion_of(car, settings_of(file='"segment/processed_log"', speed='"CAN/speed"')).motion
     assert named is not None
     assert named.turn_rate is None
     assert named.speed is not None
@@ -143,10 +143,10 @@ def test_comma_folder_without_a_clock_or_with_a_program_in_it_is_refused(car: Mo
     """Times since a start that nobody knows are asked for, and a pickle is never run."""
     segment = write_comma(car, poses=False)
     with pytest.raises(DriveError, match="time_zero"):
-        motion_of(car.trip, settings_of(file='"segment"'))
+        motion_of(car, settings_of(file='"segment"'))
     (segment / "processed_log/IMU/gyro/value").write_bytes(b"\x80\x04K\x01.")
     with pytest.raises(DriveError, match="is no NumPy array of numbers"):
-        motion_of(car.trip, settings_of(file='"segment"', turn_rate='"IMU/gyro"'))
+        motion_of(car, settings_of(file='"segment"', turn_rate='"IMU/gyro"'))
 
 
 def framedata(car: MovingCar) -> list[dict[str, object]]:
@@ -173,10 +173,10 @@ def test_driveworks_signals_have_their_units(car: MovingCar, lines: bool) -> Non
     text = "\n".join(map(json.dumps, records)) if lines else json.dumps(whole)
     (car.trip / "can.json").write_text(text)
     with pytest.raises(DriveError, match="its signals: Speed, Wipers"):
-        motion_of(car.trip, settings_of(file='"can.json"', speed_unit='"km/h"'))
+        motion_of(car, settings_of(file='"can.json"', speed_unit='"km/h"'))
     with pytest.raises(DriveError, match="the nearest is Speed"):
-        motion_of(car.trip, settings_of(file='"can.json"', speed='"Sped"'))
-    motion = motion_of(car.trip, settings_of(file='"can.json"', speed='"Speed"')).motion
+        motion_of(car, settings_of(file='"can.json"', speed='"Sped"'))
+    motion = motion_of(car, settings_of(file='"can.json"', speed='"Speed"')).motion
     assert motion is not None
     assert motion.speed is not None
     assert nearly(motion.speed.values, car.speed_mps, 1e-9)
@@ -189,8 +189,8 @@ def test_driveworks_imu_needs_its_axis(car: MovingCar) -> None:
     records = [{"timestamp_us": t // 1000, "payload": {"turnrate": [0.0, 0.0, -turn]}} for t, turn in rows]
     (car.trip / "imu.json").write_text(json.dumps(records))
     with pytest.raises(DriveError, match="turn_rate_axis"):
-        motion_of(car.trip, settings_of(file='"imu.json"'))
-    motion = motion_of(car.trip, settings_of(file='"imu.json"', turn_rate_axis='"-z"')).motion
+        motion_of(car, settings_of(file='"imu.json"'))
+    motion = motion_of(car, settings_of(file='"imu.json"', turn_rate_axis='"-z"')).motion
     assert motion is not None
     assert motion.turn_rate is not None
     assert nearly(motion.turn_rate.values, car.turn_rad_s, 1e-12)
@@ -203,7 +203,7 @@ def test_driveworks_egomotion_gives_the_speed(car: MovingCar) -> None:
     rows = zip(car.epoch_ns[every].tolist(), at_m.tolist(), strict=True)
     (car.trip / "ego.txt").write_text("".join(f"{t // 1000},{m:.2f},0.00,0.00\n" for t, m in rows))
     notes = ReadingNotes()
-    motion = motion_of(car.trip, settings_of(file='"ego.txt"'), notes).motion
+    motion = motion_of(car, settings_of(file='"ego.txt"'), notes).motion
     assert motion is not None
     assert motion.speed is not None
     assert np.median(motion.speed.sigma) == pytest.approx(0.041, abs=0.002)

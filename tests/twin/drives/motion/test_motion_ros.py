@@ -28,7 +28,7 @@ def test_imu_and_odometry_are_read_with_their_sigmas(car: MovingCar, version: in
     ros = Ros(version)
     name = "a.bag" if version == 1 else "a"
     ros.write(car.trip / name, said(car, ros))
-    motion = motion_of(car.trip, settings_of(file=f'"{name}"')).motion
+    motion = motion_of(car, settings_of(file=f'"{name}"')).motion
     assert motion is not None
     assert motion.speed is not None
     assert motion.turn_rate is not None
@@ -44,23 +44,23 @@ def test_topic_axis_and_frame_are_stated_or_refused(car: MovingCar) -> None:
     """A named topic counts; a gyro whose z points down, and a velocity in the map's frame, are refused."""
     ros = Ros(2)
     ros.write(car.trip / "up", said(car, ros))
-    motion = motion_of(car.trip, settings_of(file='"up"', speed='"/twist"')).motion
+    motion = motion_of(car, settings_of(file='"up"', speed='"/twist"')).motion
     assert motion is not None
     assert motion.turn_rate is None
     assert motion.speed is not None
     assert nearly(motion.speed.values, 1.01 * car.speed_mps, 1e-9)
     with pytest.raises(DriveError, match="has no topic /imu of Odometry"):
-        motion_of(car.trip, settings_of(file='"up"', speed='"/imu"'))
+        motion_of(car, settings_of(file='"up"', speed='"/imu"'))
 
     ros.write(car.trip / "down", said(car, ros, down=True, frame="map"))
     with pytest.raises(DriveError, match='turn_rate_axis = "-z"'):
-        motion_of(car.trip, settings_of(file='"down"', turn_rate='"/imu"'))
-    motion = motion_of(car.trip, settings_of(file='"down"', turn_rate='"/imu"', turn_rate_axis='"-z"')).motion
+        motion_of(car, settings_of(file='"down"', turn_rate='"/imu"'))
+    motion = motion_of(car, settings_of(file='"down"', turn_rate='"/imu"', turn_rate_axis='"-z"')).motion
     assert motion is not None
     assert motion.turn_rate is not None
     assert nearly(motion.turn_rate.values, car.turn_rad_s, 1e-9)
     with pytest.raises(DriveError, match="in the frame map"):
-        motion_of(car.trip, settings_of(file='"down"', speed='"/twist"'))
+        motion_of(car, settings_of(file='"down"', speed='"/twist"'))
 
 
 def test_recording_without_motion_says_what_it_has(car: MovingCar) -> None:
@@ -68,4 +68,4 @@ def test_recording_without_motion_says_what_it_has(car: MovingCar) -> None:
     ros = Ros(2)
     ros.write(car.trip / "talk", [("/chatter", int(car.epoch_ns[0]), ros.text("hello"))])
     with pytest.raises(DriveError, match=r"neither Imu, Odometry nor TwistStamped .*/chatter"):
-        motion_of(car.trip, settings_of(file='"talk"'))
+        motion_of(car, settings_of(file='"talk"'))

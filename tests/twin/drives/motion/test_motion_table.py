@@ -15,7 +15,7 @@ from twin.errors import DriveError
 def test_table_is_read_into_si_units(car: MovingCar) -> None:
     """km/h, degrees and a steering wheel become m/s and radians of the front wheels, at the same epochs."""
     car.table(car.trip / "can.csv")
-    read = motion_of(car.trip, settings_of(**TABLE, lag_ms="20", lag_sigma_ms="5", speed_sigma_mps="0.1"))
+    read = motion_of(car, settings_of(**TABLE, lag_ms="20", lag_sigma_ms="5", speed_sigma_mps="0.1"))
     motion = read.motion
     assert motion is not None
     assert motion.speed is not None
@@ -53,7 +53,7 @@ def test_wrong_settings_are_refused_with_the_cure(car: MovingCar, change: dict[s
     """What would spoil the trajectory in silence contradicts the fixes; the sentence says what to write."""
     car.table(car.trip / "can.csv")
     with pytest.raises(DriveError, match=told):
-        motion_of(car.trip, settings_of(**(TABLE | change)))
+        motion_of(car, settings_of(**(TABLE | change)))
 
 
 @pytest.mark.parametrize(
@@ -63,7 +63,7 @@ def test_what_a_table_cannot_say_is_asked_for(car: MovingCar, missing: str) -> N
     """No unit is guessed."""
     car.table(car.trip / "can.csv")
     with pytest.raises(DriveError, match=missing):
-        motion_of(car.trip, settings_of(**{key: value for key, value in TABLE.items() if key != missing}))
+        motion_of(car, settings_of(**{key: value for key, value in TABLE.items() if key != missing}))
 
 
 def test_times_that_count_from_the_start_need_it(car: MovingCar) -> None:
@@ -71,9 +71,9 @@ def test_times_that_count_from_the_start_need_it(car: MovingCar) -> None:
     zero = car.epoch_ns[0] // 10**9 * 10**9
     car.table(car.trip / "can.csv", zero_ns=int(zero))
     with pytest.raises(DriveError, match="time_zero"):
-        motion_of(car.trip, settings_of(**TABLE))
+        motion_of(car, settings_of(**TABLE))
     moment = datetime.fromtimestamp(zero // 10**9, UTC)
-    read = motion_of(car.trip, settings_of(**TABLE, time_zero=f'"{moment.isoformat()}"'))
+    read = motion_of(car, settings_of(**TABLE, time_zero=f'"{moment.isoformat()}"'))
     assert read.motion is not None
     assert read.motion.speed is not None
     assert read.motion.speed.epoch_ns.tolist() == car.epoch_ns.tolist()
@@ -85,7 +85,7 @@ def test_gps_time_and_local_time_become_utc(car: MovingCar) -> None:
     gps = [f"{float(line.split(',')[0]) - 315_964_800 + 18:.3f},{line.split(',')[1]}" for line in text[1:]]
     (car.trip / "can.csv").write_text("\n".join(["t_s,v_kmh", *gps]))
     only = {key: value for key, value in TABLE.items() if key.startswith(("file", "time", "speed"))}
-    read = motion_of(car.trip, settings_of(**only, time_zero='"gps"'))
+    read = motion_of(car, settings_of(**only, time_zero='"gps"'))
     assert read.motion is not None
     assert read.motion.speed is not None
     assert np.abs(read.motion.speed.epoch_ns - car.epoch_ns).max() < 1_000_000
@@ -97,10 +97,10 @@ def test_gps_time_and_local_time_become_utc(car: MovingCar) -> None:
     (car.trip / "can.csv").write_text("\n".join(["t_s,v_kmh", *rows]))
     only["time_unit"] = '"iso"'
     with pytest.raises(DriveError, match="utc_offset_hours"):
-        motion_of(car.trip, settings_of(**only))
+        motion_of(car, settings_of(**only))
     with pytest.raises(DriveError, match="2 h, as local time"):
-        motion_of(car.trip, settings_of(**only, utc_offset_hours="0"))
-    read = motion_of(car.trip, settings_of(**only, utc_offset_hours="2"))
+        motion_of(car, settings_of(**only, utc_offset_hours="0"))
+    read = motion_of(car, settings_of(**only, utc_offset_hours="2"))
     assert read.motion is not None
     assert read.motion.speed is not None
     assert np.abs(read.motion.speed.epoch_ns - car.epoch_ns).max() < 2_000
@@ -110,7 +110,7 @@ def test_late_stamps_are_told_with_their_lag(car: MovingCar) -> None:
     """A logger that is 0.8 s behind is used, and its lag said."""
     car.table(car.trip / "can.csv", late_s=0.8)
     notes = ReadingNotes()
-    motion_of(car.trip, settings_of(**TABLE), notes)
+    motion_of(car, settings_of(**TABLE), notes)
     (told,) = {str(w) for w in notes.warnings if "late against the fixes" in str(w)}
     assert "+0.8" in told
 
@@ -125,7 +125,7 @@ def test_damaged_rows_are_left_out_and_counted(car: MovingCar) -> None:
     file.write_text("\n".join(lines))
     notes = ReadingNotes()
     only = {key: value for key, value in TABLE.items() if key.startswith(("file", "time", "speed"))}
-    read = motion_of(car.trip, settings_of(**only), notes)
+    read = motion_of(car, settings_of(**only), notes)
     assert read.motion is not None
     assert read.motion.speed is not None
     assert len(read.motion.speed.values) == len(lines) - 1 - 3
