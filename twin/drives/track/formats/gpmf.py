@@ -147,7 +147,7 @@ def _opened(recording: Recording) -> Iterator[InputContainer]:
         try:
             with av.open(file, mode="r", metadata_errors="replace") as container:
                 yield container
-        except (av.FFmpegError, ValueError) as error:
+        except (av.FFmpegError, ValueError, OSError) as error:  # OSError of an empty file
             said = f"{recording.where} cannot be read as a video ({error}): copy it again."
             raise DriveError(said) from error
 
