@@ -78,6 +78,8 @@ class _Reading:
     host_offset_ns: int
     notes: ReadingNotes
     seen: dict[Quantity, MotionSeen] = field(default_factory=dict)
+    moved: bool = False
+    """Whether anything was moved by the host's offset."""
 
     @property
     def wheelbase_m(self) -> float | None:
@@ -117,8 +119,9 @@ def read_motion(
     span_ns = min(int(f.epoch_ns[0]) for f in gnss), max(int(f.epoch_ns[-1]) for f in gnss)
     offset_ns, sentence = host_offset(gnss)
     reading = _Reading(folder, settings, _vehicle(rig_text), reference(gnss), span_ns, offset_ns, notes)
-    by_host = [_read_source(reading, source) for source in settings.sources]
-    if any(by_host) and sentence:
+    for source in settings.sources:
+        _read_source(reading, source)
+    if reading.moved:
         notes.warn(DriveDoubt.CLOCK, sentence)
     seen = reading.seen
     if Quantity.WHEEL_ANGLE in seen and reading.wheelbase_m is None:
@@ -144,12 +147,10 @@ def _vehicle(rig_text: str) -> Vehicle:
     return vehicle_of_document(document) or Vehicle()
 
 
-def _read_source(reading: _Reading, source: MotionSource) -> bool:
-    """Read one source; say whether the host stamped any of it."""
+def _read_source(reading: _Reading, source: MotionSource) -> None:
     its = motion_format(reading.folder, source)
     read = its.read(reading.folder, source)
     faults = Counter(read.faults)
-    by_host = False
     for quantity, parts in read.samples.items():
         if quantity in reading.seen:
             raise DriveError(
@@ -157,13 +158,11 @@ def _read_source(reading: _Reading, source: MotionSource) -> bool:
                 f" table of [motion] in {SETTINGS_FILE}."
             )
         hosts = not all(part.of_receiver for part in parts)
-        by_host |= hosts
         reading.seen[quantity] = _seen(reading, source, quantity, parts, faults, hosts=hosts)
     late = [warning for quantity in read.samples if (warning := reading.seen[quantity].check.warning)]
     reading.notes.warn(DriveDoubt.CLOCK, *(f"{source.file}: {warning}." for warning in late[:1]))
     reading.notes.warn(DriveDoubt.TRACK, *read.warnings)
     reading.notes.skipped += counted("samples of motion", source.file, faults)
-    return by_host
 
 
 def _seen(
@@ -175,15 +174,19 @@ def _seen(
     *,
     hosts: bool,
 ) -> MotionSeen:
-    one = series(quantity, parts, source, reading.vehicle.wheel_radius_m, faults)
-    if hosts and reading.host_offset_ns:
-        moved = one.epoch_ns - reading.host_offset_ns
-        one = replace(one, epoch_ns=moved, lag_sigma_s=max(one.lag_sigma_s, HOST_SIGMA_S))
-    _check_span(one.epoch_ns, reading.span_ns, source)
+    stamped = series(quantity, parts, source, reading.vehicle.wheel_radius_m, faults)
     axis = axis_of(parts[0], source) if parts[0].values.ndim > 1 else None
-    checked = check(quantity, one, source, reading.known, reading.wheelbase_m, axis)
+    tried = [
+        (one, check(quantity, one, source, reading.known, reading.wheelbase_m, axis))
+        for one in _on_utc(stamped, reading, hosts=hosts)
+        if _overlaps(one.epoch_ns, reading.span_ns)
+    ]
+    if not tried:
+        raise _outside(stamped.epoch_ns, reading.span_ns, source)
+    one, checked = next((pair for pair in tried if not pair[1].problem), tried[0])
     if checked.problem:
         raise DriveError(f"{source.file} contradicts the fixes: {checked.problem}.")
+    reading.moved |= one is not stamped
     seen = MotionSeen(quantity, source.file, unit_of(quantity, parts[0], source), one, checked)
     rate_hz = 1e9 / float(np.median(np.diff(one.epoch_ns))) if len(one.epoch_ns) > 1 else np.nan
     reading.notes.say(
@@ -192,14 +195,26 @@ def _seen(
     return seen
 
 
-def _check_span(epoch_ns: IntArray, span_ns: tuple[int, int], source: MotionSource) -> None:
-    """Refuse what was measured wholly before or after the fixes."""
+def _on_utc(stamped: MotionSeries, reading: _Reading, *, hosts: bool) -> list[MotionSeries]:
+    """A series as it may be meant: by a host's clock that its fixes show to be off, or as stamped."""
+    if not hosts or not reading.host_offset_ns:
+        return [stamped]
+    epoch_ns = stamped.epoch_ns - reading.host_offset_ns
+    moved = replace(stamped, epoch_ns=epoch_ns, lag_sigma_s=max(stamped.lag_sigma_s, HOST_SIGMA_S))
+    # Another computer may have recorded it, whose clock was right.
+    return [moved, stamped]
+
+
+def _overlaps(epoch_ns: IntArray, span_ns: tuple[int, int]) -> bool:
+    return bool(epoch_ns[0] <= span_ns[1] and epoch_ns[-1] >= span_ns[0])
+
+
+def _outside(epoch_ns: IntArray, span_ns: tuple[int, int], source: MotionSource) -> DriveError:
+    """What was measured wholly before or after the fixes."""
     first, last = int(epoch_ns[0]), int(epoch_ns[-1])
-    if first <= span_ns[1] and last >= span_ns[0]:
-        return
     hint = clock_hint((first, last), span_ns)
     told = hint.partition(":")[0] if hint else "Correct the times, or name the recording of this drive"
-    raise DriveError(
+    return DriveError(
         f"{source.file} ({utc_text(first)} to {utc_text(last)}) lies outside the fixes"
         f" ({utc_text(span_ns[0])} to {utc_text(span_ns[1])}). {told}: see time_unit, time_zero and"
         f" utc_offset_hours under [{source.table}]."
