@@ -112,6 +112,22 @@ def test_object_a_metre_off_is_named_and_left_out(urban: Path, tmp_path: Path, t
     assert found["turns"]["C3_tricam120"]["n_objects"] == right["turns"]["C3_tricam120"]["n_objects"] - 1
 
 
+@pytest.mark.parametrize(("n_fixes", "gone"), [(185, "P13"), (135, "P11, P12, P13")])
+def test_frames_after_the_last_fix_are_left_out_and_named(
+    urban: Path, tmp_path: Path, twin: Twin, n_fixes: int, gone: str
+) -> None:
+    """Where the fixes end early every number is finite, and objects seen only later are named as such."""
+    drive = Path(shutil.copytree(urban, tmp_path / "drive"))
+    for file in drive.glob("gnss*.bin"):
+        file.write_text("".join(file.read_text().splitlines(keepends=True)[:n_fixes]))
+    answer = twin("calibrate", "verify", drive, "--known", drive / "truth.csv", "--json")
+    assert answer.code == 0, answer.err
+    assert "NaN" not in answer.out
+    assert all(turn["sigma_pitch_deg"] > 0.0 for turn in answer.json["turns"].values())
+    (told,) = (w for w in answer.json["warnings"] if "have no pose and are left out: after the last fix" in w)
+    assert gone in told
+
+
 def test_roll_that_the_drive_does_not_know_is_not_written(urban: Path, tmp_path: Path, twin: Twin) -> None:
     """Signs along a road that falls make all cameras roll: the rig that is written has their own roll."""
     found = twin(

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray
 from geoloc.calibration.verify_mounting import (
-    SURE_SIGMAS,
     CameraTurn,
     KnownSightings,
     MountingPart,
@@ -35,6 +34,8 @@ from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin.calibrate.drives.known_objects import check_near, most_misplaced
+from twin.calibrate.drives.verify_doubts import LEAST_DEG, few, left_out, shared, without_pose
+from twin.calibrate.drives.verify_doubts import doubt as doubt_of
 from twin.calibrate.mounting_files import drive_tables, write_corrected_rig
 from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE, read_settings
@@ -45,11 +46,6 @@ from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, t
 from twin.reports.evaluation import Truth, read_truth
 from twin.store.atomic_files import replace_file
 
-_FEW_OBJECTS = 5
-LEAST_DEG = 0.02
-"""A smaller turn is 4 mm at 12 m to the side: not worth another rig file."""
-_MOST_DEG = 3.0
-_MOST_MISFIT_DEG = 1.0
 _LEFT_OUT_SHARE = 0.2
 
 
@@ -174,6 +170,11 @@ def verify_drive(
     names = drive.annotations.object[located.index]
     rows = np.flatnonzero(np.isin(names, list(place)))
     not_seen = tuple(sorted({t.object for t in truths} - set(names[rows].tolist())))
+    without = rows[~located.poses.valid[rows]]
+    rows = rows[located.poses.valid[rows]]
+    told = without_pose(names[without], _only(located.poses, without), trajectory)
+    if not rows.size:
+        raise TruthError(f"No annotation of the objects of {known} can be compared. {' '.join(told)}")
     check_near(names[rows], _at(place, names[rows]), _only(located.poses, rows), truths[0].epsg)
     rows, misplaced = _without_misplaced(drive, trajectory, located, rows, place, budget)
     truth_m = _at(place, names[rows])
@@ -191,7 +192,7 @@ def verify_drive(
         for r in (drive.rig, rig_turned(drive.rig, certain))
     ]
     errors_at = _errors_at(drive.rig, sightings, *errors)
-    doubt = _doubt(turns)
+    doubt = doubt_of(turns)
     advised = () if doubt else tuple(name for name, turn in certain.items() if _is_worth(turn))
     mended = {name: certain[name] for name in advised}
     tables_text = _drive_tables(drive, mended, Path(path))
@@ -210,9 +211,10 @@ def verify_drive(
         not_seen=not_seen,
         warnings=(
             *map(str, drive.warnings),
-            *_told(misplaced),
-            *_shared(mounting, drive_sigma_deg),
-            *_few(turns),
+            *told,
+            *left_out(misplaced),
+            *shared(mounting, drive_sigma_deg),
+            *few(turns),
         ),
         rig=rig,
         rig_file=drive.rig.source,
@@ -361,51 +363,6 @@ def _mounting(
 
 def _is_worth(turn: CameraTurn) -> bool:
     return max(abs(turn.pitch_deg), abs(turn.yaw_deg), abs(turn.roll_deg)) > LEAST_DEG
-
-
-def _doubt(turns: Mapping[str, CameraTurn]) -> str:
-    """Tell of turns that no mounting has, and of objects that no turn brings to where they are seen."""
-    for name, turn in turns.items():
-        largest = max(abs(turn.pitch_deg), abs(turn.yaw_deg), abs(turn.roll_deg))
-        if largest > _MOST_DEG or turn.after_deg > _MOST_MISFIT_DEG:
-            return (
-                f"{name} would turn by up to {largest:.1f}°, and then still be {turn.after_deg:.1f}°"
-                f" ({turn.after_px:.0f} px) off: that is no mounting. Are all objects shifted, their"
-                " coordinates in another system or their names mixed up, or is it another car's rig file?"
-            )
-    return ""
-
-
-def _told(misplaced: Mapping[str, float]) -> list[str]:
-    return [
-        f"Object {name} lies {metres:.1f} m from where the cameras see it, and is left out: survey it again,"
-        " or look at its annotations."
-        for name, metres in misplaced.items()
-    ]
-
-
-def _shared(found: MountingPart, drive_sigma_deg: FloatArray) -> tuple[str, ...]:
-    """Tell of a turn that all cameras ask for and that may as well be the drive's own."""
-    told = []
-    # About the rig's axes, told as of a camera that looks ahead: positive pitch looks up, positive yaw right.
-    for axis, (name, pose, sign) in enumerate(
-        (("roll", "roll", 1.0), ("pitch", "pitch", -1.0), ("yaw", "heading", -1.0))
-    ):
-        common = sign * float(found.common_deg[axis])
-        least = max(SURE_SIGMAS * float(found.common_sigma_deg[axis]), LEAST_DEG)
-        if not found.is_known[axis] and abs(common) > least:
-            told.append(
-                f"The cameras ask for {common:+.2f}° of {name} together, and this drive's own {pose} over the"
-                f" ground is known to {drive_sigma_deg[axis]:.2f}° only: that part is not applied, only how"
-                " cameras differ."
-            )
-    return tuple(told)
-
-
-def _few(turns: Mapping[str, CameraTurn]) -> list[str]:
-    if not turns or min(turn.n_objects for turn in turns.values()) >= _FEW_OBJECTS:
-        return []
-    return [f"Fewer than {_FEW_OBJECTS} objects: the sigmas are rough, since they count how objects differ."]
 
 
 def _table(camera: str, at: FloatArray) -> list[ErrorRow]:
