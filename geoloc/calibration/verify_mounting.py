@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from scipy.special import ndtr
 
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.locate.error_budget import ErrorBudget
@@ -19,8 +20,14 @@ _SETTLED_RAD = 1e-10
 _LEAST_SIGMA_PX = 0.05
 _ROLL_RAD = np.radians(0.3)
 _MOUNTING_DEG = ErrorBudget().boresight_deg
+_SHARED_NOISE = 0.8
+"""Correlation of the turns' noise between cameras: mostly errors of places, which all of them see."""
+_OBJECT_M = 0.03
+_OBJECT_FREEDOM = 4.0
+_MODEL_OBJECTS = 8.0
+"""Before anything is seen an object is off by 3 cm (its survey, its foot, the ground below it), as if four
+residuals had said so. The model of such errors weighs as eight objects against what objects say."""
 MIN_SIGHTINGS = 3
-SURE_SIGMAS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,25 +93,28 @@ class MountingPart:
     Attributes
     ----------
     turn_deg : float64 (n, 3)
-        What is certain; an angle that is not is 0.
+        The mounting's part of each turn by expectation.
+    covariance_deg2 : float64 (n, 3, 3)
+        How far the mounting may be from `turn_deg`.
+    chance : float64 (n,)
+        Probability that a camera which is turned by `turn_deg` sits nearer to the truth than before.
     total_covariance_deg2 : float64 (n, 3, 3)
         Of the turns as found, the drive's own error included.
-    covariance_deg2 : float64 (n, 3, 3)
-        Of what is left of them.
     common_deg : float64 (3,)
         What all cameras ask for together, about the rig's x, y and z.
     common_sigma_deg : float64 (3,)
         Its sigma, without the drive's own.
-    is_known : bool (3,)
-        Whether the common turn is told apart from the drive's own: else `turn_deg` is without it.
+    common_part_deg : float64 (3,)
+        What of `common_deg` is counted as their mounting: in `turn_deg`.
     """
 
     turn_deg: FloatArray
-    total_covariance_deg2: FloatArray
     covariance_deg2: FloatArray
+    chance: FloatArray
+    total_covariance_deg2: FloatArray
     common_deg: FloatArray
     common_sigma_deg: FloatArray
-    is_known: NDArray[np.bool_]
+    common_part_deg: FloatArray
 
 
 def camera_turns(rig: Rig, known: KnownSightings) -> dict[str, CameraTurn]:
@@ -112,7 +122,8 @@ def camera_turns(rig: Rig, known: KnownSightings) -> dict[str, CameraTurn]:
 
     Robust least squares on the difference of the seen and the expected ray, in pixels. Roll has a prior of
     0.3°, since objects that stand in a column of the picture do not show it. The covariance is that of
-    clustered observations, as the error of an object's surveyed position is in all its sightings.
+    clustered observations, as the error of an object's surveyed position is in all its sightings; for few
+    objects mostly that of a model, in which places are off by some centimetres.
 
     Parameters
     ----------
@@ -143,16 +154,13 @@ def mounting_part(
     turn_deg: FloatArray,
     covariance_deg2: FloatArray,
     drive_sigma_deg: FloatArray,
-    sigmas: float = SURE_SIGMAS,
     mounting_sigma_deg: float = _MOUNTING_DEG,
 ) -> MountingPart:
     """Tell the cameras' mounting from an error of the drive's own angles, which turns all of them alike.
 
-    Each turn is the camera's own, the drive's, and noise. The common turn is the weighted mean in the rig
-    frame, where cameras scatter by `mounting_sigma_deg` a camera and axis. About an axis where it is no more
-    than the drive may be off it is taken off, and how cameras differ remains. Angles that are then not
-    certain are left at 0: the others are told against the cameras that stay as they are, so that nothing is
-    left to apply.
+    Each turn is the camera's own, the drive's, and noise; all three have a sigma before anything is seen, and
+    what is seen is shared out between them by their covariances. So a common turn is the mounting's as far as
+    cameras may be off against what the drive may be off: neither all of it nor nothing.
 
     Parameters
     ----------
@@ -162,39 +170,57 @@ def mounting_part(
     covariance_deg2 : float64 (n, 3, 3)
     drive_sigma_deg : float64 (3,)
         One sigma of the drive's own roll, pitch and heading (the rig's x, y and z), the same for all cameras.
-    sigmas : float
-        How many of them are certain.
     mounting_sigma_deg : float
         One sigma of a camera's own angles, an axis.
+
+    Notes
+    -----
+    The conditional mean of jointly normal unknowns: the estimate with the smallest expected square of what is
+    left, in every direction (Anderson and Moore, "Optimal Filtering" (1979), chapter 2).
     """
+    n = len(turn_deg)
     camera_R_rig = np.swapaxes(rig_R_camera, 1, 2)
     turn_rig = np.einsum("nij,nj->ni", rig_R_camera, turn_deg)
-    variance = np.diagonal(rig_R_camera @ covariance_deg2 @ camera_R_rig, axis1=1, axis2=2)
-    weight = 1.0 / (variance + mounting_sigma_deg**2)
+    noise = rig_R_camera @ covariance_deg2 @ camera_R_rig
+    drive = np.diag(np.square(drive_sigma_deg))
+    prior = mounting_sigma_deg**2
+    seen = np.kron(np.ones((n, n)), drive) + _all_noise(noise) + prior * np.eye(3 * n)
+    gain = prior * np.linalg.inv(seen)
+    own = (gain @ turn_rig.ravel()).reshape(n, 3)
+    left = prior * (np.eye(3 * n) - gain).reshape(n, 3, n, 3)
+    covariance = camera_R_rig @ np.einsum("ninj->nij", left) @ rig_R_camera
+    turn = np.einsum("nij,nj->ni", camera_R_rig, own)
+    variance = np.diagonal(noise, axis1=1, axis2=2)
+    weight = 1.0 / (variance + prior)
     weight = weight / weight.sum(axis=0)
-    common = (weight * turn_rig).sum(axis=0)
-    # Cameras see the same objects: their errors are taken as shared, and so add up.
-    common_sigma = (weight * np.sqrt(variance)).sum(axis=0)
-    is_known = np.abs(common) > sigmas * np.hypot(common_sigma, drive_sigma_deg)
-    is_known |= drive_sigma_deg <= common_sigma
+    return MountingPart(
+        turn_deg=turn,
+        covariance_deg2=covariance,
+        chance=_chance_of_nearer(turn, covariance),
+        total_covariance_deg2=np.asarray(covariance_deg2 + camera_R_rig @ drive @ rig_R_camera),
+        common_deg=(weight * turn_rig).sum(axis=0),
+        # Nearly all of the noise is shared, and so adds up.
+        common_sigma_deg=(weight * np.sqrt(variance)).sum(axis=0),
+        common_part_deg=(weight * own).sum(axis=0),
+    )
 
-    def with_drive(sigma_deg: FloatArray) -> FloatArray:
-        return np.asarray(covariance_deg2 + camera_R_rig @ np.diag(sigma_deg**2) @ rig_R_camera)
 
-    kept = with_drive(np.where(is_known, drive_sigma_deg, 0.0))
-    # The drive's own is in `is_known` already: where it is, all cameras turn, and they differ by their own.
-    least = sigmas * np.sqrt(np.diagonal(covariance_deg2, axis1=1, axis2=2))
-    turn = np.zeros_like(turn_deg)
-    for _ in range(_ROUNDS):
-        remains = np.einsum("nij,nj->ni", rig_R_camera, turn_deg - turn)
-        shared = np.where(is_known, 0.0, (weight * remains).sum(axis=0))
-        left = np.einsum("nij,nj->ni", camera_R_rig, remains - shared)
-        sure = np.abs(left + turn) > least
-        step = np.where(sure & (np.abs(left) > least / 10.0), left, 0.0)
-        if not step.any():
-            break
-        turn = turn + step
-    return MountingPart(turn, with_drive(drive_sigma_deg), kept, common, common_sigma, is_known)
+def _all_noise(noise: FloatArray) -> FloatArray:
+    """Covariance (3 n, 3 n) of the noise of all cameras' turns, from each camera's (n, 3, 3), rig axes."""
+    values, vectors = np.linalg.eigh(noise)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, np.newaxis] @ np.swapaxes(vectors, 1, 2)
+    both = _SHARED_NOISE * np.einsum("aij,bkj->aibk", root, root)
+    for i, own in enumerate(noise):
+        both[i, :, i] = own
+    return np.asarray(both.reshape(3 * len(noise), -1))
+
+
+def _chance_of_nearer(turn: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Probability (n,) that a normal vector with this mean and covariance is nearer to its mean than to 0."""
+    length = np.linalg.norm(turn, axis=1)
+    along = turn / np.maximum(length, 1e-12)[:, np.newaxis]
+    sigma = np.sqrt(np.einsum("ni,nij,nj->n", along, covariance, along))
+    return np.asarray(ndtr(0.5 * length / np.maximum(sigma, 1e-12)))
 
 
 def with_angles(found: CameraTurn, turn_deg: FloatArray, covariance_deg2: FloatArray) -> CameraTurn:
@@ -251,7 +277,10 @@ def _turn(
         turn = turn - step
         if np.abs(step).max() < _SETTLED_RAD:
             break
-    covariance = _clustered_covariance(np.linalg.inv(bread), score, groups[use], prior)
+    distance_m = np.linalg.norm(away[use], axis=1)
+    meat = _objects_meat(score, residual, jacobian, px_from_ray, weight, distance_m, groups[use], scale)
+    inverse = np.linalg.inv(bread)
+    covariance = inverse @ (meat + prior) @ inverse
     before, _ = _residuals(np.zeros(3), seen, expected, px_from_ray)
     apart = np.linalg.norm(seen @ Rotation.from_rotvec(turn).as_matrix().T - expected, axis=1)
     found = CameraTurn(
@@ -281,12 +310,38 @@ def _scale_px(residual: FloatArray) -> float:
     return max(float(np.median(np.linalg.norm(residual, axis=1))) / 1.1774, _LEAST_SIGMA_PX)
 
 
-def _clustered_covariance(
-    bread: FloatArray, score: FloatArray, groups: IntArray, prior: FloatArray
+def _objects_meat(
+    score: FloatArray,
+    residual: FloatArray,
+    jacobian: FloatArray,
+    px_from_ray: FloatArray,
+    weight: FloatArray,
+    distance_m: FloatArray,
+    groups: IntArray,
+    scale_px: float,
 ) -> FloatArray:
-    names, place = np.unique(groups, return_inverse=True)
-    sums = np.zeros((len(names), 3))
-    np.add.at(sums, place, score)
+    """Covariance (3, 3) of the scores' sum: what objects say by differing, and a model of their errors.
+
+    Three objects fix three angles, so that their scores hardly differ however wrong their places are: alone
+    they would make sigmas ten times too small.
+    """
+    names, place, count = np.unique(groups, return_inverse=True, return_counts=True)
+    n = len(names)
+    sums = _sums(score, place, n)
     # One object says nothing of how objects differ: its sightings are taken as independent.
-    meat = sums.T @ sums * len(names) / (len(names) - 1.0) if len(names) > 1 else score.T @ score
-    return np.asarray(bread @ (meat + prior) @ bread, dtype=np.float64)
+    seen = sums.T @ sums * n / (n - 1.0) if n > 1 else score.T @ score
+    px_a_metre = np.sqrt(np.einsum("nij,nij->n", px_from_ray, px_from_ray) / 2.0) / distance_m
+    variance = (_OBJECT_M * _sums(px_a_metre, place, n) / count) ** 2 + scale_px**2 / count
+    mean = _sums(weight[:, np.newaxis] * residual, place, n) / _sums(weight, place, n)[:, np.newaxis]
+    spare = max(2 * n - 3, 0)
+    factor = (_OBJECT_FREEDOM + float((mean**2 / variance[:, np.newaxis]).sum())) / (_OBJECT_FREEDOM + spare)
+    by_turn = _sums(weight[:, np.newaxis, np.newaxis] * jacobian, place, n)
+    model = factor * np.einsum("n,nij,nik->jk", variance, by_turn, by_turn)
+    return np.asarray((n * seen + _MODEL_OBJECTS * model) / (n + _MODEL_OBJECTS))
+
+
+def _sums(values: FloatArray, place: IntArray, n: int) -> FloatArray:
+    """Sums (n, …) of the values (m, …) of each group."""
+    total = np.zeros((n, *values.shape[1:]))
+    np.add.at(total, place, values)
+    return total

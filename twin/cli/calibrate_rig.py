@@ -138,7 +138,10 @@ def verify(
     known: Annotated[Path, typer.Option(help="CSV with object, easting, northing.")],
     epsg: EpsgOption = None,
     apply: Annotated[
-        Path | None, typer.Option(help="Write the drive's rig here, with the corrections that are certain.")
+        Path | None,
+        typer.Option(
+            help="Write the drive's rig here, with the corrections that are to be expected to help."
+        ),
     ] = None,
     level: Annotated[
         float | None,
@@ -221,13 +224,24 @@ def _print_verification(verification: Verification) -> None:
 
 def _print_correction(verification: Verification) -> None:
     for name in verification.advised:
-        turn = verification.certain[name]
-        parts = ("pitch", turn.pitch_deg), ("yaw", turn.yaw_deg), ("roll", turn.roll_deg)
-        note(f"{name} is off for certain: {', '.join(f'{a} {v:+.2f}°' for a, v in parts if v)}.")
+        turn = verification.mounting[name]
+        parts = (
+            ("pitch", turn.pitch_deg, turn.sigma_pitch_deg),
+            ("yaw", turn.yaw_deg, turn.sigma_yaw_deg),
+            ("roll", turn.roll_deg, turn.sigma_roll_deg),
+        )
+        told = ", ".join(f"{axis} {value:+.2f} ± {sigma:.2f}°" for axis, value, sigma in parts)
+        note(
+            f"{name} is off by its mounting: {told}; corrected so it sits nearer to the truth with"
+            f" {verification.chance[name]:.0%} probability."
+        )
     if verification.doubt:
         note("Nothing of this can be applied.")
     elif not verification.advised:
-        note("No camera needs a correction: none is off by more than two sigmas and 0.02°.")
+        note(
+            "No camera needs a correction: none is off by 0.02° or more and has a chance of four in five to"
+            " sit nearer to the truth after it."
+        )
     elif verification.rig is None:
         note("--apply FILE writes the corrected rig.")
     if verification.drive_tables:
@@ -242,7 +256,9 @@ def _print_correction(verification: Verification) -> None:
 def from_drives(
     apply: Annotated[
         Path | None,
-        typer.Option(help="Write the newest drive's rig here, with the corrections that are certain."),
+        typer.Option(
+            help="Write the newest drive's rig here, with the corrections that are to be expected to help."
+        ),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="PNG, SVG or PDF of each camera's angles.")] = None,
     store: StoreOption = DEFAULT_STORE,
@@ -289,7 +305,7 @@ def _print_histories(histories: Histories) -> None:
         corrected = ", ".join(histories.advised) or "nothing"
         note(f"wrote {histories.rig}, with {corrected} corrected")
     elif histories.advised:
-        note(f"Off for certain: {', '.join(histories.advised)}. --apply FILE writes the corrected rig.")
+        note(f"Off by their mounting: {', '.join(histories.advised)}. --apply FILE writes the corrected rig.")
 
 
 def _drives(count: int) -> str:

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
-from geoloc.calibration.extrinsics.contradiction import first_state, refuse_contradictions
+from geoloc.calibration.extrinsics.contradiction import refuse_contradictions
 from geoloc.calibration.extrinsics.network import Network, NetworkState
 from geoloc.calibration.extrinsics.observations import Pose, Sighting, Sigmas, Tag, TagPicture
 from geoloc.calibration.extrinsics.outliers import NetworkFit, fit_without_outliers
 from geoloc.calibration.extrinsics.solve import covariance_of
 from geoloc.calibration.extrinsics.tilted_floor import Floor
+from geoloc.calibration.extrinsics.turned_prints import as_printed
 from geoloc.cameras.base import CameraModel
 
 
@@ -72,6 +73,8 @@ class Extrinsics:
         Floor tags that do not lie on the floor, with their height: that they do was left out.
     swapped : tuple of pairs of tags
         Those of `misplaced` of which each was found at the other one's place.
+    turned : tuple of int
+        Tags whose print is turned by 180° against the corners that the layout names: taken so.
     floor : Floor or None
         A floor that leans was not used.
     scale, scale_sigma : float
@@ -89,6 +92,7 @@ class Extrinsics:
     misplaced: Mapping[int, float]
     bumps: Mapping[int, float]
     swapped: tuple[tuple[int, int], ...]
+    turned: tuple[int, ...]
     floor: Floor | None
     scale: float
     scale_sigma: float
@@ -134,13 +138,18 @@ def calibrate_extrinsics(
     residuals over their redundancy.
     """
     stated = sigmas or Sigmas()
-    sightings, state = first_state(models, pictures, tags, nominal or {})
-    fitted = fit_without_outliers(sightings, tags, stated, state)
-    refuse_contradictions(fitted, sightings, models, pictures, tags, stated)
-    return _result(fitted, sightings, pictures)
+    sightings, state, printed, turned = as_printed(models, pictures, tags, nominal or {})
+    fitted = fit_without_outliers(sightings, printed, stated, state)
+    refuse_contradictions(fitted, sightings, models, pictures, printed, stated)
+    return _result(fitted, sightings, pictures, turned)
 
 
-def _result(fitted: NetworkFit, sightings: Sequence[Sighting], pictures: Sequence[TagPicture]) -> Extrinsics:
+def _result(
+    fitted: NetworkFit,
+    sightings: Sequence[Sighting],
+    pictures: Sequence[TagPicture],
+    turned: tuple[int, ...],
+) -> Extrinsics:
     network, state = fitted.network, fitted.state
     covariance = covariance_of(network, state)
     residual = np.full((len(sightings), 4, 2), np.nan)
@@ -172,6 +181,7 @@ def _result(fitted: NetworkFit, sightings: Sequence[Sighting], pictures: Sequenc
         misplaced=fitted.misplaced,
         bumps=fitted.bumps,
         swapped=fitted.swapped,
+        turned=turned,
         floor=fitted.floor,
         scale=state.scale,
         scale_sigma=float(np.sqrt(covariance[-1, -1])),

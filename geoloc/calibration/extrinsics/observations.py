@@ -51,6 +51,16 @@ class Tag:
         """What messages call it."""
         return self.label or f"tag {self.id}"
 
+    @property
+    def is_board(self) -> bool:
+        """Whether it is a board, whose corners have numbers, and no single square."""
+        return bool(self.label)
+
+    @property
+    def has_marks(self) -> bool:
+        """Whether other points than its middle were measured."""
+        return bool(np.isfinite(self.mark_places_m).any())
+
     def points_m(self) -> FloatArray:
         """Measured points (1 + k, 3) in the tag's frame: its middle, and the other ones."""
         return np.vstack([np.zeros(3), self.marks_m])

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from geoloc.arrays import ByteArray, FloatArray
 from geoloc.calibration.extrinsics.observations import Pose, Tag, TagPicture
+from geoloc.calibration.extrinsics.tag_family import FAMILY, dictionary_of
 from geoloc.rig.rig import RigCamera
 from geoloc.simulation.pictures.render import Plane, render_planes
 
@@ -120,8 +121,7 @@ def tag_texture(tag: int) -> ByteArray:
     """Print of a 36h11 tag with a white margin of one cell: ten cells across, the black square eight."""
     import cv2
 
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    ink = cv2.aruco.generateImageMarker(dictionary, tag, 8 * _CELL_PX, borderBits=1)
+    ink = cv2.aruco.generateImageMarker(dictionary_of(FAMILY), tag, 8 * _CELL_PX, borderBits=1)
     return np.pad(np.asarray(ink, dtype=np.uint8), _CELL_PX, constant_values=255)
 
 

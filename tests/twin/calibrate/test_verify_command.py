@@ -129,14 +129,14 @@ def test_frames_after_the_last_fix_are_left_out_and_named(
 
 
 def test_roll_that_the_drive_does_not_know_is_not_written(urban: Path, tmp_path: Path, twin: Twin) -> None:
-    """Signs along a road that falls make all cameras roll: the rig that is written has their own roll."""
+    """Signs along a road that falls make all cameras roll: the rig that is written has little of it."""
     found = twin(
         *("calibrate", "verify", urban, "--known", urban / "truth.csv"),
         *("--apply", tmp_path / "rig.json", "--json"),
     ).json
     assert max(turn["roll_deg"] for turn in found["turns"].values()) > 0.7
     assert all(turn["sigma_roll_deg"] > 1.0 for turn in found["turns"].values())
-    assert all(abs(turn["roll_deg"]) < 0.5 for turn in found["certain"].values())
+    assert all(abs(turn["roll_deg"]) < 0.5 for turn in found["mounting"].values())
     assert any("of roll together" in warning for warning in found["warnings"])
     level = twin("calibrate", "verify", urban, "--known", urban / "truth.csv", "--level", 0.1, "--json").json
     assert all(turn["sigma_roll_deg"] < 0.6 for turn in level["turns"].values())
@@ -232,8 +232,9 @@ def test_moved_camera_is_told_and_the_mean_starts_anew(urban: Path, tmp_path: Pa
     assert "C3_tricam120 has turned between week 1 and week 2 (pitch +0.3" in warning
     assert found["advised"] == ["C3_tricam120"]
     before, after = read_rig(urban / "rig.json"), read_rig(tmp_path / "rig.json")
-    assert camera["certain_deg"] == pytest.approx(camera["turn_deg"], abs=1e-4)
-    right = turned(before.cameras["C3_tricam120"], *camera["certain_deg"]).rig_R_camera
+    # Rig files are off by 0.2°: next to that the mean's sigma takes a few hundredths off.
+    assert camera["mounting_deg"] == pytest.approx(camera["turn_deg"], abs=0.01)
+    right = turned(before.cameras["C3_tricam120"], *camera["mounting_deg"]).rig_R_camera
     assert after.cameras["C3_tricam120"].rig_R_camera == pytest.approx(right, abs=1e-9)
 
 

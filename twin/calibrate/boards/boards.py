@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoloc.arrays import ByteArray, FloatArray, IntArray
+from geoloc.calibration.extrinsics.tag_family import dictionary_of
 from twin.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -71,11 +72,11 @@ class Board:
         """Places (n, 2) of inner corners by number, row by row from the top left: x right, y down."""
         return np.asarray(self.square_m * (np.column_stack([ids % self.columns, ids // self.columns]) + 1.0))
 
-    def aruco(self) -> CharucoBoard:
-        """The ``cv2.aruco.CharucoBoard``."""
+    def aruco(self, turns: int = 0) -> CharucoBoard:
+        """The ``cv2.aruco.CharucoBoard``, its markers turned by so many quarter turns."""
         import cv2
 
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        dictionary = dictionary_of(self.dictionary, turns)
         size = (self.columns + 1, self.rows + 1)
         return cv2.aruco.CharucoBoard(size, self.square_m, self.marker_m, dictionary)
 

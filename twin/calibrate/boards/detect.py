@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import ByteArray, FloatArray, IntArray
+from geoloc.calibration.extrinsics.tag_family import is_apriltag
 from geoloc.calibration.intrinsics import MIN_CORNERS, View
 from twin.calibrate.boards.boards import Board
 from twin.calibrate.boards.saddle import refined
@@ -89,8 +90,12 @@ def _checkerboard(image: ByteArray, board: Board) -> tuple[IntArray, FloatArray,
 def _charuco(image: ByteArray, board: Board) -> tuple[IntArray, FloatArray, float] | None:
     import cv2
 
-    corners, ids, markers, _ = cv2.aruco.CharucoDetector(board.aruco()).detectBoard(image)
-    if ids is None or len(ids) < MIN_CORNERS:
+    # Boards that OpenCV made have AprilTags upside down; with those of the other way not a corner is found.
+    for turns in (0, 2) if is_apriltag(board.dictionary) else (0,):
+        corners, ids, markers, _ = cv2.aruco.CharucoDetector(board.aruco(turns)).detectBoard(image)
+        if ids is not None and len(ids) >= MIN_CORNERS:
+            break
+    else:
         return None
     numbers, pixel = ids.ravel().astype(np.int64), np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     sides = np.array([m.reshape(4, 2) for m in markers], dtype=np.float64)

@@ -27,6 +27,7 @@ AXES = ("pitch", "yaw", "roll")
 """About the camera's own x, y and z."""
 MOVED_DEG = 0.05
 MOVED_SIGMAS = 3.0
+_LEAST_CHANCE = 0.93
 _PRIOR_DEG = ErrorBudget().boresight_deg
 _KNOWS_NOTHING_DEG = 5.0
 _SYSTEMATIC_DEG = 0.02
@@ -69,9 +70,11 @@ class CameraHistory:
         Index of the first drive since which it has not moved.
     turn_deg, sigma_deg : tuple of float
         Weighted mean over the drives since then; sigma of roll with the crossfall that drives share.
-    certain_deg : tuple of float
-        What of the mean is this camera's mounting for certain: without a roll common to all cameras that
-        roads may have made, and 0 where it is not certain.
+    mounting_deg : tuple of float
+        What of the mean is this camera's mounting by expectation: little of a roll common to all cameras,
+        which roads may have made.
+    chance : float
+        Probability that the camera, turned so, sits nearer to the truth than before.
     """
 
     camera: str
@@ -79,7 +82,8 @@ class CameraHistory:
     since: int
     turn_deg: tuple[float, float, float]
     sigma_deg: tuple[float, float, float]
-    certain_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mounting_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    chance: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +96,7 @@ class Histories:
     warnings : tuple of str
         One for each move of a camera, and one for a roll that roads may have made.
     advised : tuple of str
-        Cameras whose mean differs from the newest rig file for certain.
+        Cameras that sit otherwise than in the newest rig file, with a chance of 93 % (three sigmas).
     rig : Path or None
         The corrected rig, where one was asked for.
     """
@@ -129,7 +133,9 @@ def cameras_from_drives(store: Store, *, apply: Path | str | None = None) -> His
         for name in sorted({name for d in drives for name in d.boresight} & newest.rig.cameras.keys())
     )
     cameras, shared = _without_crossfall(alone, newest.rig)
-    advised = tuple(c.camera for c in cameras if max(map(abs, c.certain_deg)) > MOVED_DEG)
+    advised = tuple(
+        c.camera for c in cameras if c.chance > _LEAST_CHANCE and max(map(abs, c.mounting_deg)) > MOVED_DEG
+    )
     written = None
     if apply is not None:
         written = _apply(newest, [c for c in cameras if c.camera in advised], Path(apply))
@@ -217,19 +223,21 @@ def _without_crossfall(
         np.array([c.turn_deg for c in cameras]).reshape(-1, 3),
         np.array([np.diag(np.square(c.sigma_deg)) for c in cameras]).reshape(-1, 3, 3),
         np.array([_ROLL_DEG, 0.0, 0.0]),
-        MOVED_SIGMAS,
     )
     sigma = np.sqrt(np.diagonal(part.total_covariance_deg2, axis1=1, axis2=2))
     found = tuple(
-        replace(c, sigma_deg=_three(sigma[i]), certain_deg=_three(part.turn_deg[i]))
+        replace(
+            c, sigma_deg=_three(sigma[i]), mounting_deg=_three(part.turn_deg[i]), chance=float(part.chance[i])
+        )
         for i, c in enumerate(cameras)
     )
     roll, own = float(part.common_deg[0]), float(part.common_sigma_deg[0])
-    if part.is_known[0] or abs(roll) <= max(MOVED_SIGMAS * own, MOVED_DEG):
+    if abs(roll) <= max(MOVED_SIGMAS * own, MOVED_DEG):
         return found, []
     sentence = (
         f"The cameras have {roll:+.2f}° of roll together, which the roads' crossfall may have made"
-        f" (± {_ROLL_DEG}°): it is not applied, only how cameras differ. Verify on level ground."
+        f" (± {_ROLL_DEG}°): {part.common_part_deg[0]:+.2f}° of it is counted as their mounting. Verify on"
+        " level ground."
     )
     return found, [sentence]
 
@@ -258,7 +266,7 @@ def _moves(history: CameraHistory) -> list[str]:
 def _apply(newest: _StoredDrive, cameras: Sequence[CameraHistory], path: Path) -> Path:
     rotations = {
         history.camera: newest.rig.camera(history.camera).rig_R_camera
-        @ Rotation.from_rotvec(np.radians(history.certain_deg)).as_matrix()
+        @ Rotation.from_rotvec(np.radians(history.mounting_deg)).as_matrix()
         for history in cameras
     }
     return write_corrected_rig(path, newest.document, rotations, newest.rig.source)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,7 +34,7 @@ from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.trajectory import Poses, Trajectory
 from twin.calibrate.drives.known_objects import check_near, most_misplaced
-from twin.calibrate.drives.verify_doubts import LEAST_DEG, few, left_out, shared, without_pose
+from twin.calibrate.drives.verify_doubts import LEAST_CHANCE, LEAST_DEG, few, left_out, shared, without_pose
 from twin.calibrate.drives.verify_doubts import doubt as doubt_of
 from twin.calibrate.mounting_files import drive_tables, write_corrected_rig
 from twin.drives.drive import Drive
@@ -60,7 +60,7 @@ class ErrorRow:
         Median horizontal distance of the objects from the camera, by the survey.
     n : int
     before_m, after_m : float
-        Median horizontal error with the rig as it is, and with what is certain of the turns.
+        Median horizontal error with the rig as it is, and as it would be written.
     """
 
     camera: str
@@ -80,10 +80,12 @@ class Verification:
     errors : tuple of ErrorRow
     turns : mapping of camera to CameraTurn
         What fits best, the drive's own sigmas included.
-    certain : mapping of camera to CameraTurn
-        What of it is the cameras' mounting for certain, and would be applied.
+    mounting : mapping of camera to CameraTurn
+        What of it is the cameras' mounting by expectation, with the sigmas that are left.
+    chance : mapping of camera to float
+        Probability that a camera which is turned by `mounting` sits nearer to the truth than before.
     advised : tuple of str
-        Cameras with a certain turn (two sigmas) that is worth applying.
+        Cameras whose `mounting` would be applied: worth it, and with a chance of four in five.
     doubt : str
         Why nothing of this can be applied; empty where it can.
     misplaced : mapping of str to float
@@ -104,7 +106,8 @@ class Verification:
     drive: str
     errors: tuple[ErrorRow, ...]
     turns: Mapping[str, CameraTurn]
-    certain: Mapping[str, CameraTurn]
+    mounting: Mapping[str, CameraTurn]
+    chance: Mapping[str, float]
     advised: tuple[str, ...]
     doubt: str
     misplaced: Mapping[str, float]
@@ -186,15 +189,18 @@ def verify_drive(
     seen_later = _known_sightings(drive, located.index[rows], later, truth_m)
     drive_sigma_deg = _drive_sigma_deg(poses, level_deg, budget)
     drive_sigma_deg = np.hypot(drive_sigma_deg, _common_change_deg(drive.rig, found, seen_later))
-    turns, certain, mounting = _mounting(drive.rig, found, drive_sigma_deg, budget)
+    part = _mounting(drive.rig, found, drive_sigma_deg, budget)
+    turns = _with_angles(found, [_angles_deg(turn) for turn in found.values()], part.total_covariance_deg2)
+    mounting = _with_angles(found, part.turn_deg, part.covariance_deg2)
+    chance = dict(zip(found, part.chance.tolist(), strict=True))
+    doubt = doubt_of(turns)
+    advised = () if doubt else tuple(n for n, turn in mounting.items() if _is_worth(turn, chance[n]))
+    mended = {name: mounting[name] for name in advised}
     errors = [
         np.hypot(*_offsets(drive, trajectory, rows, truth_m, r, budget)[0].T)
-        for r in (drive.rig, rig_turned(drive.rig, certain))
+        for r in (drive.rig, rig_turned(drive.rig, mended))
     ]
     errors_at = _errors_at(drive.rig, sightings, *errors)
-    doubt = doubt_of(turns)
-    advised = () if doubt else tuple(name for name, turn in certain.items() if _is_worth(turn))
-    mended = {name: certain[name] for name in advised}
     tables_text = _drive_tables(drive, mended, Path(path))
     rig = None if apply is None else _apply(drive, mended, Path(apply), doubt)
     tables = None if rig is None or not tables_text else rig.with_suffix(".cameras.toml")
@@ -204,7 +210,8 @@ def verify_drive(
         drive=drive.name,
         errors=tuple(row for name, rows_at in errors_at.items() for row in _table(name, rows_at)),
         turns=turns,
-        certain=certain,
+        mounting=mounting,
+        chance=chance,
         advised=advised,
         doubt=doubt,
         misplaced=misplaced,
@@ -213,7 +220,7 @@ def verify_drive(
             *map(str, drive.warnings),
             *told,
             *left_out(misplaced),
-            *shared(mounting, drive_sigma_deg),
+            *shared(part, drive_sigma_deg),
             *few(turns),
         ),
         rig=rig,
@@ -345,24 +352,27 @@ def _angles_deg(turn: CameraTurn) -> FloatArray:
 
 def _mounting(
     rig: Rig, found: Mapping[str, CameraTurn], drive_sigma_deg: FloatArray, budget: ErrorBudget
-) -> tuple[dict[str, CameraTurn], dict[str, CameraTurn], MountingPart]:
-    """Turns with the drive's own sigmas, and what of them is the mounting for certain."""
-    part = mounting_part(
+) -> MountingPart:
+    return mounting_part(
         np.array([rig.cameras[name].rig_R_camera for name in found]).reshape(-1, 3, 3),
         np.array([_angles_deg(turn) for turn in found.values()]).reshape(-1, 3),
         np.array([t.covariance_deg2 for t in found.values()]).reshape(-1, 3, 3),
         drive_sigma_deg,
         mounting_sigma_deg=budget.boresight_deg,
     )
-    total, certain = {}, {}
-    for i, (name, turn) in enumerate(found.items()):
-        total[name] = with_angles(turn, _angles_deg(turn), part.total_covariance_deg2[i])
-        certain[name] = with_angles(turn, part.turn_deg[i], part.covariance_deg2[i])
-    return total, certain, part
 
 
-def _is_worth(turn: CameraTurn) -> bool:
-    return max(abs(turn.pitch_deg), abs(turn.yaw_deg), abs(turn.roll_deg)) > LEAST_DEG
+def _with_angles(
+    found: Mapping[str, CameraTurn], angles_deg: Iterable[FloatArray], covariances_deg2: FloatArray
+) -> dict[str, CameraTurn]:
+    return {
+        name: with_angles(turn, angles, covariance)
+        for (name, turn), angles, covariance in zip(found.items(), angles_deg, covariances_deg2, strict=True)
+    }
+
+
+def _is_worth(turn: CameraTurn, chance: float) -> bool:
+    return chance >= LEAST_CHANCE and float(np.abs(_angles_deg(turn)).max()) > LEAST_DEG
 
 
 def _table(camera: str, at: FloatArray) -> list[ErrorRow]:

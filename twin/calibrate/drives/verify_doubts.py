@@ -7,14 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from geoloc.arrays import FloatArray, TextArray
-from geoloc.calibration.verify_mounting import SURE_SIGMAS, CameraTurn, MountingPart
+from geoloc.calibration.verify_mounting import CameraTurn, MountingPart
 from geoloc.reasons import Reason, sentence_of
 from geoloc.trajectory.trajectory import Poses, Trajectory
 
 _FEW_OBJECTS = 5
 _NAMES = 5
+_MOST_PART = 0.8
+"""Of a common turn: where more of it is counted there is nothing to tell."""
 LEAST_DEG = 0.02
 """A smaller turn is 4 mm at 12 m to the side: not worth another rig file."""
+LEAST_CHANCE = 0.8
+"""That a camera is nearer to the truth after it was turned: with less it stays as it is."""
+_SURE_SIGMAS = 2.0
 _MOST_DEG = 3.0
 _MOST_MISFIT_DEG = 1.0
 
@@ -64,12 +69,13 @@ def shared(found: MountingPart, drive_sigma_deg: FloatArray) -> tuple[str, ...]:
         (("roll", "roll", 1.0), ("pitch", "pitch", -1.0), ("yaw", "heading", -1.0))
     ):
         common = sign * float(found.common_deg[axis])
-        least = max(SURE_SIGMAS * float(found.common_sigma_deg[axis]), LEAST_DEG)
-        if not found.is_known[axis] and abs(common) > least:
+        part = sign * float(found.common_part_deg[axis])
+        least = max(_SURE_SIGMAS * float(found.common_sigma_deg[axis]), LEAST_DEG)
+        if abs(common) > least and abs(part) < _MOST_PART * abs(common):
             told.append(
                 f"The cameras ask for {common:+.2f}° of {name} together, and this drive's own {pose} over the"
-                f" ground is known to {drive_sigma_deg[axis]:.2f}° only: that part is not applied, only how"
-                " cameras differ."
+                f" ground is known to {drive_sigma_deg[axis]:.2f}° only: {part:+.2f}° of it is counted as"
+                " their mounting."
             )
     return tuple(told)
 

@@ -164,7 +164,7 @@ def calibrate_rig(
     report = ExtrinsicsReport(
         cameras=tuple(_found(found, name, given) for name in found.cameras),
         doubts=sentences,
-        notes=(*given.warnings, *strangers, *notes, *_left_alone(given, settled)),
+        notes=(*given.warnings, *strangers, *notes, *_turned(found.turned), *_left_alone(given, settled)),
         n_pictures=len(shown),
         files=tuple(Path(out) / name for name in names),
         drive=given.drive,
@@ -180,6 +180,16 @@ def calibrate_rig(
     draw_extrinsics(found, layout, folder / PICTURE_NAME)
     draw_mounted_metres(read_fits(folder / RIG_NAME), settled, folder / METRES_NAME)
     return report
+
+
+def _turned(tags: Sequence[int]) -> list[str]:
+    if not tags:
+        return []
+    sentence = (
+        f"Tags {', '.join(map(str, tags))} are printed upside down against the corners in the layout"
+        " (OpenCV's generator prints AprilTags so): taken as printed."
+    )
+    return [sentence]
 
 
 def _left_alone(given: GivenRig, settled: Sequence[str]) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from geoloc.arrays import ByteArray, FloatArray, IntArray
+from geoloc.calibration.extrinsics.tag_family import FAMILY, dictionary_of
 from geoloc.cameras import CameraModel
 
 CELLS = 8
@@ -39,7 +40,8 @@ class TagsFound:
     ----------
     ids : int64 (n,)
     corners_px : float64 (n, 4, 2)
-        Top left, top right, bottom right, bottom left as printed; (0, 0) is the centre of the first pixel.
+        Top left, top right, bottom right, bottom left as AprilTag's authors print it; (0, 0) is the centre of
+        the first pixel.
     n_small : int
         Tags left out because they are too small or their edges too blurred.
     mirrored : bool
@@ -78,8 +80,7 @@ def _detected(grey: ByteArray) -> tuple[IntArray, FloatArray]:
 
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    found: Any = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(grey)
+    found: Any = cv2.aruco.ArucoDetector(dictionary_of(FAMILY), parameters).detectMarkers(grey)
     corners, ids, _ = found
     if ids is None:
         return np.empty(0, np.int64), np.empty((0, 4, 2))
