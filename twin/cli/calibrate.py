@@ -48,7 +48,11 @@ ModelOption = Annotated[
     str, typer.Option(help="ftheta, fisheye, pinhole, ocam, several with commas, or auto: the best of all.")
 ]
 LinearOption = Annotated[
-    bool, typer.Option("--linear", help="ftheta and ocam: also free c and d, for pixels not square.")
+    bool,
+    typer.Option(
+        "--linear",
+        help="ftheta and ocam: always free c and d (pixels not square), not only where that is better.",
+    ),
 ]
 RigOption = Annotated[
     Path | None, typer.Option(help="DriveWorks rig to put the camera into; written to OUT/rig.json.")

@@ -94,7 +94,8 @@ def calibrate_intrinsics(
     models : sequence of str
         Which of `MODELS` to compare.
     linear : bool
-        Also free the linear terms c and d of f-theta and ocam, for pixels that are not square.
+        Only with the linear terms c and d of f-theta and ocam free. Otherwise they are where views that were
+        left out say so.
     distances_m : mapping of view name to float, optional
         Measured distances of the camera from the middle of the board.
 
@@ -121,7 +122,7 @@ def calibrate_intrinsics(
     sigma_deg = _sigma_deg(fitted, coverage)
     names = tuple(view.name for view in kept)
     faults = [
-        *misfit_faults(fitted, names),
+        *misfit_faults(fitted, names, [model for model in MODELS if model not in models]),
         *shape_faults(fitted),
         *distance_faults(fitted, names, distances_m or {}),
         *view_faults(fitted, coverage, sigma_deg),

@@ -9,7 +9,14 @@ import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.calibration.intrinsics.bundle import Bundle, BundleState, adjust_poses, minimise
-from geoloc.calibration.intrinsics.fit import Fit, angular_residuals, fit, label
+from geoloc.calibration.intrinsics.fit import (
+    Fit,
+    angular_residuals,
+    check_nearly_square,
+    fit,
+    label,
+    with_linear_terms,
+)
 from geoloc.calibration.intrinsics.initial_guess import BoardPoses
 from geoloc.calibration.intrinsics.lens import Lens, RadialCurve
 from geoloc.calibration.intrinsics.views import Corners
@@ -19,6 +26,8 @@ _FOLDS = 5
 _EQUAL_SIGMAS = 2.0
 _EQUAL_PART = 0.01
 """Models whose held-out error differs by less are equal in practice, however sure the difference is."""
+_MOST_PART = 0.1
+"""Models whose held-out error differs by more are not equal, however few views tell them apart."""
 
 Progress = Callable[[str], None]
 
@@ -63,6 +72,7 @@ def compare(
 ) -> tuple[Candidate, ...]:
     """Fit every lens, and judge each by views that it has not seen.
 
+    F-theta and ocam come with c and d free too: pixels that are not square are found without being asked for.
     The corners that count are the same for all: those that the best-fitting model does not reject.
 
     Raises
@@ -70,29 +80,48 @@ def compare(
     CalibrationError
         If none fits.
     """
-    fits: list[Fit | CalibrationError] = []
-    for lens in lenses:
-        progress(f"fitting {label(lens)}")
-        try:
-            fits.append(fit(lens, corners, curve, poses, free_shape=free_shape))
-        except CalibrationError as error:
-            fits.append(error)
+    tried = list(lenses)
+    fits = [_fit(lens, corners, curve, poses, free_shape, progress) for lens in tried]
+    more = with_linear_terms([fitted for fitted in fits if isinstance(fitted, Fit)])
+    tried += more
+    fits += [_fit(lens, corners, curve, poses, free_shape, progress, unasked=True) for lens in more]
     good = [fitted for fitted in fits if isinstance(fitted, Fit)]
     if not good:
         reasons = "; ".join(str(reason) for reason in fits)
         raise CalibrationError(f"No camera model fits these views: {reasons}. Is the board's size right?")
     inlier = min(good, key=lambda fitted: fitted.adjusted.sigma_px).adjusted.inlier
     candidates = []
-    for lens, fitted in zip(lenses, fits, strict=True):
+    for lens, fitted in zip(tried, fits, strict=True):
         progress(f"leaving views out: {label(lens)}")
         candidates.append(_judged(lens, fitted, inlier))
     return tuple(candidates)
 
 
+def _fit(
+    lens: Lens,
+    corners: Corners,
+    curve: RadialCurve,
+    poses: BoardPoses,
+    free_shape: Sequence[str],
+    progress: Progress,
+    *,
+    unasked: bool = False,
+) -> Fit | CalibrationError:
+    progress(f"fitting {label(lens)}")
+    try:
+        fitted = fit(lens, corners, curve, poses, free_shape=free_shape)
+        if unasked:
+            check_nearly_square(fitted)
+    except CalibrationError as error:
+        return error
+    return fitted
+
+
 def best(candidates: Sequence[Candidate]) -> Candidate:
     """Take the candidate with the smallest held-out error; a simpler one if that is as good.
 
-    As good: by less than two standard errors of the difference view by view, or by less than one per cent.
+    As good: by less than two standard errors of differences and ratios view by view and by less than a tenth,
+    or by less than one per cent.
 
     Raises
     ------
@@ -108,10 +137,19 @@ def best(candidates: Sequence[Candidate]) -> Candidate:
 
 
 def _as_good(candidate: Candidate, first: Candidate) -> bool:
-    if candidate.held_out_deg <= (1.0 + _EQUAL_PART) * first.held_out_deg:
+    """Whether no view, and not all of them together, tells that a candidate is worse than the first one.
+
+    A model that is wrong at the image's edge shows it in the views there alone: their squares outweigh the
+    others and make the mean difference uncertain, which the ratios view by view are not.
+    """
+    ratio = candidate.held_out_deg / max(first.held_out_deg, 1e-30)
+    if ratio <= 1.0 + _EQUAL_PART:
         return True
-    worse = candidate.square_by_view - first.square_by_view
-    return bool(worse.mean() <= _EQUAL_SIGMAS * worse.std(ddof=1) / np.sqrt(len(worse)))
+    squares = np.maximum([candidate.square_by_view, first.square_by_view], 1e-60)
+    worse = (squares[0] - squares[1], np.log(squares[0] / squares[1]))
+    return ratio <= 1.0 + _MOST_PART and all(
+        w.mean() <= _EQUAL_SIGMAS * w.std(ddof=1) / np.sqrt(len(w)) for w in worse
+    )
 
 
 def _judged(lens: Lens, fitted: Fit | CalibrationError, inlier: BoolArray) -> Candidate:

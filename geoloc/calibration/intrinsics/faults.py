@@ -63,8 +63,10 @@ def _two_cameras(found: TwoCameras, names: Sequence[str]) -> CalibrationError:
     )
 
 
-def misfit_faults(fit: Fit, names: Sequence[str]) -> list[Doubt]:
+def misfit_faults(fit: Fit, names: Sequence[str], other_models: Sequence[str] = ()) -> list[Doubt]:
     """Residuals that are no noise: the model does not fit; `names` are those of the views.
+
+    `other_models` are those that were not compared: where there are none, they are no cure.
 
     Raises
     ------
@@ -83,12 +85,15 @@ def misfit_faults(fit: Fit, names: Sequence[str]) -> list[Doubt]:
             f"and neighbouring corners are off alike (correlation {alike:.2f}). See that all pictures are of "
             "one camera with fixed zoom and focus, not scaled or cropped, and of one flat board."
         )
+    cure = "take the pictures with a fixed focus, of a flatter board"
+    if other_models:
+        cure = f"try {', '.join(other_models)} as well (--model auto), or {cure}"
     return [
         Doubt(
             ViewFault.MISFIT,
             f"The model {fit.label} does not fit: it leaves {sigma:.3f} px a corner, and neighbouring "
-            f"corners are off alike (correlation {alike:.2f}; noise has 0). The error bars are too small; "
-            "try --model auto, a fixed focus and a flatter board.",
+            f"corners are off alike (correlation {alike:.2f}; noise has 0). The error bars are too small: "
+            f"{cure}.",
         )
     ]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ MODELS = ("ftheta", "fisheye", "pinhole", "ocam")
 _DEGREES = (4, 5)
 """Of polynomials: DriveWorks' older files have four coefficients after the constant, newer up to five."""
 _CURVE_SAMPLES = 80
+_NEARLY_SQUARE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +102,38 @@ class Fit:
 
 
 def label(lens: Lens) -> str:
-    """Model, and the degree of its polynomial."""
-    return f"{lens.name}, degree {lens.degree}" if isinstance(lens, FThetaLens | OcamLens) else lens.name
+    """Model, the degree of its polynomial, and whether its pixels may be other than square."""
+    if not isinstance(lens, FThetaLens | OcamLens):
+        return lens.name
+    return f"{lens.name}, degree {lens.degree}{', with c and d' if lens.linear else ''}"
+
+
+def with_linear_terms(fits: Sequence[Fit]) -> tuple[Lens, ...]:
+    """The lenses with c and d free: of f-theta and of ocam that degree which fits better without them."""
+    best: dict[str, tuple[float, FThetaLens | OcamLens]] = {}
+    for fitted in fits:
+        lens, sigma_px = fitted.lens, fitted.adjusted.sigma_px
+        if not isinstance(lens, FThetaLens | OcamLens) or lens.linear:
+            continue
+        if lens.name not in best or sigma_px < best[lens.name][0]:
+            best[lens.name] = sigma_px, lens
+    return tuple(replace(lens, linear=True) for _, lens in best.values())
+
+
+def check_nearly_square(fitted: Fit) -> None:
+    """Refuse pixels that no sensor has: pictures were scaled unevenly, which is to be told and not fitted.
+
+    Raises
+    ------
+    CalibrationError
+        If c or d is off by more than a hundredth.
+    """
+    c, d = fitted.values[2:4].tolist()
+    if max(abs(c - 1.0), abs(d)) > _NEARLY_SQUARE:
+        raise CalibrationError(
+            f"its pixels would not be square by {100.0 * max(abs(c - 1.0), abs(d)):.1f} %: give --linear if"
+            " the sensor's are not"
+        )
 
 
 def lenses(model: str, width_px: int, height_px: int, *, linear: bool = False) -> tuple[Lens, ...]:

@@ -30,8 +30,8 @@ class _PolynomialLens:
     """What f-theta and ocam share: a centre, linear terms, and a polynomial of the radius in the image.
 
     The radius is counted in half diagonals of the image, so that all coefficients are of the same order.
-    `linear` frees c and d. Were e free as well, the image could turn against the boards' poses: nothing in
-    pictures of boards tells the two apart, so e stays 0.
+    `linear` frees c and d, and e is as d. Were e free by itself, the image could turn against the boards'
+    poses: nothing in pictures of boards tells the two apart. With d and e alike the image is not turned.
     """
 
     width_px: int
@@ -57,8 +57,8 @@ class _PolynomialLens:
     def image(self, k: FloatArray) -> _Image:
         """From the plane to pixels."""
         c, d = (float(k[2]), float(k[3])) if self.linear else (1.0, 0.0)
-        free = ((0, 0), (0, 1)) if self.linear else ()
-        return _Image(float(k[0]), float(k[1]), np.array([[c, d], [0.0, 1.0]]), free)
+        free = (((0, 0),), ((0, 1), (1, 0))) if self.linear else ()
+        return _Image(float(k[0]), float(k[1]), np.array([[c, d], [d, 1.0]]), free)
 
     def assembled(self, curve: RadialCurve, coefficients: FloatArray) -> FloatArray:
         """Unknowns with the identity for the linear terms."""
@@ -108,7 +108,7 @@ class FThetaLens(_PolynomialLens):
         image, rest = self.image(k), (k * self.units)[self.first :].tolist()
         (c, d), _ = image.matrix.tolist()
         size = (self.width_px, self.height_px)
-        return FThetaCamera(*size, image.cx_px, image.cy_px, (0.0, *rest), c=c, d=d)
+        return FThetaCamera(*size, image.cx_px, image.cy_px, (0.0, *rest), c=c, d=d, e=d)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ class OcamLens(_PolynomialLens):
         image, (a0, *rest) = self.image(k), (k * self.units)[self.first :].tolist()
         (c, d), _ = image.matrix.tolist()
         size = (self.width_px, self.height_px)
-        return OcamCamera(*size, image.cx_px, image.cy_px, (a0, 0.0, *rest), c=c, d=d)
+        return OcamCamera(*size, image.cx_px, image.cy_px, (a0, 0.0, *rest), c=c, d=d, e=d)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +198,7 @@ class FisheyeLens:
         theta, direction = _angle(point_camera)
         valid = theta <= rising_limit(odd, math.pi)
         powers = theta[:, np.newaxis] ** np.array([3, 5, 7, 9])
-        image = _Image(float(k[0]), float(k[1]), np.diag(k[2:4]), ((0, 0), (1, 1)))
+        image = _Image(float(k[0]), float(k[1]), np.diag(k[2:4]), (((0, 0),), ((1, 1),)))
         radius, slope = polynomial(odd, theta), polynomial(derivative(odd), theta)
         return _projection(point_camera, direction, _Radial(radius, slope, powers), image, valid)
 
@@ -225,12 +225,12 @@ class _Radial(NamedTuple):
 
 
 class _Image(NamedTuple):
-    """From the plane to pixels: centre, matrix, and which of its elements are unknowns."""
+    """From the plane to pixels: centre, matrix, and the elements (row, column) that each unknown is."""
 
     cx_px: float
     cy_px: float
     matrix: FloatArray
-    free: tuple[tuple[int, int], ...]
+    free: tuple[tuple[tuple[int, int], ...], ...]
 
 
 def _projection(
@@ -256,8 +256,9 @@ def _projection(
     plane = radius[:, np.newaxis] * direction
     pixel = np.array([image.cx_px, image.cy_px]) + plane @ image.matrix.T
     by_matrix = np.zeros((len(point), 2, len(image.free)))
-    for column, (row, element) in enumerate(image.free):
-        by_matrix[:, row, column] = plane[:, element]
+    for column, elements in enumerate(image.free):
+        for row, element in elements:
+            by_matrix[:, row, column] = plane[:, element]
     by_centre = np.broadcast_to(np.eye(2), (len(point), 2, 2))
     by_radial = (direction @ image.matrix.T)[:, :, np.newaxis] * by_k[:, np.newaxis, :]
     by_lens = np.concatenate([by_centre, by_matrix, by_radial], axis=-1)

@@ -95,7 +95,7 @@ def calibrate_intrinsics(
     model : str
         ``auto``, or models to choose from, with commas between.
     linear : bool
-        Also free c and d of f-theta and ocam.
+        Only with c and d of f-theta and ocam free; otherwise where held-out views say so.
     max_views : int
         At most so many views are used, spread over the image, over distances and tilts.
     every : int, optional
