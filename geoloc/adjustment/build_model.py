@@ -44,8 +44,10 @@ _LEVEL = 0.005
 # are those stated, a quarter of its variance goes on for longer.
 _TREMBLING_SHARE, _TREMBLING_WITH_AXLE = 0.25, 0.87
 # Of a process that fades in a second, straight lines between nodes a second apart leave so much:
-# 1 + 2/3 + e⁻¹/3 - 4/e of its variance. It comes and goes about as fast as the body bounces.
-_PITCH_BETWEEN_NODES = 0.56
+# 1 + 2/3 + e⁻¹/3 - 4/e of its variance. It comes and goes about as fast as the body bounces. Those lines, on
+# the mean between two nodes, have 2/3 + e⁻¹/3 of the nodes' variance: with 0.93 of the sigma there, the two
+# together have what is stated.
+_PITCH_BETWEEN_NODES, _PITCH_AT_NODES = 0.56, 0.93
 _FULL_RATE_MPS, _LEAST_RATE = 3.0, 0.001
 # What an engine and people in the car leave of the body's bounce while it stands.
 _IDLE_SHARE = 0.1
@@ -290,12 +292,17 @@ def _fast_sigma(scene: Scene, budget: ErrorBudget, is_fitted: bool) -> FloatArra
     """
     body = scene.body
     roll, pitch = np.radians([budget.roll_jitter_deg, budget.pitch_jitter_deg])
-    lively = np.clip(_speed_mps(body) / _FULL_RATE_MPS, _IDLE_SHARE, 1.0)
+    lively = _lively(body)
     pitch = np.hypot(pitch, _PITCH_BETWEEN_NODES * body.sigma_rad[:, 1])
     trembling = np.maximum(_trembling(body, is_fitted), _MIN_SIGMA_RAD)
     fast = np.zeros((scene.instant_ns.size, 3))
     np.maximum.at(fast, scene.instant, np.column_stack([lively * roll, lively * pitch, trembling]))
     return fast
+
+
+def _lively(body: Bodies) -> FloatArray:
+    """How much (n,) the body bounces, of what it does while the car drives."""
+    return np.clip(_speed_mps(body) / _FULL_RATE_MPS, _IDLE_SHARE, 1.0)
 
 
 def _speed_mps(body: Bodies) -> FloatArray:
@@ -332,6 +339,7 @@ def _falls(body: Bodies, at_most: float) -> FloatArray:
 def _slow_sigma(body: Bodies, fall: FloatArray, is_fitted: bool) -> FloatArray:
     """Sigmas (n, 8) at a node: attitude, that part of the place that changes, the ground's falls."""
     attitude = body.sigma_rad.copy()
+    attitude[:, 1] *= 1.0 - (1.0 - _PITCH_AT_NODES) * _lively(body)
     if is_fitted:
         attitude[:, 2] = np.sqrt(attitude[:, 2] ** 2 - _trembling(body, is_fitted) ** 2)
     across, up = (

@@ -304,8 +304,8 @@ def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
     known = heading_sigma < LIMIT_DEG
     pitch_sigma = np.hypot(tilt.pitch_sigma_deg, _PITCH_FLOOR_DEG)
     roll_sigma = np.hypot(tilt.roll_sigma_deg, _ROLL_FLOOR_DEG)
-    fix_sigma = np.where(knots.seen, knots.not_smoothed_m, np.inf).min(axis=1)
-    up_sigma = np.where(knots.seen, knots.up_over_plane * knots.not_smoothed_m, np.inf).min(axis=1)
+    plane_sigma = knots.with_what_all_share(track.position_sigma_m)
+    up_sigma = knots.with_what_all_share(tilt.height_sigma_m, is_height=True)
     _, aside_m, above_m = arms_m.mean(axis=0)
     lean = lean_m(float(above_m), roll_sigma, pitch_sigma)
     columns = {
@@ -316,10 +316,8 @@ def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
         "pitch_deg": tilt.pitch_deg,
         "heading_deg": (90.0 - np.degrees(track.yaw_rad)) % 360.0,
         "speed_mps": speed,
-        "sigma_horizontal_m": np.hypot(np.maximum(fix_sigma, track.position_sigma_m), lean),
-        "sigma_vertical_m": np.hypot(
-            np.maximum(up_sigma, tilt.height_sigma_m), lean_up_m(float(aside_m), roll_sigma)
-        ),
+        "sigma_horizontal_m": np.hypot(plane_sigma, lean),
+        "sigma_vertical_m": np.hypot(up_sigma, lean_up_m(float(aside_m), roll_sigma)),
         "sigma_roll_deg": roll_sigma,
         "sigma_pitch_deg": pitch_sigma,
         "sigma_heading_deg": heading_sigma,

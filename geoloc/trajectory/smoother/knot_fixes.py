@@ -141,15 +141,20 @@ class KnotFixes:
         """
         return np.where(self.white_every_s[:, antenna] > 0.0, 1.0, scale)
 
-    @property
-    def not_smoothed_m(self) -> FloatArray:
-        """One sigma ``(n, m)`` of what no smoothing removes of each fix.
+    def with_what_all_share(self, smoothed_m: FloatArray, *, is_height: bool = False) -> FloatArray:
+        """One sigma ``(n,)`` of a place: what smoothing leaves ``(n,)``, and what no smoothing shows.
 
-        Of carrier-phase solutions all that a car's antennas share, atmosphere and base station. Of other
-        solutions most fades over minutes, which one antenna's own process says; two antennas share it.
+        Of carrier-phase solutions that is what a car's antennas share, atmosphere and base station. Of other
+        solutions most fades over minutes, which one antenna's own process says; two antennas share that too.
         """
-        alone = self.seen.shape[1] == 1
-        return np.where(alone & (self.white_every_s > 0.0), _LASTING_SHARE, 1.0) * self.sigma_m
+        alone, is_code = self.seen.shape[1] == 1, self.white_every_s > 0.0
+        of_phase = np.sqrt(np.maximum(self.sigma_m**2 - self.white_m**2 - self.slow_m**2, 0.0))
+        shared = np.where(is_code, (_LASTING_SHARE if alone else 1.0) * self.sigma_m, of_phase)
+        shared = shared * (self.up_over_plane if is_height else 1.0)
+        left = smoothed_m[:, None]
+        known_twice = is_code & (not alone)
+        whole = np.where(known_twice, np.maximum(shared, left), np.hypot(shared, left))
+        return np.asarray(np.where(self.seen, whole, np.inf).min(axis=1))
 
     @property
     def first(self) -> BoolArray:

@@ -101,7 +101,6 @@ def smoothed_tilt(
             break
     covariance, shared = chain.covariances()
     variance = np.diagonal(covariance, axis1=1, axis2=2)
-    sigma = np.sqrt(variance)
     # The roll is the state's and the constants' own: how it moves with each of these.
     by_state = chain.by_constants()[:, 2]
     by_constants = by_state + np.pad(fit.of_the_drive, ((0, 0), (constants.size - 2, 0)))
@@ -109,24 +108,38 @@ def smoothed_tilt(
     lasting = np.einsum("nc,cd,nd->n", by_constants, shared, by_constants)
     part = np.linalg.lstsq(fit.of_the_drive, by_constants)[0]
     lean_sigma, shown_m = np.sqrt(own + lasting), np.mean(fit.aside_m)
+    slope, slope_variance = _between_axles(fixes, forward_mps, state, covariance)
     return TiltTrack(
         height_m=state[:, 0],
         height_sigma_m=np.sqrt(np.maximum(variance[:, 0] - (shown_m * lean_sigma) ** 2, 0.0)),
-        pitch_deg=-np.degrees(np.arctan(_between_axles(fixes, forward_mps, state[:, 1]))),
-        pitch_sigma_deg=np.degrees(sigma[:, 1]),
+        pitch_deg=-np.degrees(np.arctan(slope)),
+        pitch_sigma_deg=np.degrees(np.sqrt(slope_variance)),
         roll_deg=np.degrees(np.arctan(_CROSSFALL + fit.of_the_drive @ constants[-2:] + state[:, 2])),
         roll_sigma_deg=np.degrees(lean_sigma),
         lasting_roll=LastingRoll(*np.degrees(np.sqrt(np.diagonal(part @ shared @ part.T))).tolist()),
     )
 
 
-def _between_axles(fixes: KnotFixes, forward_mps: FloatArray, climb: FloatArray) -> FloatArray:
-    """Slope (n,) of the road between the axles, from that at the rear axle."""
+def _between_axles(
+    fixes: KnotFixes, forward_mps: FloatArray, state: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Slope (n,) of the road between the axles, from that at the rear axle, and its variance.
+
+    Where the drive ends nothing has rolled over what lies below the front axle: there the slope goes on by
+    its growth, and is known so much less.
+    """
     steps_m = np.linalg.norm(np.diff(fixes.path_m, axis=0), axis=1)
     tied_m = fixes.step_s * 0.5 * np.abs(forward_mps[1:] + forward_mps[:-1])
     way_m = np.concatenate([[0.0], np.cumsum(np.where(fixes.tied, tied_m, steps_m))])
     ahead_m = way_m + np.where(forward_mps < 0.0, -_HALF_WHEELBASE_M, _HALF_WHEELBASE_M)
-    return np.asarray(np.interp(ahead_m, way_m, climb))
+    slope, variance = np.interp(ahead_m, way_m, state[:, 1]), covariance[:, 1, 1].copy()
+    beyond = ahead_m > way_m[-1]
+    left, noise = _road(ahead_m[beyond] - way_m[-1], np.ones(int(beyond.sum())))
+    climbs = np.array([1, 3])
+    slope[beyond] = left[:, 0] @ state[-1, climbs]
+    last = covariance[-1][np.ix_(climbs, climbs)]
+    variance[beyond] = np.einsum("nj,jk,nk->n", left[:, 0], last, left[:, 0]) + noise[:, 0, 0]
+    return np.asarray(slope), variance
 
 
 def _road(way_m: FloatArray, ahead: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu, rotation_enu_from_rig, wrap_deg
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.simulation.as_stated import as_stated
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive, without_noise
 from geoloc.trajectory.poses import GnssFixes, Poses
 from geoloc.trajectory.rig_poses import fitted
@@ -313,3 +315,18 @@ def test_valley_is_followed_by_fixes_without_corrections() -> None:
     off_deg = poses.pitch_deg - truth.pitch_deg
     assert np.abs(poses.height_m - truth.height_m).max() < 1.2
     assert np.mean((off_deg / poses.sigma_pitch_deg) ** 2) < 1.5
+
+
+def test_slope_below_the_front_axle_is_known_less_where_a_drive_ends() -> None:
+    """What later fixes change of the last pitch is as large as the sigmas say, and not little."""
+    drive = simulate_drive(as_stated(scenario("urban", None, 1), 2, 1, ErrorBudget()), 1)
+    whole, squares = smoothed(drive, 2), []
+    count = drive.gnss[0].epoch_ns.size
+    for last in range(40, count - 20, 12):
+        cut = replace(drive, gnss=tuple(rows_of(one, np.arange(count) < last) for one in drive.gnss))
+        at = drive.gnss[0].epoch_ns[last - 1 : last]
+        then, later = smoothed(cut, 2).poses_at(at), whole.poses_at(at)
+        learnt = then.sigma_pitch_deg[0] ** 2 - later.sigma_pitch_deg[0] ** 2
+        assert learnt > 0.1**2
+        squares.append((then.pitch_deg[0] - later.pitch_deg[0]) ** 2 / learnt)
+    assert 0.5 < float(np.mean(squares)) < 1.6
