@@ -7,7 +7,7 @@ docs/error-budget.md, copied by hand: a prior that is changed there and not here
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,10 +17,28 @@ from geoloc.simulation.noise import NoiseSpec, stream
 from geoloc.simulation.scenarios import Scenario
 
 ROWS, LIKELY_READOUT_MS = 1208, 16.0
-# A fix of a fixed solution: 40 % of it are new at every fix and a third lasts 10 s, each antenna's own.
-FIX_M, UP, WHITE_SHARE, SLOW_SHARE = 0.015, 1.7, 0.4, 0.33
+UP = 1.7
 BETWEEN_ANTENNAS_M = 0.02
 LEAN_IN_BENDS = 0.06
+
+
+@dataclass(frozen=True, slots=True)
+class StatedFixes:
+    """What fixes are off, one sigma an axis, and the shares of it: new at every fix, for 10 s, and longer."""
+
+    sigma_m: float
+    white_share: float
+    reflected_share: float
+    lasting_share: float
+    lasts_s: float
+    late_ms: float = 0.0
+    """By how much the receiver may be late."""
+
+
+# What two antennas share of a fixed solution is all that is left.
+CARRIER_PHASE = StatedFixes(0.015, 0.4, 0.33, float(np.sqrt(1.0 - 0.4**2 - 0.33**2)), 100.0)
+# Fixes of 10 s count as one in what is new; what lasts all day is in none of these.
+CODE = StatedFixes(2.0, 0.0, 0.4, 0.9, 120.0, late_ms=150.0)
 
 
 class _Stated(Protocol):
@@ -50,7 +68,9 @@ class _Stated(Protocol):
     def readout_ms(self) -> float: ...
 
 
-def as_stated(world: Scenario, antennas: int, seed: int, stated: _Stated) -> Scenario:
+def as_stated(
+    world: Scenario, antennas: int, seed: int, stated: _Stated, fixes: StatedFixes = CARRIER_PHASE
+) -> Scenario:
     """Give a world the errors that are stated, and none that are not.
 
     Parameters
@@ -63,6 +83,8 @@ def as_stated(world: Scenario, antennas: int, seed: int, stated: _Stated) -> Sce
         Of what is drawn once for a drive and has no place in the specifications.
     stated : ErrorBudget
         Or what has its fields: nothing of the estimator is imported here.
+    fixes : StatedFixes
+        Fixes that are late look like frames that are early: that is drawn with the camera clock.
     """
     once = stream(seed, "as stated").normal(size=5)
     knots = np.array(world.road.curvature)
@@ -90,24 +112,27 @@ def as_stated(world: Scenario, antennas: int, seed: int, stated: _Stated) -> Sce
         fall=stated.ground_fall,
     )
     noise = replace(
-        _noise(stated, antennas), row_delay_us=1e3 * readout_ms / ROWS, pitching_axis=0.03 * once[4]
+        _noise(stated, antennas, fixes), row_delay_us=1e3 * readout_ms / ROWS, pitching_axis=0.03 * once[4]
     )
     return replace(world, road=road, motion=motion, noise=noise, beside=ground)
 
 
-def _noise(stated: _Stated, antennas: int) -> NoiseSpec:
-    common = FIX_M * np.sqrt(1.0 - WHITE_SHARE**2 - SLOW_SHARE**2)
+def _noise(stated: _Stated, antennas: int, fixes: StatedFixes) -> NoiseSpec:
+    white_m, reflected_m, lasting_m = (
+        share * fixes.sigma_m for share in (fixes.white_share, fixes.reflected_share, fixes.lasting_share)
+    )
     apart = BETWEEN_ANTENNAS_M if antennas > 1 else 0.0
     return replace(
         NoiseSpec(),
-        gnss_white_horizontal_m=WHITE_SHARE * FIX_M,
-        gnss_white_vertical_m=WHITE_SHARE * FIX_M * UP,
-        gnss_multipath_m=SLOW_SHARE * FIX_M,
+        gnss_white_horizontal_m=white_m,
+        gnss_white_vertical_m=white_m * UP,
+        gnss_multipath_m=reflected_m,
         gnss_multipath_up=UP,
         gnss_multipath_tau_s=10.0,
-        gnss_slow_horizontal_m=common,
-        gnss_slow_vertical_m=common * UP,
-        frame_offset_ms=stated.time_ms,
+        gnss_slow_horizontal_m=lasting_m,
+        gnss_slow_vertical_m=lasting_m * UP,
+        gnss_slow_tau_s=fixes.lasts_s,
+        frame_offset_ms=float(np.hypot(stated.time_ms, fixes.late_ms)),
         frame_jitter_ms=0.0,
         boresight_deg=stated.boresight_deg,
         camera_position_m=stated.camera_position_m,
