@@ -146,14 +146,14 @@ class KnotFixes:
 
         Of carrier-phase solutions that is what a car's antennas share, atmosphere and base station. Of other
         solutions most fades over minutes, which one antenna's own process says; two antennas share that too.
+        Those are never better than what is the same all day, or for two antennas than the fix.
         """
         alone, is_code = self.seen.shape[1] == 1, self.white_every_s > 0.0
         of_phase = np.sqrt(np.maximum(self.sigma_m**2 - self.white_m**2 - self.slow_m**2, 0.0))
         shared = np.where(is_code, (_LASTING_SHARE if alone else 1.0) * self.sigma_m, of_phase)
         shared = shared * (self.up_over_plane if is_height else 1.0)
         left = smoothed_m[:, None]
-        known_twice = is_code & (not alone)
-        whole = np.where(known_twice, np.maximum(shared, left), np.hypot(shared, left))
+        whole = np.where(is_code, np.maximum(shared, left), np.hypot(shared, left))
         return np.asarray(np.where(self.seen, whole, np.inf).min(axis=1))
 
     @property
