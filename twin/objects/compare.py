@@ -33,7 +33,7 @@ _ENOUGH_M = 5.0
 """Of a line so much must have been in view, or half of it, before nothing of it says that it is gone."""
 
 
-class Verdict(StrEnum):
+class GroundVerdict(StrEnum):
     """What becomes of an object of either side."""
 
     NEW = "new"
@@ -51,7 +51,7 @@ class Compared:
 
     Attributes
     ----------
-    verdict : Verdict
+    verdict : GroundVerdict
     nvdb_type : int
     nvdb_id : str
         "" of what is new.
@@ -70,7 +70,7 @@ class Compared:
         EPSG:25833: NVDB's, or ours where it is new.
     """
 
-    verdict: Verdict
+    verdict: GroundVerdict
     nvdb_type: int
     nvdb_id: str
     objects: tuple[str, ...]
@@ -156,11 +156,11 @@ class _Judge:
         """How far apart the same object may lie on both sides."""
         return float(_SIGMAS * np.hypot(one.sigma_m, self.nvdb_sigma_m))
 
-    def unfound(self, is_seen: bool) -> Verdict:
+    def unfound(self, is_seen: bool) -> GroundVerdict:
         """What is said of an object of NVDB that nothing was drawn of."""
         if not is_seen:
-            return Verdict.NOT_SEEN
-        return Verdict.MISSING if self.all_drawn else Verdict.NOT_DRAWN
+            return GroundVerdict.NOT_SEEN
+        return GroundVerdict.MISSING if self.all_drawn else GroundVerdict.NOT_DRAWN
 
     def seen(self, points_m: FloatArray) -> FloatArray:
         """Whether each place (n, 2) was in view in pictures enough, as 1.0 or 0.0."""
@@ -206,13 +206,13 @@ class _Judge:
         area, size = one.object.area, float(other.geometry.area)
         if area is None or not size:
             return Compared(
-                *(Verdict.FOUND, other.nvdb_type, other.nvdb_id, (one.object.object,), other.geometry),
+                *(GroundVerdict.FOUND, other.nvdb_type, other.nvdb_id, (one.object.object,), other.geometry),
                 *(distance_m, sigma_m),
             )
         sigma = float(np.hypot(area.sigma, _area_sigma(other.geometry, self.nvdb_sigma_m)))
         differs = abs(area.value - size) > _SIGMAS * sigma
         return Compared(
-            verdict=Verdict.SIZE_DIFFERS if differs else Verdict.FOUND,
+            verdict=GroundVerdict.SIZE_DIFFERS if differs else GroundVerdict.FOUND,
             nvdb_type=other.nvdb_type,
             nvdb_id=other.nvdb_id,
             objects=(one.object.object,),
@@ -273,7 +273,9 @@ class _Judge:
         sigma = float(np.hypot(max(one.sigma_m for one in mine), self.nvdb_sigma_m))
         shorter = self.all_drawn and gap_m - piece_m > _SIGMAS * sigma
         return Compared(
-            verdict=Verdict.SIZE_DIFFERS if shorter or beyond_m > _SIGMAS * sigma else Verdict.FOUND,
+            verdict=GroundVerdict.SIZE_DIFFERS
+            if shorter or beyond_m > _SIGMAS * sigma
+            else GroundVerdict.FOUND,
             nvdb_type=other.nvdb_type,
             nvdb_id=other.nvdb_id,
             objects=tuple(one.object.object for one in mine),
@@ -291,7 +293,7 @@ class _Judge:
 def _new(one: _Ours) -> Compared:
     measure = one.object.length or one.object.area
     return Compared(
-        *(Verdict.NEW, one.object.nvdb_type or 0, "", (one.object.object,), one.geometry),
+        *(GroundVerdict.NEW, one.object.nvdb_type or 0, "", (one.object.object,), one.geometry),
         found_size=np.nan if measure is None else measure.value,
         size_sigma=np.nan if measure is None else measure.sigma,
     )

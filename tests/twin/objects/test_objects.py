@@ -22,7 +22,7 @@ from nvdb.replay.pages import record_from_raw
 from twin.drives.annotations.labels import read_label_map
 from twin.drives.read import read_drive
 from twin.errors import DriveError, FileError
-from twin.objects import DriveObjects, GroundObject, Verdict, compare, locate_objects, read_nvdb_objects
+from twin.objects import DriveObjects, GroundObject, GroundVerdict, compare, locate_objects, read_nvdb_objects
 from twin.objects.shapes import plane_geometry
 from twin.samples.ground_objects import CAMERA, LABELS, TRUTH, simulate_ground_objects
 
@@ -107,8 +107,8 @@ def test_missing_is_what_was_in_view_and_a_line_is_judged_by_its_stretches(
     gpd.GeoDataFrame({"nvdb_id": list(shifted)}, geometry=list(shifted.values()), crs=25833).to_file(path)
     rails = compare(found, [read_nvdb_objects(path, 5)], all_drawn=True).rows
     assert {one.nvdb_id: one.verdict for one in rails if one.nvdb_id} == {
-        "beside": Verdict.MISSING,
-        "far": Verdict.NOT_SEEN,
+        "beside": GroundVerdict.MISSING,
+        "far": GroundVerdict.NOT_SEEN,
     }
     short = shapely.ops.substring(kerb, 0.0, 40.0)
     gpd.GeoDataFrame({"nvdb_id": ["k"]}, geometry=[short], crs=25833).to_file(path)
@@ -116,7 +116,7 @@ def test_missing_is_what_was_in_view_and_a_line_is_judged_by_its_stretches(
     assert row.beyond_m == pytest.approx(kerb.length - 40.0, abs=1.5)
     gpd.GeoDataFrame({"nvdb_id": ["k"]}, geometry=[kerb], crs=25833).to_file(path)
     (row,) = compare(found, [read_nvdb_objects(path, 9)], all_drawn=True).rows
-    assert row.verdict is Verdict.FOUND
+    assert row.verdict is GroundVerdict.FOUND
 
 
 def test_api_les_is_asked_for_any_type_and_what_lies_on_the_centre_line_is_left_out(
