@@ -284,7 +284,8 @@ def rig_document(rig: Rig) -> dict[str, Any]:
         If the rig has a camera of an unsupported model that was not read from a file: it would be lost.
     """
     given = rig.document or {"rig": {"sensors": [], "vehicle": {"valid": False}, "vehicleio": []}}
-    document = {"version": _RIG_FILE_VERSION, **copy.deepcopy(dict(given))}
+    document = copy.deepcopy(dict(given))
+    document.setdefault("version", _RIG_FILE_VERSION)
     read = [SensorEntry.of(s, i, rig.source) for i, s in enumerate(document["rig"]["sensors"])]
     names = {entry.name for entry in read}
     lost = {name: reason for name, reason in rig.unsupported.items() if name not in names}
