@@ -104,17 +104,17 @@ class _Commands(_LazyGroup):
 
 class _CalibrateCommands(_LazyGroup):
     modules: ClassVar[Mapping[str, str]] = {
+        "print-board": "calibrate_prints",
+        "coverage": "calibrate_coverage",
         "intrinsics": "calibrate",
         "example": "calibrate",
+        "print-yard": "calibrate_prints",
+        "print-tags": "calibrate_prints",
         "extrinsics": "calibrate_rig",
         "example-yard": "calibrate_rig",
         "verify": "calibrate_rig",
         "from-drives": "calibrate_rig",
         "diff": "calibrate_diff",
-        "coverage": "calibrate_coverage",
-        "print-board": "calibrate_prints",
-        "print-tags": "calibrate_prints",
-        "print-yard": "calibrate_prints",
     }
 
 

@@ -38,10 +38,13 @@ def coverage(
     """Say which views of the board are still missing, and what to do next."""
     from twin.calibrate.coverage.look import look_at
     from twin.calibrate.coverage.plots import draw_coverage
+    from twin.errors import ConfigError
     from twin.store.figure_files import check_figure_name
 
     if plot is not None:
         check_figure_name(plot)
+    if watch and json_output:
+        raise ConfigError("--watch prints a line a picture, for a person: leave --json out.")
     if watch:
         _watch(sources, board, plot)
         return

@@ -26,9 +26,7 @@ _FIT = "A folder that intrinsics or extrinsics wrote, or a rig, camera or report
 def diff(
     first: Annotated[Path, typer.Argument(help=_FIT, metavar="A")],
     second: Annotated[Path, typer.Argument(help="The same, from other pictures.", metavar="B")],
-    camera: Annotated[
-        str | None, typer.Option(help="Only this one.  [default: all that both have]", show_default=False)
-    ] = None,
+    camera: Annotated[str | None, typer.Option(help="Only this one; else all that both have.")] = None,
     plot: Annotated[Path | None, typer.Option(help="PNG, SVG or PDF of the differences.")] = None,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="Exit with 1 if a camera differs, 0 if none does.")

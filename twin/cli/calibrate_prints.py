@@ -14,7 +14,7 @@ app = typer.Typer()
 _LARGEST_M = 1.0
 PageOption = Annotated[
     str | None,
-    typer.Option(help="A4, A3, A2, A1 or A0.  [default: the smallest that it fits on]", show_default=False),
+    typer.Option(help="A4, A3, A2, A1 or A0; else the smallest that it fits on."),
 ]
 SizeOption = Annotated[
     float, typer.Option(min=0.02, max=_LARGEST_M, help="Edge of the tags' black squares, metres.")

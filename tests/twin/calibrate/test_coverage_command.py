@@ -74,6 +74,7 @@ def test_watch_refuses_what_it_cannot_follow(twin: Twin, tmp_path: Path, picture
     """Several folders, and none, are refused; so is a picture of another size."""
     options = "--board", EXAMPLE_BOARD, "--watch"
     assert twin("calibrate", "coverage", pictures, tmp_path, *options).code == 2
+    assert twin("calibrate", "coverage", pictures, *options, "--json").code == 2
     assert twin("calibrate", "coverage", tmp_path / "none", *options).code == 4
     write_picture(tmp_path / "a.png", np.full((604, 960), 120, np.uint8))
     write_picture(tmp_path / "b.png", np.full((300, 400), 120, np.uint8))
