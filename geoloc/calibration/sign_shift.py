@@ -10,11 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.rig.rig import RigCamera
 
 DISTANCES_M = (10.0, 20.0)
 """Of the sign from the camera, on the ground."""
 USUAL_HEIGHT_M = 1.5
 """Of a camera above the road, where no mounting is known."""
+_LEAST_HEIGHT_M = 0.2
+
+
+def height_m(camera: RigCamera) -> float:
+    """Height of a camera above the road; the usual one where its rig does not say, or says none above it."""
+    above = float(camera.rig_t_camera_m[2])
+    return above if above > _LEAST_HEIGHT_M else USUAL_HEIGHT_M
 
 
 def foot_slopes(ray_rig: FloatArray, distance_m: float, height_m: float) -> FloatArray:

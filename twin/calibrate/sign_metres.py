@@ -13,7 +13,7 @@ from geoloc.calibration.intrinsics import Intrinsics
 from geoloc.calibration.intrinsics.coverage import map_pixels
 from geoloc.calibration.intrinsics.known_lens import KnownLens, lens_of_fit
 from geoloc.calibration.lens_difference import without_common_turn
-from geoloc.calibration.sign_shift import DISTANCES_M, USUAL_HEIGHT_M, foot_sigma_m, mounting_slopes
+from geoloc.calibration.sign_shift import DISTANCES_M, USUAL_HEIGHT_M, foot_sigma_m, height_m, mounting_slopes
 from geoloc.rig.rig import FLU_R_RDF, RigCamera
 from twin.calibrate.cell_maps import draw_cells
 from twin.store.figure_files import write_figure
@@ -87,7 +87,7 @@ def sigma_maps(
     maps = {}
     for distance_m in DISTANCES_M:
         maps[distance_m] = np.full((*covered.shape, 2), np.nan)
-        maps[distance_m][where] = foot_sigma_m(rig, covariance, distance_m, float(camera.rig_t_camera_m[2]))
+        maps[distance_m][where] = foot_sigma_m(rig, covariance, distance_m, height_m(camera))
     return maps
 
 

@@ -22,6 +22,7 @@ from geoloc.rig.rig import FLU_R_RDF, RigCamera, read_rig
 from geoloc.simulation.pictures.yard import draw_yard, yard_picture
 from geoloc.simulation.simulate import scenario, simulate_drive
 from twin.calibrate.camera_files import new_rig_document, rig_text
+from twin.calibrate.difference.fits import read_fits
 from twin.calibrate.extrinsics.example import layout_text, write_yard
 from twin.calibrate.intrinsics.example import example_camera
 from twin.drives.read import read_drive
@@ -145,6 +146,11 @@ def test_boards_yard_and_drive_are_one_recipe(
     made = twin(*command)
     assert made.code == 0, made.err
     assert "Next: put mounted/rig.json into the drive's folder" in made.err
+    # The lens's covariance has gone on with the rig: a mounting can be compared, lens and all.
+    fits = read_fits(Path("mounted"))
+    assert [name for name, fit in fits.items() if fit.lens is not None] == ["C3_tricam120"]
+    assert fits["C3_tricam120"].mounting_covariance is not None
+    assert Path("mounted/metres.png").read_bytes().startswith(b"\x89PNG")
     drive = Path(shutil.copytree(trip, tmp_path / "drive"))
     shutil.copy("calibrated/rig.json", drive)
     told = [doubt.sentence for doubt in read_drive(drive).warnings]

@@ -13,7 +13,7 @@ from geoloc.arrays import BoolArray, FloatArray
 from geoloc.calibration.intrinsics.coverage import map_pixels, part_name
 from geoloc.calibration.lens_difference import LensDifference, lens_difference
 from geoloc.calibration.mounting_difference import MountingDifference, mounting_difference
-from geoloc.calibration.sign_shift import USUAL_HEIGHT_M, foot_slopes
+from geoloc.calibration.sign_shift import foot_slopes, height_m
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import RigCamera
 from twin.calibrate.difference.fits import CameraFit, read_fits
@@ -274,8 +274,7 @@ def _foot_shift(
     else:
         change = b.model.camera_ray_from_pixel(pixel)[0] @ b.rig_R_camera.T - before
         moved += mounting.moved_m
-    height_m = float(a.rig_t_camera_m[2]) if a.is_placed else USUAL_HEIGHT_M
-    slopes = foot_slopes(before, SIGN_M, height_m)
+    slopes = foot_slopes(before, SIGN_M, height_m(a))
     return np.asarray((slopes @ np.concatenate([change, moved], axis=-1)[:, :, np.newaxis])[:, :, 0])
 
 
