@@ -5,12 +5,18 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from command_line import Twin
 
+from geoloc.earth.geodesy import rpy_from_rotation
+from geoloc.rig.rig import FLU_R_RDF, Rig, rig_document
+from geoloc.simulation.car import simulated_rig
+from geoloc.simulation.pictures.yard import turned_camera
 from twin.calibrate.intrinsics.example import EXAMPLE_BOARD, EXAMPLE_CAMERA
 from twin.cli import run
 
@@ -74,6 +80,45 @@ def test_files_without_covariance_are_compared_without_a_verdict(fits: tuple[Pat
     assert answer.code == 0
     assert "the lenses part by 0.0" in answer.out
     assert "nothing says whether chance explains" in answer.err
+
+
+def mounted(folder: Path, rig: Rig, sigma_deg: float) -> Path:
+    """A rig and, beside it, `extrinsics.json` with angles known to `sigma_deg` and places to 1 mm."""
+    folder.mkdir()
+    (folder / "rig.json").write_text(json.dumps(rig_document(rig)))
+    cameras = [
+        {
+            "camera": name,
+            "roll_pitch_yaw_deg": rpy_from_rotation(camera.rig_R_camera @ FLU_R_RDF.T),
+            "position_m": camera.rig_t_camera_m.tolist(),
+            "covariance_rad_m": np.diag([np.radians(sigma_deg) ** 2] * 3 + [1e-6] * 3).tolist(),
+        }
+        for name, camera in rig.cameras.items()
+    ]
+    (folder / "extrinsics.json").write_text(json.dumps({"cameras": cameras}))
+    return folder
+
+
+def test_a_camera_that_was_moved_is_told_and_the_others_are_not(twin: Twin, tmp_path: Path) -> None:
+    """One camera of three is 0.1° nose down: it alone differs, half a metre along; unsure fits agree."""
+    rig = simulated_rig()
+    moved = turned_camera(rig.cameras["C2_tricam60"], np.array([0.0, 0.1, 0.0]), np.array([0.001, 0.0, 0.0]))
+    other = replace(rig, cameras={**rig.cameras, "C2_tricam60": moved})
+    now, then = mounted(tmp_path / "now", other, 0.01), mounted(tmp_path / "then", rig, 0.01)
+    answer = twin("calibrate", "diff", then, now, "--json", "--exit-code")
+    assert answer.code == 1
+    found = {one["camera"]: one for one in answer.json["cameras"]}
+    verdicts = {name: one["mounting"]["verdict"] for name, one in found.items()}
+    assert verdicts == {name: "differ" if name == "C2_tricam60" else "agree" for name in rig.cameras}
+    mounting = found["C2_tricam60"]["mounting"]
+    np.testing.assert_allclose(mounting["roll_pitch_yaw_deg"], [0.0, 0.1, 0.0], atol=1e-6)
+    np.testing.assert_allclose(mounting["sigma_deg"], 0.01 * np.sqrt(2.0), rtol=1e-6)
+    height_m = float(rig.cameras["C2_tricam60"].rig_t_camera_m[2])
+    along_m = np.radians(0.1) * (20.0**2 + height_m**2) / height_m
+    assert mounting["along_m"] == pytest.approx(along_m, rel=0.02)
+    assert found["C2_tricam60"]["lens"]["verdict"] == "same"
+    unsure = mounted(tmp_path / "unsure", other, 0.1)
+    assert twin("calibrate", "diff", then, unsure, "--exit-code").code == 0
 
 
 @pytest.mark.parametrize(
