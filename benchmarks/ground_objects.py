@@ -1,6 +1,7 @@
 """Objects on the ground against their truth: simulated drives, annotations as files, located as a user would.
 
 python benchmarks/ground_objects.py                    # 20 drives, against the bars
+python benchmarks/ground_objects.py --rough --seeds 10 # with the crossfall and noise of other scenarios
 python benchmarks/ground_objects.py --seeds 1 --picture docs/images/objects.png
 """
 
@@ -11,13 +12,14 @@ import json
 import sys
 import tempfile
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import shapely
 
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
+from geoloc.simulation.simulate import NoiseSpec, RoadSpec, Scenario, scenario
 from twin.objects.locate import DriveObjects, GroundObject, locate_objects
 from twin.objects.shapes import plane_geometry
 from twin.samples.ground_objects import CAMERA, TRUTH, simulate_ground_objects
@@ -49,17 +51,26 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--rough", action="store_true")
     parser.add_argument("--picture", type=Path)
     arguments = parser.parse_args()
     errors: dict[str, Errors] = defaultdict(Errors)
     for seed in range(arguments.seeds):
         with tempfile.TemporaryDirectory() as folder:
-            simulate_ground_objects(folder, seed)
+            simulate_ground_objects(folder, seed, world=_rough(seed) if arguments.rough else None)
             found, truth = locate_objects(folder), _truth(Path(folder) / TRUTH)
         _measure(found, truth, errors)
         if seed == 0 and arguments.picture:
             _picture(found, truth, arguments.picture)
     return _print(errors, arguments.seeds)
+
+
+def _rough(seed: int) -> Scenario:
+    """The same road with the crossfall and the noise that the other scenarios have."""
+    world, usual = scenario("sample", None, seed), RoadSpec()
+    across = (usual.crossfall_percent, usual.crossfall_spread)
+    road = replace(world.road, crossfall_percent=across[0], crossfall_spread=across[1])
+    return replace(world, road=road, noise=NoiseSpec())
 
 
 def _truth(path: Path) -> list[tuple[str, shapely.Geometry]]:

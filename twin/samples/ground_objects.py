@@ -17,7 +17,7 @@ import numpy as np
 
 from geoloc.arrays import FloatArray
 from geoloc.simulation.scenarios import PoleSpec
-from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.simulation.simulate import Scenario, SimulatedDrive, scenario, simulate_drive
 from twin.drives.annotations.write_cvat import CORNER_PX
 from twin.samples.write_drive import write_driveworks_trip
 
@@ -74,7 +74,9 @@ OBJECTS = (
 )
 
 
-def simulate_ground_objects(folder: Path | str, seed: int = 0) -> list[Path]:
+def simulate_ground_objects(
+    folder: Path | str, seed: int = 0, *, world: Scenario | None = None
+) -> list[Path]:
     """Write the drive, what was drawn, `TRUTH`, and NVDB as it might be, a GeoJSON a type.
 
     NVDB has the kerb 20 m too short, one damage of three, and rail 1 in two pieces. It does not know lamp 2,
@@ -86,9 +88,11 @@ def simulate_ground_objects(folder: Path | str, seed: int = 0) -> list[Path]:
         Made if it does not exist; files of an earlier call are replaced.
     seed : int
         Draws all errors.
+    world : Scenario, optional
+        On a road like that of ``sample``, which it is unless given.
     """
     folder = Path(folder)
-    world = scenario("sample", None, seed)
+    world = world or scenario("sample", None, seed)
     paths = write_driveworks_trip(simulate_drive(world, seed), folder)
     poles = tuple(
         PoleSpec(f"{number}", "", *corner)
