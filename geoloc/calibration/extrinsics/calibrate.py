@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from geoloc.calibration.extrinsics.outliers import NetworkFit, fit_without_outli
 from geoloc.calibration.extrinsics.solve import covariance_of
 from geoloc.calibration.extrinsics.tilted_floor import Floor
 from geoloc.calibration.extrinsics.turned_prints import as_printed
+from geoloc.calibration.extrinsics.wrong_size import OwnSize, own_sizes
 from geoloc.cameras.base import CameraModel
 
 
@@ -73,6 +74,8 @@ class Extrinsics:
         Floor tags that do not lie on the floor, with their height: that they do was left out.
     swapped : tuple of pairs of tags
         Those of `misplaced` of which each was found at the other one's place.
+    own_size : mapping of tag to OwnSize
+        Tags that were left out somewhere, and fit with another size than the layout's.
     turned : tuple of int
         Tags whose print is turned by 180° against the corners that the layout names: taken so.
     floor : Floor or None
@@ -92,6 +95,7 @@ class Extrinsics:
     misplaced: Mapping[int, float]
     bumps: Mapping[int, float]
     swapped: tuple[tuple[int, int], ...]
+    own_size: Mapping[int, OwnSize]
     turned: tuple[int, ...]
     floor: Floor | None
     scale: float
@@ -141,15 +145,11 @@ def calibrate_extrinsics(
     sightings, state, printed, turned = as_printed(models, pictures, tags, nominal or {})
     fitted = fit_without_outliers(sightings, printed, stated, state)
     refuse_contradictions(fitted, sightings, models, pictures, printed, stated)
-    return _result(fitted, sightings, pictures, turned)
+    found = _result(fitted, sightings, pictures)
+    return replace(found, turned=turned, own_size=own_sizes(fitted, sightings, printed, stated))
 
 
-def _result(
-    fitted: NetworkFit,
-    sightings: Sequence[Sighting],
-    pictures: Sequence[TagPicture],
-    turned: tuple[int, ...],
-) -> Extrinsics:
+def _result(fitted: NetworkFit, sightings: Sequence[Sighting], pictures: Sequence[TagPicture]) -> Extrinsics:
     network, state = fitted.network, fitted.state
     covariance = covariance_of(network, state)
     residual = np.full((len(sightings), 4, 2), np.nan)
@@ -181,7 +181,8 @@ def _result(
         misplaced=fitted.misplaced,
         bumps=fitted.bumps,
         swapped=fitted.swapped,
-        turned=turned,
+        own_size={},
+        turned=(),
         floor=fitted.floor,
         scale=state.scale,
         scale_sigma=float(np.sqrt(covariance[-1, -1])),

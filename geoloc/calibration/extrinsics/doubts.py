@@ -38,7 +38,14 @@ def doubts(result: Extrinsics) -> tuple[str, ...]:
         What (which tag, camera, or the floor), how much, and the cure.
     """
     cameras = [*_lost_cameras(result), *_open_cameras(result), *_weak_cameras(result), *_blurred(result)]
-    tags = [*_misfits(result), *_bent(result), *_misplaced(result), *_scale(result), *_floor(result)]
+    tags = [
+        *_misfits(result),
+        *_bent(result),
+        *_misplaced(result),
+        *_sizes(result),
+        *_scale(result),
+        *_floor(result),
+    ]
     return (*cameras, *tags)
 
 
@@ -109,7 +116,7 @@ def _misfits(result: Extrinsics) -> list[str]:
     sigma = np.array([result.sigma_px.get(s.camera, np.nan) for s in result.sightings])
     off = np.sqrt(((result.residual_px / sigma[:, None, None]) ** 2).mean(axis=(1, 2)))
     found = []
-    for tag in sorted({s.tag for s in result.sightings} - bends(result).keys()):
+    for tag in sorted({s.tag for s in result.sightings} - bends(result).keys() - result.own_size.keys()):
         mine = np.array([s.tag == tag for s in result.sightings])
         left_out, n, name = int((mine & ~result.used).sum()), int(mine.sum()), _named(result, tag)
         pictures = {s.picture for s, shown in zip(result.sightings, mine, strict=True) if shown}
@@ -151,9 +158,22 @@ def _misplaced(result: Extrinsics) -> list[str]:
         f"{_named(result, tag)} stands {off_m:.3f} m from the place in the layout, more than"
         f" {MISPLACED_SIGMAS:g} sigmas of that measurement: it was not used; measure it again."
         for tag, off_m in result.misplaced.items()
-        if not any(tag in pair for pair in result.swapped)
+        if tag not in result.own_size and not any(tag in pair for pair in result.swapped)
     ]
     return [*swapped, *slips]
+
+
+def _sizes(result: Extrinsics) -> list[str]:
+    told = []
+    for tag, own in result.own_size.items():
+        side_m = (1.0 + own.part) * result.network.tags[tag].size_m
+        told.append(
+            f"{_named(result, tag)} does not fit as stated, and fits with a black square of {side_m:.3f} m,"
+            f" {100.0 * abs(own.part):.1f} ± {100.0 * own.sigma:.1f} %"
+            f" {'larger' if own.part > 0.0 else 'smaller'} than the layout says: it was not used. Measure the"
+            " square with a ruler; if it is as stated, measure the place again, along the line of sight."
+        )
+    return told
 
 
 def _scale(result: Extrinsics) -> list[str]:
@@ -169,11 +189,10 @@ def _scale(result: Extrinsics) -> list[str]:
 
 def _floor(result: Extrinsics) -> list[str]:
     found = []
-    if result.bumps:
-        heights = [
-            f"{result.network.tags[tag].name} at {1000.0 * high:+.0f} mm"
-            for tag, high in result.bumps.items()
-        ]
+    heights = [
+        f"{result.network.tags[tag].name} at {1000.0 * high:+.0f} mm" for tag, high in result.bumps.items()
+    ]
+    if heights:
         found.append(
             f"The floor is not flat, or what is called floor does not lie on it: {', '.join(heights)}. Half a"
             " degree spoils the result: use a flat floor, or measure the heights of such tags."

@@ -229,3 +229,15 @@ def test_pictures_without_a_known_tag_are_refused():
     yard = draw_yard(np.random.default_rng(18))
     with pytest.raises(CalibrationError, match="No camera on the car sees a tag"):
         calibrate_extrinsics(MODELS, pictures_of(yard), {500: Tag(500, 0.6)})
+
+
+@pytest.mark.parametrize("factor", [1.02, 0.98])
+def test_one_tag_of_another_size_is_named_with_it(factor: float) -> None:
+    """A tag that was printed 2 % off is told by its own size, and not as moved, bent or badly measured."""
+    yard = draw_yard(np.random.default_rng(3))
+    printed = {**yard.tags, 9: replace(yard.tags[9], size_m=factor * yard.tags[9].size_m)}
+    found = calibrate_extrinsics(MODELS, pictures_of(Yard(printed, yard.poses), 5), yard.tags)
+    (told,) = doubts(found)
+    assert f"Tag 9 does not fit as stated, and fits with a black square of {0.6 * factor:.3f} m" in told
+    for camera in RIG.cameras:
+        assert np.abs(off(found, camera)[:3]).max() < 0.01

@@ -62,6 +62,11 @@ class Board:
         return self.columns * self.rows
 
     @property
+    def marker_cells(self) -> int:
+        """Cells across a marker, its black border included."""
+        return int(self.aruco().getDictionary().markerSize) + 2
+
+    @property
     def clear_part(self) -> float:
         """Part of a square along an edge, to either side, that is of one colour: room for sub-pixels."""
         if self.kind == "checkerboard":

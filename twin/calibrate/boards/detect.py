@@ -10,11 +10,14 @@ from geoloc.arrays import ByteArray, FloatArray, IntArray
 from geoloc.calibration.extrinsics.tag_family import is_apriltag
 from geoloc.calibration.intrinsics import MIN_CORNERS, View
 from twin.calibrate.boards.boards import Board
+from twin.calibrate.boards.edges import by_edges
 from twin.calibrate.boards.saddle import refined
 
 BLURRED_PX = 5.0
 """Width of edges at which corners lose their sub-pixels."""
 _PROFILE_SAMPLES = 33
+_NO_MARKER = (float("nan"), float("nan"))
+_Found = tuple[IntArray, FloatArray, tuple[float, float]]
 _GAUSS_WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0))
 
 
@@ -29,14 +32,15 @@ class DetectedBoard:
         Numbers of its corners on the board.
     edge_px : float
         Width of the print's edges in the picture (of a Gaussian's half height): how blurred it is.
-    marker_part : float
-        Side of the markers as part of a square's, as seen; NaN without markers.
+    marker_part, marker_px : float
+        Side of the markers as part of a square's, as seen, and in pixels; NaN without markers.
     """
 
     view: View
     ids: IntArray
     edge_px: float
     marker_part: float
+    marker_px: float
 
 
 def detect(image: ByteArray, board: Board, name: str) -> DetectedBoard | None:
@@ -52,7 +56,7 @@ def detect(image: ByteArray, board: Board, name: str) -> DetectedBoard | None:
         found, scale = find(_halved(image), board), 2
     if found is None:
         return None
-    ids, pixel, marker_part = found
+    ids, pixel, marker = found
     pixel = scale * (pixel + 0.5) - 0.5
     grid = np.column_stack([ids % board.columns, ids // board.columns]).astype(np.float64)
     pixel, good = refined(image, grid, pixel, board.clear_part)
@@ -60,7 +64,7 @@ def detect(image: ByteArray, board: Board, name: str) -> DetectedBoard | None:
     if len(ids) < MIN_CORNERS or np.ptp(grid[good], axis=0).min() < 1.0:
         return None
     view = View(name, board.corners_m(ids), pixel)
-    return DetectedBoard(view, ids, edge_width_px(image, board, ids, pixel), marker_part)
+    return DetectedBoard(view, ids, edge_width_px(image, board, ids, pixel), *marker)
 
 
 def _halved(image: ByteArray) -> ByteArray:
@@ -72,7 +76,7 @@ def _halved(image: ByteArray) -> ByteArray:
     )
 
 
-def _checkerboard(image: ByteArray, board: Board) -> tuple[IntArray, FloatArray, float] | None:
+def _checkerboard(image: ByteArray, board: Board) -> _Found | None:
     import cv2
 
     size = (board.columns, board.rows)
@@ -84,10 +88,10 @@ def _checkerboard(image: ByteArray, board: Board) -> tuple[IntArray, FloatArray,
     if across[0] * down[1] - across[1] * down[0] < 0.0:
         # Counted from the other side: as in a mirror. The print itself looks the same both ways.
         grid = grid[:, ::-1]
-    return np.arange(board.n_corners), grid.reshape(-1, 2), np.nan
+    return np.arange(board.n_corners), grid.reshape(-1, 2), _NO_MARKER
 
 
-def _charuco(image: ByteArray, board: Board) -> tuple[IntArray, FloatArray, float] | None:
+def _charuco(image: ByteArray, board: Board) -> _Found | None:
     import cv2
 
     # Boards that OpenCV made have AprilTags upside down; with those of the other way not a corner is found.
@@ -98,27 +102,36 @@ def _charuco(image: ByteArray, board: Board) -> tuple[IntArray, FloatArray, floa
     else:
         return None
     numbers, pixel = ids.ravel().astype(np.int64), np.asarray(corners, dtype=np.float64).reshape(-1, 2)
-    sides = np.array([m.reshape(4, 2) for m in markers], dtype=np.float64)
-    return numbers, pixel, _marker_part(board, numbers, pixel, sides)
+    sides = np.array([_by_edges(image, np.asarray(m, dtype=np.float64).reshape(4, 2)) for m in markers])
+    return numbers, pixel, _marker(board, numbers, pixel, sides.reshape(-1, 4, 2))
 
 
-def _marker_part(board: Board, ids: IntArray, pixel: FloatArray, markers: FloatArray) -> float:
-    """Side of the markers as part of a square's: by their areas, where a marker's square is seen whole."""
+def _by_edges(image: ByteArray, contour: FloatArray) -> FloatArray:
+    """Corners (4, 2) of a marker by its edges; of a small one by its contour."""
+    found = by_edges(image, contour)
+    if found is not None:
+        return found
+    # Contours run through the middles of a marker's outermost pixels: half a pixel inside, all around.
+    side, middle = np.sqrt(max(float(_area(contour[np.newaxis])[0]), 1.0)), contour.mean(axis=0)
+    return np.asarray(middle + (contour - middle) * (1.0 + 1.0 / side))
+
+
+def _marker(board: Board, ids: IntArray, pixel: FloatArray, markers: FloatArray) -> tuple[float, float]:
+    """Side of the markers as part of a square's, and in pixels: by areas, where squares are seen whole."""
     known = np.full((board.n_corners, 2), np.nan)
     known[ids] = pixel
     grid = known.reshape(board.rows, board.columns, 2)
     squares = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2).reshape(-1, 4, 2)
     squares = squares[np.isfinite(squares).all(axis=(1, 2))]
     if not len(squares) or not len(markers):
-        return float("nan")
-    # Contours run through the middles of a marker's outermost pixels: half a pixel inside, all around.
-    side = np.sqrt(_area(markers)) + 1.0
+        return _NO_MARKER
+    side = np.sqrt(_area(markers))
     apart = np.linalg.norm(squares.mean(axis=1)[:, None] - markers.mean(axis=1), axis=-1)
     nearest = apart.argmin(axis=1)
     area = _area(squares)
     mine = apart.min(axis=1) < 0.1 * np.sqrt(area)
     parts = (side[nearest] / np.sqrt(area))[mine]
-    return float(np.median(parts)) if parts.size else float("nan")
+    return (float(np.median(parts)), float(np.median(side[nearest][mine]))) if parts.size else _NO_MARKER
 
 
 def _area(quadrangle: FloatArray) -> FloatArray:

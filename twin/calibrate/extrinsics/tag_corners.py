@@ -16,18 +16,8 @@ import numpy as np
 from geoloc.arrays import ByteArray, FloatArray, IntArray
 from geoloc.calibration.extrinsics.tag_family import FAMILY, dictionary_of
 from geoloc.cameras import CameraModel
+from twin.calibrate.boards.edges import LEAST_POINTS, edge_points
 
-CELLS = 8
-"""Cells across the black square of a 36h11 tag."""
-LEAST_SIDE_PX = 20.0
-"""Smaller squares have no edges to speak of."""
-_ENDS = 0.12
-"""Part of an edge at either end that the neighbouring edge's blur reaches."""
-_REACH_CELLS = 0.4
-_LEAST_REACH_PX, _MOST_REACH_PX = 1.5, 5.0
-_STEPS = 33
-_LEAST_CONTRAST = 8.0
-_LEAST_POINTS = 6
 _ROUNDS = 3
 _PROJECTION_ROUNDS = 4
 
@@ -93,7 +83,7 @@ def _refined(grey: ByteArray, rough_px: FloatArray, model: CameraModel) -> Float
     for _ in range(_ROUNDS):
         planes = []
         for side in range(4):
-            points = _edge_points(grey, corners[side], corners[(side + 1) % 4])
+            points = edge_points(grey, corners[side], corners[(side + 1) % 4])
             if points is None:
                 return None
             normal = _plane(model, points)
@@ -115,42 +105,12 @@ def _shortest_side(corners_px: FloatArray) -> float:
     return float(np.linalg.norm(corners_px - np.roll(corners_px, -1, axis=0), axis=1).min())
 
 
-def _edge_points(grey: ByteArray, start_px: FloatArray, end_px: FloatArray) -> FloatArray | None:
-    """Sub-pixel points (n, 2) along one edge: the centroid of the grey step across it."""
-    import cv2
-
-    along = end_px - start_px
-    length = float(np.linalg.norm(along))
-    if length < LEAST_SIDE_PX:
-        return None
-    along /= length
-    # Corners run clockwise in the picture, so this points out of the black square.
-    outward = np.array([along[1], -along[0]])
-    reach = float(np.clip(_REACH_CELLS * length / CELLS, _LEAST_REACH_PX, _MOST_REACH_PX))
-    place = np.linspace(_ENDS, 1.0 - _ENDS, max(int(length), _LEAST_POINTS)) * length
-    across = np.linspace(-reach, reach, _STEPS)
-    u, v = (
-        (start_px[axis] + place[:, np.newaxis] * along[axis] + across * outward[axis]).astype(np.float32)
-        for axis in (0, 1)
-    )
-    profile = cv2.remap(grey, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float64)
-    step = np.maximum(np.diff(profile, axis=1), 0.0)
-    total = step.sum(axis=1)
-    strong = total > max(_LEAST_CONTRAST, 0.5 * float(np.median(total)))
-    if strong.sum() < _LEAST_POINTS:
-        return None
-    middle = 0.5 * (across[1:] + across[:-1])
-    offset = (step[strong] * middle).sum(axis=1) / total[strong]
-    points = start_px + place[strong, np.newaxis] * along + offset[:, np.newaxis] * outward
-    return np.asarray(points, dtype=np.float64)
-
-
 def _plane(model: CameraModel, points_px: FloatArray) -> FloatArray | None:
     """Unit normal of the plane through the camera that the points' rays lie in, without outliers."""
     rays = model.rays(points_px[:, 0], points_px[:, 1])
     ray = np.stack(rays.ray, axis=-1)[rays.inside]
     for _ in range(_ROUNDS):
-        if len(ray) < _LEAST_POINTS:
+        if len(ray) < LEAST_POINTS:
             return None
         normal = np.linalg.svd(ray)[2][-1]
         off = np.abs(ray @ normal)

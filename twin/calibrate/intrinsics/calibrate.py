@@ -28,7 +28,8 @@ from twin.calibrate.intrinsics.no_board import PictureFault, PicturesWithoutBoar
 from twin.errors import ConfigError
 
 MAX_VIEWS = 60
-_MARKER_TOLERANCE = 0.06
+_MARKER_TOLERANCE, _BLUR_TOLERANCE = 0.01, 0.08
+"""Of the ratio of markers to squares: sharp, and times the square of blur over a marker's cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,12 +217,13 @@ def _picture_faults(kept: Sequence[DetectedBoard], same: Sequence[str], board: B
     parts = np.array([b.marker_part for b in kept])
     if board.kind == "charuco" and np.isfinite(parts).any():
         part, stated = float(np.nanmedian(parts)), board.marker_m / board.square_m
-        if abs(part - stated) > _MARKER_TOLERANCE * stated:
+        cell_px = np.nanmedian([b.marker_px for b in kept]) / board.marker_cells
+        if abs(part / stated - 1.0) > _MARKER_TOLERANCE + _BLUR_TOLERANCE * (usual / cell_px) ** 2:
             faults.append(
                 Doubt(
                     PictureFault.WRONG_SQUARE_SIZE,
-                    f"In the pictures a marker's side is {part:.2f} of a square's, by --board "
-                    f"({board.marker_m:g} m of {board.square_m:g} m) it is {stated:.2f}: measure both again.",
+                    f"In the pictures a marker's side is {part:.3f} of a square's, by --board "
+                    f"({board.marker_m:g} m of {board.square_m:g} m) it is {stated:.3f}: measure both again.",
                 )
             )
     return faults
