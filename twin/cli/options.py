@@ -51,6 +51,9 @@ EpsgOption = Annotated[
         show_default=False,
     ),
 ]
+WithinOption = Annotated[
+    float, typer.Option(min=0, help="By position: nothing farther apart is paired.", metavar="METRES")
+]
 ExcelOption = Annotated[
     bool,
     typer.Option(

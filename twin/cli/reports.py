@@ -19,6 +19,7 @@ from twin.cli.options import (
     JsonOption,
     LangOption,
     StoreOption,
+    WithinOption,
     need_csv,
     need_place,
 )
@@ -70,9 +71,7 @@ def evaluate(
         PairBy,
         typer.Option(help="How estimates find their truth: auto takes the ids, or positions if no id fits."),
     ] = PairBy.AUTO,
-    within: Annotated[
-        float, typer.Option(min=0, help="By position: nothing farther apart is paired.", metavar="METRES")
-    ] = 5.0,
+    within: WithinOption = 5.0,
     plots: Annotated[
         Path | None, typer.Option(help="Folder for the figures error–distance and error–speed.")
     ] = None,
@@ -83,7 +82,12 @@ def evaluate(
         bool, typer.Option("--objects", help="Also print the error of each object, forward and to the left.")
     ] = False,
     csv: Annotated[
-        Path | None, typer.Option("--csv", help="Also write the error of each object.", metavar="FILE.csv")
+        Path | None,
+        typer.Option(
+            "--csv",
+            help="Also write the error of each object; with --by the groups too, as FILE_by.csv.",
+            metavar="FILE.csv",
+        ),
     ] = None,
     excel: ExcelOption = False,
     epsg: EpsgOption = None,
@@ -93,7 +97,7 @@ def evaluate(
 ) -> None:
     """Compare the estimates of every method with surveyed positions, and heights where TRUTH has some."""
     from twin.errors import ConfigError
-    from twin.reports.error_groups import check_groups
+    from twin.reports.error_groups import check_groups, groups_csv
     from twin.reports.error_picture import plot
     from twin.reports.evaluation import evaluate as run
     from twin.reports.evaluation import read_truth
@@ -111,9 +115,14 @@ def evaluate(
         evaluation = run(opened, truths, pair_by=pair_by.value, within_m=within)
     groups = evaluation.grouped(groups_by) if groups_by else ()
     files = plot(evaluation, plots, ending=f".{plots_as or PlotFormat.PNG}") if plots is not None else []
+    tables: list[Path] = []
     if csv is not None:
         each = [error for method in evaluation.methods for error in method.each]
         replace_file(csv, csv_of(each, excel=excel))
+        tables.append(csv)
+        if groups:
+            tables.append(csv.with_name(f"{csv.stem}_by{csv.suffix}"))
+            replace_file(tables[-1], groups_csv(groups, excel=excel))
     doubts = [
         say(lang, f"evaluate.{one.kind}", drive=one.drive_id, metres=one.metres) for one in evaluation.doubts
     ]
@@ -131,7 +140,7 @@ def evaluate(
         _print_groups(title, [group for group in groups if group.kind == kind], groups_by, lang)
     if objects:
         _print_objects(evaluation.methods, lang)
-    for path in (*files, *([] if csv is None else [csv])):
+    for path in (*files, *tables):
         note(say(lang, "output.wrote", path=str(path)))
 
 

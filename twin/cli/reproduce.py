@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from twin.cli.drives import PaperOption, paper_asked
-from twin.cli.options import EpsgOption, JsonOption
+from twin.cli.options import EpsgOption, JsonOption, WithinOption
 from twin.cli.output import note, print_json, print_paths, print_table, steps, warn
 from twin.cli.samples import SeedOption
 
@@ -42,6 +42,7 @@ def reproduce(
     paper: PaperOption = None,
     seed: SeedOption = 1,
     epsg: EpsgOption = None,
+    within: WithinOption = 5.0,
     json_output: JsonOption = False,
 ) -> None:
     """Make the paper's tables and figures anew: error against distance, by paper, single-frame, adjusted.
@@ -50,6 +51,7 @@ def reproduce(
     series of one figure. Tables also as CSV, figures as PNG and PDF. See twin help paper.
     """
     from twin.errors import ConfigError
+    from twin.ingest.paper import told_readings
     from twin.reports.truth import read_truth
     from twin.reproduce import reproduce as run
     from twin.reproduce import reproduce_simulated, write_reproduction
@@ -64,11 +66,13 @@ def reproduce(
         )
     with steps(quiet=json_output) as progress:
         if trips and truth is not None:
-            result = run(trips, read_truth(truth, epsg=epsg), paper=asked, progress=progress)
+            result = run(trips, read_truth(truth, epsg=epsg), paper=asked, within_m=within, progress=progress)
         else:
             result = reproduce_simulated(seed=seed, paper=asked, progress=progress)
         progress(f"drawing, and writing {out}")
         result = write_reproduction(result, out)
+    for told in told_readings(asked):
+        note(told)
     for warning in result.warnings:
         warn(warning)
     if json_output:

@@ -264,17 +264,19 @@ def _pairing(
     held = ", ".join(sorted({estimate.object for estimate in estimates})[:3])
     if pair_by == "id":
         raise TruthError(
-            f"No estimate in {store.path} belongs to an object of the truth file ({names}, …): the column "
-            f"object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them; "
+            f"No estimate in {store.path.name} belongs to an object of the truth file ({names}, …): the "
+            f"column object must hold the ids of the objects in the store ({held}, …), as `twin export` shows them; "
             "or pair them by position (--pair-by position)."
         )
     away_m = nearest_m(estimates, _places(truths))
     fits = "" if away_m < _FAR_M else _zone_that_fits(estimates, truths)
     if fits:
-        raise TruthError(f"No estimate in {store.path} stands within {away_m:,.0f} m of the survey: {fits}")
+        raise TruthError(
+            f"No estimate in {store.path.name} stands within {away_m:,.0f} m of the survey: {fits}"
+        )
     raise TruthError(
-        f"No estimate in {store.path} ({held}, …) has the id of an object of the truth file ({names}, …), or "
-        f"stands within {within_m:g} m of one; the nearest is {away_m:,.1f} m away: is it "
+        f"No estimate in {store.path.name} ({held}, …) has the id of an object of the truth file ({names}, "
+        f"…), or stands within {within_m:g} m of one; the nearest is {away_m:,.1f} m away: is it "
         f"the right file, and in EPSG:{truths[0].epsg} (--epsg)? --within allows more."
     )
 

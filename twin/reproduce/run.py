@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from twin.errors import ConfigError, TruthError
 from twin.ingest.ingest import ingest_drive
-from twin.reports.evaluation import Evaluation, evaluate
+from twin.reports.evaluation import WITHIN_M, Evaluation, evaluate
 from twin.reports.truth import Truth, read_truth
 from twin.reproduce.experiments import METHODS, Experiment, Reproduction, reproduction
 from twin.samples.simulation import TRUTH, simulate
@@ -44,6 +44,7 @@ def reproduce(
     truths: Sequence[Truth],
     *,
     paper: Mapping[str, str] = _USUAL,
+    within_m: float = WITHIN_M,
     progress: Say | None = None,
 ) -> Reproduction:
     """Locate the objects of recorded trips by every method, and work out the paper's tables of their errors.
@@ -58,6 +59,8 @@ def reproduce(
         Surveyed positions (:func:`twin.reports.truth.read_truth`).
     paper : mapping of str to str, optional
         How the paper's method is read (:mod:`twin.ingest.paper`).
+    within_m : float
+        As :func:`twin.reports.evaluation.evaluate` takes it.
     progress : callable, optional
         Called with one sentence a step.
 
@@ -73,7 +76,8 @@ def reproduce(
     if not trips:
         raise ConfigError("No trips are named whose errors are to be worked out.")
     with tempfile.TemporaryDirectory(prefix="twin-reproduce-") as private:
-        evaluation, names = _evaluated(Path(private) / "trips.db", trips, truths, paper, progress or _silent)
+        store = Path(private) / "trips.db"
+        evaluation, names = _evaluated(store, trips, truths, paper, progress or _silent, within_m)
     if strange := [name for drive, name in names.items() if not _of_drives(evaluation, [drive])]:
         raise TruthError(
             f"Trip {strange[0]} shows no surveyed object: is it the truth of this trip (column object), "
@@ -130,7 +134,12 @@ def _silent(_text: str) -> None:
 
 
 def _evaluated(
-    store: Path, trips: Iterable[Path | str], truths: Sequence[Truth], paper: Mapping[str, str], say: Say
+    store: Path,
+    trips: Iterable[Path | str],
+    truths: Sequence[Truth],
+    paper: Mapping[str, str],
+    say: Say,
+    within_m: float = WITHIN_M,
 ) -> tuple[Evaluation, dict[str, str]]:
     """Errors of every method on some trips, and the trips' names by drive."""
     names: dict[str, str] = {}
@@ -142,7 +151,7 @@ def _evaluated(
                 report = ingest_drive(opened, trip, method=method, paper=asked, progress=say)
                 names[report.drive_id] = report.name
         say("comparing with the survey")
-        return evaluate(opened, truths), names
+        return evaluate(opened, truths, within_m=within_m), names
 
 
 def _of_drives(evaluation: Evaluation, drives: Iterable[str]) -> set[str]:

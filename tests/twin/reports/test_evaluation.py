@@ -326,13 +326,19 @@ def test_groups_hold_every_error_once_and_say_what_the_store_says(
     assert mine.speed_from_kmh is mine.speed_to_kmh is None
 
 
-def test_grouped_errors_are_printed_and_are_json(twin: Twin, store: Path, sample: Path) -> None:
-    """A table of objects and one of sightings; what is no group is told with the word that pairs."""
+def test_grouped_errors_are_printed_and_written(
+    twin: Twin, store: Path, sample: Path, tmp_path: Path
+) -> None:
+    """A table of objects and one of sightings, as JSON and CSV too; what is no group is told how to pair."""
     asked = ("evaluate", sample / "truth.csv", "--store", store, "--by", "speed,camera")
     answer = twin(*asked)
     assert answer.code == 0
     assert "Horizontal error of single sightings, grouped" in answer.out
-    groups = twin(*asked, "--json").json["groups"]
+    groups = twin(*asked, "--json", "--csv", tmp_path / "errors.csv").json["groups"]
+    with (tmp_path / "errors_by.csv").open(encoding="utf-8", newline="") as file:
+        assert [float(row["mean"]) for row in csv.DictReader(file)] == pytest.approx(
+            [group["mean"] for group in groups], abs=1e-4
+        )
     assert {group["kind"] for group in groups} == {"objects", "sightings"}
     assert all(group["range_from_m"] is None and group["speed_to_kmh"] for group in groups)
     wrong = twin("evaluate", sample / "truth.csv", "--store", store, "--by", "position")
