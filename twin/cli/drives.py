@@ -12,7 +12,7 @@ from twin.cli.cost import CostOption, CostPerHourOption, CostPerKmOption, Second
 from twin.cli.exit_codes import EXIT_DATA
 from twin.cli.journal import manner
 from twin.cli.made_store import made_store
-from twin.cli.options import DEFAULT_STORE, JsonOption, StoreOption
+from twin.cli.options import DEFAULT_STORE, JsonOption, PaperOption, StoreOption, paper_asked
 from twin.cli.output import note, print_json, print_line, print_pairs, print_table, steps, warn
 from twin.errors import to_type
 from twin.store.kinds import Method
@@ -48,17 +48,6 @@ ErrorOption = Annotated[
     typer.Option(
         metavar="NAME=VALUE",
         help="One sigma of a term of the error budget, boresight_deg=0.1; may be repeated.",
-    ),
-]
-PaperOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--paper",
-        metavar="KEY=VALUE",
-        help="How the paper's method is read; may be repeated. distance=rear-axle (usual), camera or ray; "
-        "fov=calibrated (usual) or nominal, fov.CAMERA=DEGREES; start=antenna (usual) or rear-axle; "
-        "antenna=NAME (usual: the first). "
-        "More: twin help paper.",
     ),
 ]
 LabelsOption = Annotated[
@@ -156,19 +145,6 @@ def stated_errors(texts: list[str]) -> dict[str, float]:
                 f"--error takes a name and a number, boresight_deg=0.1, but not {text:.80}."
             ) from None
     return errors
-
-
-def paper_asked(texts: list[str]) -> dict[str, str]:
-    """Give what ``--paper`` says, by key."""
-    from twin.errors import ConfigError
-
-    asked = {}
-    for text in texts:
-        key, equals, value = text.partition("=")
-        if not equals:
-            raise ConfigError(f"--paper takes KEY=VALUE, distance=ray, but not {text:.80}.")
-        asked[key.strip()] = value.strip()
-    return asked
 
 
 def _ingest_pairs(report: IngestReport) -> dict[str, object]:

@@ -51,6 +51,17 @@ EpsgOption = Annotated[
         show_default=False,
     ),
 ]
+PaperOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--paper",
+        metavar="KEY=VALUE",
+        help="How the paper's method is read; may be repeated. distance=rear-axle (usual), camera or ray; "
+        "fov=calibrated (usual) or nominal, fov.CAMERA=DEGREES; start=antenna (usual) or rear-axle; "
+        "antenna=NAME (usual: the first). "
+        "More: twin help paper.",
+    ),
+]
 WithinOption = Annotated[
     float, typer.Option(min=0, help="By position: nothing farther apart is paired.", metavar="METRES")
 ]
@@ -60,6 +71,17 @@ ExcelOption = Annotated[
         "--excel", help="CSV as Norwegian Excel opens it: semicolons, decimal commas, a byte-order mark."
     ),
 ]
+
+
+def paper_asked(texts: list[str]) -> dict[str, str]:
+    """Give what ``--paper`` says, by key."""
+    asked = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise ConfigError(f"--paper takes KEY=VALUE, distance=ray, but not {text:.80}.")
+        asked[key.strip()] = value.strip()
+    return asked
 
 
 def need_csv(excel: bool, csv: Path | None) -> None:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.cli.drives import PaperOption, paper_asked
-from twin.cli.options import EpsgOption, JsonOption, WithinOption
+from twin.cli.options import EpsgOption, JsonOption, PaperOption, WithinOption, paper_asked
 from twin.cli.output import note, print_json, print_paths, print_table, steps, warn
 from twin.cli.samples import SeedOption
 
