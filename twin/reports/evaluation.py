@@ -265,8 +265,8 @@ def _pairing(
     if pair_by == "id":
         raise TruthError(
             f"No estimate in {store.path.name} belongs to an object of the truth file ({names}, …): the "
-            f"column object must hold the ids of the store's objects ({held}, …), as `twin export` shows them; "
-            "or pair them by position (--pair-by position)."
+            f"column object must hold the ids of the store's objects ({held}, …), as `twin export` shows "
+            "them; or pair them by position (--pair-by position)."
         )
     away_m = nearest_m(estimates, _places(truths))
     fits = "" if away_m < _FAR_M else _zone_that_fits(estimates, truths)
