@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 GEOPACKAGE = "objects_utm33.gpkg"
 GEOJSON = "objects.geojson"
+CORNERS = "corners.geojson"
+EPSG_WGS84 = 4326
 _LAYERS = {"point": "points", "line": "lines", "area": "areas"}
 _GPKG_TYPES = {"points": "Point", "lines": "MultiLineString", "areas": "Polygon"}
 _CHI2_95 = 5.991464547107979
@@ -35,7 +37,7 @@ _DEGREES, _METRES = 9, 3
 
 
 def write_objects(found: DriveObjects, folder: Path, comparison: Comparison | None = None) -> list[Path]:
-    """Write `GEOPACKAGE` and `GEOJSON`, both or neither.
+    """Write `GEOPACKAGE`, and in WGS84 `GEOJSON` and `CORNERS`: all of them or none.
 
     Parameters
     ----------
@@ -57,7 +59,7 @@ def write_objects(found: DriveObjects, folder: Path, comparison: Comparison | No
     if comparison is not None:
         layers |= _compared_layers(comparison.rows)
     try:
-        with replacing(folder, (GEOPACKAGE, GEOJSON)) as staging:
+        with replacing(folder, (GEOPACKAGE, GEOJSON, CORNERS)) as staging:
             for number, (name, frame) in enumerate(layers.items()):
                 pyogrio.write_dataframe(
                     frame,
@@ -71,12 +73,18 @@ def write_objects(found: DriveObjects, folder: Path, comparison: Comparison | No
                 )
             text = json.dumps(_geojson(found.objects), ensure_ascii=False, allow_nan=False, indent=1)
             (staging / GEOJSON).write_text(text + "\n", encoding="utf-8", newline="\n")
+            pyogrio.write_dataframe(
+                layers["corners"].to_crs(EPSG_WGS84),
+                staging / CORNERS,
+                driver="GeoJSON",
+                layer_options={"RFC7946": "YES", "COORDINATE_PRECISION": str(_DEGREES)},
+            )
     except (OSError, DataSourceError, DataLayerError) as error:
         why = getattr(error, "strerror", None) or "a file could not be written in full"
         raise ExportRefusedError(
             f"cannot write to {folder} ({why}): free space on the disk or name a folder that can be written"
         ) from error
-    return [folder / GEOPACKAGE, folder / GEOJSON]
+    return [folder / name for name in (GEOPACKAGE, GEOJSON, CORNERS)]
 
 
 def _geometry_type(name: str) -> str:
@@ -109,10 +117,8 @@ def _layers(objects: Sequence[GroundObject]) -> dict[str, gpd.GeoDataFrame]:
             layers[name] = gpd.GeoDataFrame(rows, geometry=shapes, crs=EPSG_UTM33).astype(
                 {"nvdb_type": "Int64"}
             )
-    if objects:
-        corners, ellipses = _corners(objects)
-        layers |= {"corners": corners, "ellipses": ellipses}
-    return layers
+    corners, ellipses = _corners(objects)
+    return {**layers, "corners": corners, "ellipses": ellipses}
 
 
 def _corners(objects: Sequence[GroundObject]) -> tuple[gpd.GeoDataFrame, gpd.GeoDataFrame]:

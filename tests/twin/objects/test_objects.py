@@ -171,6 +171,11 @@ def test_files_are_what_gis_and_the_web_expect(drive: Path, twin: Twin, tmp_path
     assert "crs" not in document
     assert [one["properties"] for one in document["features"]] == told["objects"]
     web = gpd.read_file(out / "objects.geojson").to_crs(25833)
+    at = gpd.read_file(out / "corners.geojson")
+    assert len(at) == len(corners)
+    assert "crs" not in json.loads((out / "corners.geojson").read_text())
+    back = at.to_crs(25833).geometry.get_coordinates(include_z=True)
+    np.testing.assert_allclose(back, corners.geometry.get_coordinates(include_z=True), rtol=0, atol=1e-3)
     lines = web[web["kind"] == "line"].geometry.length.to_numpy()
     np.testing.assert_allclose(lines, frames["lines"].geometry.length, atol=0.01)
 
