@@ -93,6 +93,7 @@ def first_yaw(
     velocity_mps: FloatArray,
     sigma_mps: FloatArray,
     baseline_deg: FloatArray,
+    turned_rad: FloatArray | None = None,
 ) -> FloatArray:
     """A yaw to start smoothing from: of the baseline where it is known, else of the course, else between.
 
@@ -105,6 +106,9 @@ def first_yaw(
         Of a velocity's axis.
     baseline_deg : float64 (n,)
         `heading_from_baseline`, NaN where unknown.
+    turned_rad : float64 (n,), optional
+        By how much the car has turned since the first knot, as it measured itself: between known yaws it turns
+        like that.
 
     Returns
     -------
@@ -119,7 +123,9 @@ def first_yaw(
     known = seen | driven
     if not known.any():
         return np.zeros_like(t_s)
-    return np.asarray(np.interp(t_s, t_s[known], np.unwrap(yaw[known])))
+    turns = np.zeros_like(t_s) if turned_rad is None else turned_rad
+    off = np.unwrap(yaw[known] - turns[known])
+    return np.asarray(np.interp(t_s, t_s[known], off)) + turns
 
 
 def _reversed(

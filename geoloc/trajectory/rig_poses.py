@@ -23,17 +23,23 @@ from geoloc.trajectory.heading import (
     moving,
 )
 from geoloc.trajectory.interpolation import bracket, hermite, linear, seconds, tangents
+from geoloc.trajectory.motion_checks import checked_readings
+from geoloc.trajectory.motion_readings import MotionReadings
 from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes, knot_fixes
+from geoloc.trajectory.smoother.odometry import MotionOnRoad
 from geoloc.trajectory.smoother.plane import (
     AXLE_KNOWN_M,
     SLIP_RAD_PER_MPS2,
     PlaneTrack,
     antenna_modes,
     smoothed_plane,
+    start_constants,
+    start_size,
 )
-from geoloc.trajectory.smoother.state import OWN
+from geoloc.trajectory.smoother.reckoning import reckoned, turned_rad
 from geoloc.trajectory.smoother.tilt import TiltTrack, smoothed_tilt
+from geoloc.trajectory.vehicle_motion import VehicleMotion
 
 LEVER_SIGMA_M = 0.02
 """A tape measure on a car body: an antenna against the others, an axis."""
@@ -53,6 +59,8 @@ _PITCH_SIGMA_DEG = 2.5
 _CHECK_SIGMA_M = 0.05
 _MIN_COURSE_STEP_M = 0.1
 _FAST_MPS = 3.0
+# Speeds of wheels say that a velocity is no noise.
+_WHEEL_SIGMA_MPS = 0.05
 # Lever arms lean with a tilt that is only known after the first pass.
 _ITERATIONS = (8, 4)
 
@@ -82,6 +90,8 @@ class Fitted(NamedTuple):
     tilt : TiltTrack
     pair : bool
         Whether two antennas give a heading.
+    readings : MotionReadings or None
+        What the car measured of its own motion.
     """
 
     knots: KnotFixes
@@ -89,25 +99,15 @@ class Fitted(NamedTuple):
     track: PlaneTrack
     tilt: TiltTrack
     pair: bool
-
-
-def rig_poses(
-    fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], knot_ns: IntArray, max_gap_s: float
-) -> tuple[Poses, LastingRoll]:
-    """Attitude and position of the rig's origin at each knot; parameters and errors are those of `fitted`.
-
-    Returns
-    -------
-    poses : Poses
-        Rows without a heading are NaN: the lever arm cannot be taken off.
-    lasting_roll : LastingRoll
-    """
-    fit = fitted(fixes, levers, knot_ns, max_gap_s)
-    return _poses(knot_ns, fit), fit.tilt.lasting_roll
+    readings: MotionReadings | None = None
 
 
 def fitted(
-    fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], knot_ns: IntArray, max_gap_s: float
+    fixes: Sequence[GnssFixes],
+    levers: Sequence[FloatArray],
+    knot_ns: IntArray,
+    max_gap_s: float,
+    motion: VehicleMotion | None = None,
 ) -> Fitted:
     """Fit track and tilt of the rig to all fixes of a drive.
 
@@ -117,7 +117,8 @@ def fitted(
         Fixes of each antenna, and lever arms (3,) in the rig frame.
     knot_ns : int64 (n,)
     max_gap_s : float
-        Nothing but a heading of a car that stood is carried over longer gaps.
+        Nothing but a heading of a car that stood is carried over longer gaps between knots.
+    motion : VehicleMotion, optional
 
     Raises
     ------
@@ -137,8 +138,12 @@ def fitted(
     for antenna in knots.heading_antennas:
         told = 90.0 - np.degrees(knots.heading_rad[:, antenna])
         line = np.where(np.isfinite(line), line, told)
-    track = _start(knots, alone, arms, line)
+    readings = None if motion is None else checked_readings(motion, knots, knot_ns, _surest(alone))
+    track = _start(knots, alone, arms, line, readings)
     drift = np.min([one.velocity_sigma_mps for one in alone], axis=0)
+    if readings is not None and readings.speed is not None:
+        t_s = knots.t_s + readings.speed.lag_s
+        drift = np.where(readings.speed.covers(t_s, t_s), np.minimum(drift, _WHEEL_SIGMA_MPS), drift)
     tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
     for iterations in _ITERATIONS:
         tilted = rotation_enu_from_rig(90.0, tilt.pitch_deg, tilt.roll_deg) @ arms.T
@@ -149,10 +154,17 @@ def fitted(
             track,
             drift_mps=drift,
             axle_m=axle_m,
+            motion=_on_road(readings, tilt),
             iterations=iterations,
         )
         tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
-    return Fitted(knots, arms, track, tilt, pair is not None)
+    return Fitted(knots, arms, track, tilt, pair is not None, readings)
+
+
+def _on_road(readings: MotionReadings | None, tilt: TiltTrack) -> MotionOnRoad | None:
+    if readings is None:
+        return None
+    return MotionOnRoad(readings, np.radians(tilt.pitch_deg), np.radians(tilt.roll_deg))
 
 
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:
@@ -275,28 +287,40 @@ def _check_direction(knots: KnotFixes, line_deg: FloatArray, track: PlaneTrack, 
 
 
 def _start(
-    knots: KnotFixes, alone: Sequence[PlaneTrack], arms_m: FloatArray, line_deg: FloatArray
+    knots: KnotFixes,
+    alone: Sequence[PlaneTrack],
+    arms_m: FloatArray,
+    line_deg: FloatArray,
+    readings: MotionReadings | None,
 ) -> PlaneTrack:
     """Where to start smoothing: antennas on their own, lever arms taken off with a first heading."""
     n, m = knots.seen.shape
     told = len(knots.heading_antennas)
     best = _surest(alone)
-    yaw = first_yaw(knots.t_s, best.position_m, best.velocity_mps, best.velocity_sigma_mps, line_deg)
+    turns = None if readings is None else turned_rad(knots, readings)
+    yaw = first_yaw(knots.t_s, best.position_m, best.velocity_mps, best.velocity_sigma_mps, line_deg, turns)
     turn = rotation_enu_from_rig(90.0 - np.degrees(yaw), 0.0, 0.0)[:, :2]
     near = np.stack([one.position_m - turn @ arm for one, arm in zip(alone, arms_m, strict=True)], axis=1)
     trust = np.stack([one.position_sigma_m**-2.0 for one in alone], axis=1)[:, :, None]
-    state = np.zeros((n, OWN + 2 * m + told))
+    motion = None if readings is None else MotionOnRoad(readings, np.zeros(n), np.zeros(n))
+    state = np.zeros((n, start_size(m, told, motion)))
     state[:, :2] = (trust * near).sum(axis=1) / trust.sum(axis=1)
     state[:, 2:6] = best.state[:, 2:]
     state[:, 6] = yaw
     state[:, 7] = np.clip(tangents(knots.t_s, yaw), -1.0, 1.0)
-    constants = np.append(np.zeros(2 * len(antenna_modes(m)) + told), [SLIP_RAD_PER_MPS2[0], 0.0])
+    if readings is not None:
+        state = reckoned(knots, readings, yaw, state)
+    constants = start_constants(len(antenna_modes(m)), told, motion, 0.0)
     weight = np.concatenate([one.weight for one in alone], axis=1)
     return PlaneTrack(state, np.zeros(0), constants, np.zeros(0), weight)
 
 
-def _poses(knot_ns: IntArray, fit: Fitted) -> Poses:
-    knots, arms_m, track, tilt, pair = fit
+def rig_poses(knot_ns: IntArray, fit: Fitted) -> Poses:
+    """Attitude and position of the rig's origin at each knot.
+
+    Rows without a heading are NaN: the lever arm cannot be taken off.
+    """
+    knots, arms_m, track, tilt, pair, _ = fit
     still = Reason.STANDING_PAIR if pair else Reason.STANDING
     lat, lon = knots.geographic(track.position_m)
     speed = np.hypot(track.velocity_mps[:, 0], track.velocity_mps[:, 1])

@@ -18,7 +18,8 @@ from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
 from geoloc.trajectory.pose_noise import PoseSigmas, with_estimated_sigmas
 from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses, PoseTrack, without_headings
-from geoloc.trajectory.rig_poses import raw_poses, rig_poses
+from geoloc.trajectory.motion_readings import followed_epochs
+from geoloc.trajectory.rig_poses import fitted, raw_poses, rig_poses
 from geoloc.trajectory.vehicle_motion import VehicleMotion
 
 __all__ = [
@@ -204,7 +205,7 @@ def trajectory_from_gnss(
     rig_antennas: Mapping[str, FloatArray],
     *,
     max_gap_s: float = MAX_GAP_S,
-    motion: VehicleMotion | None = None,  # noqa: ARG001 (the smoother takes it up next)
+    motion: VehicleMotion | None = None,
 ) -> Trajectory:
     """Make a trajectory of the rig from the fixes of one or more antennas.
 
@@ -248,15 +249,17 @@ def trajectory_from_gnss(
     kept, refused = _without_wrong_headings(kept)
     levers = [np.asarray(rig_antennas[f.antenna], dtype=np.float64) for f in kept]
     knot_ns = common_epochs([f.epoch_ns for f in kept], max_gap_s)
-    poses, lasting_roll = rig_poses(kept, levers, knot_ns, max_gap_s)
+    if motion is not None:
+        knot_ns = followed_epochs(knot_ns, motion)
+    fit = fitted(kept, levers, knot_ns, max_gap_s, motion)
     return Trajectory(
-        knots=poses,
+        knots=rig_poses(knot_ns, fit),
         fixes=raw_poses(kept, levers, max_gap_s),
         host_ns=kept[0].host_ns,
         max_gap_s=max_gap_s,
         dropped=(*dropped, *refused),
         measured_at_m=np.mean(levers, axis=0),
-        lasting_roll=lasting_roll,
+        lasting_roll=fit.tilt.lasting_roll,
         late_sigma_s=late_sigma_s(kept),
         is_fitted=True,
     )

@@ -101,6 +101,36 @@ class Chain:
         self._right[:-1] -= np.einsum("nij,ni->nj", links.by_here_weighted, residual)
         self._right[1:] += np.einsum("nij,ni->nj", links.by_next_weighted, residual)
 
+    def across(
+        self,
+        by_here: FloatArray,
+        by_next: FloatArray,
+        by_constants: FloatArray,
+        residual: FloatArray,
+        weight: FloatArray,
+    ) -> None:
+        """Add one observation of each two neighbours: ``residual = observed - expected``.
+
+        Parameters
+        ----------
+        by_here, by_next : float64 (n - 1, size)
+            Jacobians of the expected value, by a state and by the next.
+        by_constants : float64 (n - 1, constants)
+        residual, weight : float64 (n - 1,)
+            As in `observe`.
+        """
+        here, there = weight[:, None] * by_here, weight[:, None] * by_next
+        self._diagonal[:-1] += here[:, :, None] * by_here[:, None, :]
+        self._diagonal[1:] += there[:, :, None] * by_next[:, None, :]
+        self._next += here[:, :, None] * by_next[:, None, :]
+        self._right[:-1] += here * residual[:, None]
+        self._right[1:] += there * residual[:, None]
+        self._border[:-1] += here[:, :, None] * by_constants[:, None, :]
+        self._border[1:] += there[:, :, None] * by_constants[:, None, :]
+        weighted = weight[:, None] * by_constants
+        self._corner += weighted.T @ by_constants
+        self._right_constants += weighted.T @ residual
+
     def expect_constants(self, residual: FloatArray, sigma: FloatArray) -> None:
         """Add what is known beforehand of the constants."""
         self._corner += np.diag(sigma**-2.0)

@@ -37,6 +37,7 @@ _BY_ANTENNA = (
     "slow_m",
     "slow_lasts_s",
     "white_every_s",
+    "fix_share_s",
     "up_over_plane",
     "heading_rad",
     "heading_sigma_rad",
@@ -71,6 +72,8 @@ class KnotFixes:
         and lasting.
     slow_lasts_s, white_every_s : float64 (n, m)
         How long, and fixes of what time count as one (`fix_checks.FixNoise`).
+    fix_share_s : float64 (n, m)
+        Time that each fix stands for, from half-way to its antenna's neighbours; gaps do not count.
     up_over_plane : float64 (n, m)
         Vertical sigma of the fix over its horizontal one.
     heading_rad, heading_sigma_rad : float64 (n, m)
@@ -93,6 +96,7 @@ class KnotFixes:
     slow_m: FloatArray
     slow_lasts_s: FloatArray
     white_every_s: FloatArray
+    fix_share_s: FloatArray
     up_over_plane: FloatArray
     heading_rad: FloatArray
     heading_sigma_rad: FloatArray
@@ -124,13 +128,15 @@ class KnotFixes:
     @property
     def count(self) -> FloatArray:
         """As how many observations each fix counts ``(n, m)``: 1, or less where fixes err alike."""
-        return np.minimum(1.0, self.share_s[:, None] / np.maximum(self.white_every_s, 1e-9))
+        return np.minimum(1.0, self.fix_share_s / np.maximum(self.white_every_s, 1e-9))
 
     @property
     def slow_fades(self) -> FloatArray:
         """What is left at the next knot of what lasts of each antenna's error ``(n - 1, m)``."""
-        lasts_s = np.where(self.seen, self.slow_lasts_s, np.inf)
         # Where an antenna has no fix, its error goes on as before.
+        last = np.maximum.accumulate(np.where(self.seen, np.arange(len(self.seen))[:, None], 0), axis=0)
+        lasts_s = np.where(self.seen.any(axis=0), np.take_along_axis(self.slow_lasts_s, last, axis=0), np.inf)
+        lasts_s = np.where(np.take_along_axis(self.seen, last, axis=0), lasts_s, np.inf)
         known = np.minimum(lasts_s[:-1], lasts_s[1:])
         return np.exp(-self.step_s[:, None] / np.where(np.isfinite(known), known, MULTIPATH_S))
 
@@ -190,7 +196,8 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
     late_ns = [np.where(s, f.epoch_ns[r] - knot_ns, 0) for f, r, s in zip(fixes, rows.T, seen.T, strict=True)]
     lat, lon = (gathered([getattr(f, name) for f in fixes]) for name in ("latitude_deg", "longitude_deg"))
     at = np.arange(knot_ns.size)
-    lat0, lon0 = lat[at, lead], lon[at, lead]
+    known, t_s = seen.any(axis=1), seconds(knot_ns)
+    lat0, lon0 = (np.interp(t_s, t_s[known], axis[at, lead][known]) for axis in (lat, lon))
     path = np.zeros((knot_ns.size, 2))
     path[1:] = np.cumsum(np.stack(enu_offset(lat0[:-1], lon0[:-1], lat0[1:], lon0[1:]), axis=1), axis=0)
     off = [
@@ -208,7 +215,7 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
         return np.where(seen.reshape(seen.shape + (1,) * (column.ndim - 2)), column, np.nan)
 
     return KnotFixes(
-        t_s=seconds(knot_ns),
+        t_s=t_s,
         latitude_deg=lat0,
         longitude_deg=lon0,
         path_m=path,
@@ -217,6 +224,7 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
         height_m=gathered([f.height_m for f in fixes]),
         seen=seen,
         late_s=np.stack(late_ns, axis=1) / NANOSECONDS,
+        fix_share_s=np.stack([_share_s(t_s, one, max_gap_s) for one in seen.T], axis=1),
         **{name: gathered([getattr(one, name) for one in noise]) for name in FixNoise._fields},
         up_over_plane=gathered(up),
         heading_rad=np.radians(90.0 - told("heading_deg")),
@@ -224,6 +232,16 @@ def knot_fixes(fixes: Sequence[GnssFixes], knot_ns: IntArray, max_gap_s: float) 
         velocity_mps=told("velocity_mps"),
         velocity_sigma_mps=told("velocity_sigma_mps", VELOCITY_SIGMA_MPS),
     )
+
+
+def _share_s(t_s: FloatArray, seen: BoolArray, max_gap_s: float) -> FloatArray:
+    """Time (n,) that each fix of one antenna stands for."""
+    share = np.full(t_s.size, _SHORTEST_STEP_S)
+    step = np.maximum(np.diff(t_s[seen]), _SHORTEST_STEP_S)
+    step = np.where(step <= max_gap_s + 0.01, step, 0.0)
+    both = np.concatenate([[0.0], step]) + np.concatenate([step, [0.0]])
+    share[seen] = np.maximum(0.5 * both, _SHORTEST_STEP_S)
+    return share
 
 
 def _nearest(epoch_ns: IntArray, knot_ns: IntArray) -> IntArray:

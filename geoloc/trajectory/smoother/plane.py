@@ -9,7 +9,8 @@ car, and how much the rear axle slips in bends. Tied together by:
 - headings and velocities that receivers have of themselves (`geoloc.trajectory.smoother.receiver_motion`);
 - a jerk and a yaw acceleration that are noise of the size that driving has;
 - the rear axle, which does not move sideways but for that slip;
-- the path's curvature: a car that stands does not turn.
+- the path's curvature: a car that stands does not turn;
+- what the car measures of its own motion (`geoloc.trajectory.smoother.odometry`).
 
 Gauss–Newton with iterated weights (Huber's first, then the square of them, so that a fix metres away has no
 say) on the banded normal equations of `geoloc.trajectory.smoother.chain`.
@@ -24,6 +25,7 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from geoloc.trajectory.smoother.chain import MEDIAN_2D, Chain, Links, robust_weight
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
+from geoloc.trajectory.smoother.odometry import MotionOnRoad, Odometry, unknowns, wandering_states
 from geoloc.trajectory.smoother.receiver_motion import MOUNTED_RAD, Headings, Velocities
 from geoloc.trajectory.smoother.state import (
     ACCELERATION,
@@ -83,7 +85,7 @@ class PlaneTrack:
         then what lasts of the receivers' errors (`geoloc.trajectory.smoother.state`).
     constants, constants_covariance : float64 (c,), (c, c)
         Differences of the antennas' places, x then y (`antenna_modes`), how each heading of a receiver is
-        turned against the car (rad), the slip (rad per m/s²), and how far the rig's origin is ahead of the
+        turned against the car (rad), those of the car's own sensors (`odometry.Unknown`), the slip (rad per m/s²), and how far the rig's origin is ahead of the
         rear axle (m).
     weight : float64 (n, m)
         1 for a fix that fits, towards 0 for one that does not, and 0 for none.
@@ -161,6 +163,19 @@ def antenna_modes(antennas: int) -> FloatArray:
     return np.asarray(helmert(antennas)) if antennas > 1 else np.zeros((0, 1))
 
 
+def start_constants(modes: int, told: int, motion: MotionOnRoad | None, axle_m: float) -> FloatArray:
+    """Constants as expected beforehand, in the order of `PlaneTrack.constants`."""
+    own = {} if motion is None else unknowns(motion.readings)
+    of_motion = [one[0] for one in own.values()]
+    return np.concatenate([np.zeros(2 * modes + told), of_motion, [SLIP_RAD_PER_MPS2[0], axle_m]])
+
+
+def start_size(antennas: int, told: int, motion: MotionOnRoad | None) -> int:
+    """How many unknowns a knot has."""
+    own = 0 if motion is None else len(wandering_states(motion.readings))
+    return OWN + 2 * antennas + told + own
+
+
 def smoothed_plane(
     fixes: KnotFixes,
     levers_m: FloatArray,
@@ -169,6 +184,7 @@ def smoothed_plane(
     *,
     drift_mps: FloatArray | None = None,
     axle_m: tuple[float, float] = AXLE_KNOWN_M,
+    motion: MotionOnRoad | None = None,
     iterations: int = 8,
 ) -> PlaneTrack:
     """Fit the track.
@@ -187,8 +203,10 @@ def smoothed_plane(
         faster says nothing of the heading. Without it the antennas are points that have no heading.
     axle_m : (float, float)
         How far ahead of the rear axle the origin is, and one sigma of that, where lever arms are unknown.
+    motion : MotionOnRoad, optional
+        Only with `drift_mps`.
     """
-    fit = _Fit(fixes, levers_m, lever_sigma_m, drift_mps, axle_m, start)
+    fit = _Fit(fixes, levers_m, lever_sigma_m, drift_mps, axle_m, motion, start)
     state, constants, weight = start.state.copy(), start.constants.copy(), start.weight
     for i in range(iterations):
         chain = fit.equations(state, constants, weight)
@@ -217,6 +235,7 @@ class _Fit:
         lever_sigma_m: float,
         drift_mps: FloatArray | None,
         axle_m: tuple[float, float],
+        motion: MotionOnRoad | None,
         start: PlaneTrack,
     ) -> None:
         self.fixes, self.levers_m, self.drift_mps = fixes, levers_m, drift_mps
@@ -225,12 +244,18 @@ class _Fit:
         self.headings = None if drift_mps is None else Headings(fixes, 2 * len(self.modes))
         told = 0 if self.headings is None else len(self.headings.antennas)
         self.size = 6 if drift_mps is None else OWN + 2 * levers_m.shape[1] + told
-        self.prior = np.append(np.zeros(2 * len(self.modes) + told), [SLIP_RAD_PER_MPS2[0], axle_m[0]])
-        sigma = [max(lever_sigma_m, 1e-6)] * (2 * len(self.modes)) + [MOUNTED_RAD] * told
+        modes = 2 * len(self.modes)
+        own = {} if motion is None else unknowns(motion.readings)
+        self.prior = start_constants(len(self.modes), told, motion, axle_m[0])
+        sigma = [max(lever_sigma_m, 1e-6)] * modes + [MOUNTED_RAD] * told + [one[1] for one in own.values()]
+        self.odometry = None if motion is None else Odometry(fixes, motion, self.size, modes + told)
+        self.size += 0 if self.odometry is None else len(self.odometry.at_state)
         # One antenna shows a course, and whatever the slip, some heading fits it exactly. Only by how
         # smoothly that heading turns is one slip likelier than another, and drivers' hands are no white
         # noise: found from that, the slip of real drives is off by up to five of its sigmas.
         self.slip_shows = bool(len(self.modes) or told)
+        if motion is not None and motion.readings.turn_rate is not None:
+            self.slip_shows = True  # a gyro turns with the body
         slip_sigma = SLIP_RAD_PER_MPS2[1] if self.slip_shows else 1e-6
         self.prior_sigma = np.append(sigma, [slip_sigma, axle_m[1]])
         self.scale = np.ones(levers_m.shape[1])
@@ -254,6 +279,8 @@ class _Fit:
         self.velocities.observe(chain, state, self._sits(constants))
         if self.headings is not None:
             self.headings.observe(chain, state, constants)
+        if self.odometry is not None:
+            self.odometry.observe(chain, state, constants)
         if self.drift_mps is not None:
             self._axle(chain, state, constants, self.drift_mps)
         return chain
@@ -266,6 +293,8 @@ class _Fit:
         self.velocities.weigh(state, self._sits(constants), power)
         if self.headings is not None:
             self.headings.weigh(state, constants, power)
+        if self.odometry is not None:
+            self.odometry.weigh(state, constants, power)
         weight = np.zeros(self.fixes.seen.shape)
         for antenna, seen in enumerate(self.fixes.seen.T):
             residual = self._fix(antenna, state, constants)[2][seen]
@@ -345,9 +374,12 @@ class _Fit:
             forward[:, YAW, YAW_RATE] = np.where(tied, h, 0.0)
             information[:, 6:8, 6:8] = np.where(tied[:, None, None], np.linalg.inv(turn), 0.0)
             information[:, YAW, YAW] += np.where(tied, 0.0, self._held())
-            own, told = np.arange(OWN, size), size - OWN - 2 * self.levers_m.shape[1]
+            own, moved = np.arange(OWN, size), np.zeros((h.size, 0))
+            if self.odometry is not None:
+                moved = self.odometry.fades
+            told = size - OWN - 2 * self.levers_m.shape[1] - moved.shape[1]
             headings = np.repeat(np.exp(-h / _HEADING_LASTS_S)[:, None], told, axis=1)
-            fading = np.column_stack([np.repeat(self.fixes.slow_fades, 2, axis=1), headings])
+            fading = np.column_stack([np.repeat(self.fixes.slow_fades, 2, axis=1), headings, moved])
             forward[:, own, own] = fading
             information[:, own, own] = 1.0 / np.maximum(1.0 - fading**2, 1e-9)
         return Links(forward, np.broadcast_to(np.eye(size), forward.shape), information)

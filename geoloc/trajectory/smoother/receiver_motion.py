@@ -100,8 +100,8 @@ class Velocities:
 
     def observe(self, chain: Chain, state: FloatArray, arms_m: FloatArray) -> None:
         """Add the equations at a state; `arms_m` as in `_residual`."""
-        count = np.minimum(1.0, self.fixes.share_s / VELOCITY_EVERY_S)
         for antenna in self.antennas:
+            count = np.minimum(1.0, self.fixes.fix_share_s[:, antenna] / VELOCITY_EVERY_S)
             late = self.fixes.late_s[:, antenna]
             jacobian = np.zeros((len(state), 2, state.shape[1]))
             for axis in range(2):

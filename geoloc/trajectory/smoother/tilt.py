@@ -211,7 +211,7 @@ class _Fit:
         sigma = np.maximum(self.fixes.velocity_sigma_mps[rising, antenna, 1], _RISE_FLOOR_MPS)
         weight, scale = robust_weight(np.abs(residual[rising]) / sigma, MEDIAN_1D, power=2)
         information = np.zeros(len(state))
-        count = np.minimum(1.0, self.fixes.share_s[rising] / VELOCITY_EVERY_S)
+        count = np.minimum(1.0, self.fixes.fix_share_s[rising, antenna] / VELOCITY_EVERY_S)
         information[rising] = weight * count / (sigma * scale) ** 2
         chain.observe(jacobian, residual[:, None], information[:, None], None)
 

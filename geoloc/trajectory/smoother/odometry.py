@@ -1,0 +1,327 @@
+"""What a car measures of its own motion, as observations of the smoother in the plane.
+
+From each knot to the next the wheels tell the way and the gyro the turn, both as integrals of all samples between:
+a gyro of 100 Hz costs no more than one of 5 Hz. At each knot the front wheels tell by how much the path bends.
+Scale of the wheels and bias of the gyro wander, and are states; what stays is constants of the drive (`Unknown`).
+The equations, with measured times later than the stamps by an unknown lag:
+
+- way: scale × the integral of the speed ahead, along the road's slope;
+- turn: scale × (turn about the car's own vertical axis) + bias × time. That axis leans with the road: of the
+  turn about the true vertical it has the cosines of pitch and roll, and a pitching car turns besides by the
+  sine of its roll;
+- steering angle: offset + scale × (angle of the wheelbase over the radius + understeer × lateral acceleration),
+  the bicycle model;
+- wheels that are at rest: the car keeps its place and its heading.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+
+from geoloc.arrays import BoolArray, FloatArray
+from geoloc.trajectory.motion_readings import MotionReadings, Reading
+from geoloc.trajectory.smoother.chain import MEDIAN_1D, Chain, robust_weight
+from geoloc.trajectory.smoother.knot_fixes import KnotFixes
+from geoloc.trajectory.smoother.state import (
+    ACCELERATION,
+    VELOCITY,
+    YAW,
+    YAW_RATE,
+    forward_axis,
+    turned,
+)
+
+# Wheels: tyres of another size, worn, or on another pressure; warm tyres, speed and slip change that by
+# 0.15 % in a minute.
+WHEEL_SCALE_SIGMA = 0.05
+_SCALE_WANDERS = 2e-4
+# A MEMS gyro that nobody calibrated, and how its bias wanders as it warms up: 0.03° a second in a quarter
+# of an hour, by 0.005° in half a minute.
+GYRO_BIAS_SIGMA_RADPS = np.radians(2.0)
+_BIAS_WANDERS = np.radians(1e-3)
+GYRO_SCALE_SIGMA = 0.01
+STEERING_OFFSET_SIGMA_RAD = np.radians(3.0)
+STEERING_SCALE_SIGMA = 0.1
+# Front wheels turn further by this a lateral acceleration: 1 to 4 degrees per g for passenger cars.
+UNDERSTEER_RAD_PER_MPS2 = (np.radians(0.25), np.radians(0.15))
+# A wheelbase that nobody states; its spread is in the scale.
+_WHEELBASE_M = 2.75
+
+# What is in no series: whatever its samples say, a metre a second for a second is known to 1 cm, a turn to 0.01°.
+_WAY_FLOOR = 0.01
+_TURN_FLOOR = np.radians(0.01)
+# Tyres that push or brake slip by this share a m/s², for as long as they do.
+_TRACTION_PER_MPS2, _TRACTION_LASTS_S = 0.003, 2.0
+# Slower than this a wheel gives no pulse for a while.
+_DEAD_MPS, _DEAD_LASTS_S = 0.3, 0.5
+# Wheels at rest for so long before and after: the car stands, but for what shakes it.
+_REST_MPS, _REST_S = 0.01, 0.5
+_STANDS_M, _STANDS_RAD = 5e-4, np.radians(2e-3)
+# A steering angle errs by its play and by the road's crossfall, both for a second.
+_STEERING_FLOOR_RAD, _STEERING_LASTS_S = np.radians(0.15), 1.0
+_STEERS_ABOVE_MPS = 2.0
+
+
+class Unknown(StrEnum):
+    """Constants of a drive that its motion sensors bring along."""
+
+    WHEEL_LAG = "wheel_lag"
+    GYRO_SCALE = "gyro_scale"
+    GYRO_LAG = "gyro_lag"
+    STEERING_OFFSET = "steering_offset"
+    STEERING_SCALE = "steering_scale"
+    UNDERSTEER = "understeer"
+    STEERING_LAG = "steering_lag"
+
+
+class WanderingState(StrEnum):
+    """States, in units of their sigma beforehand: the wheels' scale, and the gyro's bias."""
+
+    WHEEL_SCALE = "wheel_scale"
+    GYRO_BIAS = "gyro_bias"
+
+
+class MotionOnRoad(NamedTuple):
+    """What the car's sensors read, and how the car leans at each knot (n,): nose down, right side down, rad."""
+
+    readings: MotionReadings
+    pitch_rad: FloatArray
+    roll_rad: FloatArray
+
+
+def wandering_states(readings: MotionReadings) -> list[WanderingState]:
+    """States that these series bring along."""
+    speed = [WanderingState.WHEEL_SCALE] if readings.speed else []
+    return speed + ([WanderingState.GYRO_BIAS] if readings.turn_rate else [])
+
+
+def unknowns(readings: MotionReadings) -> dict[Unknown, tuple[float, float]]:
+    """Constants that these series bring along, each with what is expected beforehand and one sigma."""
+    found: dict[Unknown, tuple[float, float]] = {}
+    if readings.speed:
+        found[Unknown.WHEEL_LAG] = readings.speed.lag_s, readings.speed.lag_sigma_s
+    if readings.turn_rate:
+        found[Unknown.GYRO_SCALE] = 0.0, GYRO_SCALE_SIGMA
+        found[Unknown.GYRO_LAG] = readings.turn_rate.lag_s, readings.turn_rate.lag_sigma_s
+    if readings.wheel_angle:
+        found[Unknown.STEERING_OFFSET] = 0.0, STEERING_OFFSET_SIGMA_RAD
+        found[Unknown.STEERING_SCALE] = 0.0, STEERING_SCALE_SIGMA
+        found[Unknown.UNDERSTEER] = UNDERSTEER_RAD_PER_MPS2
+        found[Unknown.STEERING_LAG] = readings.wheel_angle.lag_s, readings.wheel_angle.lag_sigma_s
+    return found
+
+
+def steered_radps(readings: MotionReadings, angle_rad: FloatArray, forward_mps: FloatArray) -> FloatArray:
+    """Yaw rate ``(n,)`` that a steering angle makes of a speed, for the car that is expected beforehand."""
+    base_m = readings.wheelbase_m or _WHEELBASE_M
+    return np.asarray(forward_mps * angle_rad / (base_m + UNDERSTEER_RAD_PER_MPS2[0] * forward_mps**2))
+
+
+class Odometry:
+    """The equations of a car's own measurements, linearised about any state.
+
+    Parameters
+    ----------
+    fixes : KnotFixes
+    motion : MotionOnRoad
+    first_state, first_constant : int
+        Where its states and constants stand among those of the track.
+    """
+
+    def __init__(
+        self, fixes: KnotFixes, motion: MotionOnRoad, first_state: int, first_constant: int
+    ) -> None:
+        self.fixes, self.readings = fixes, motion.readings
+        self.at_state = {one: first_state + i for i, one in enumerate(wandering_states(motion.readings))}
+        self.expected = unknowns(motion.readings)
+        self.at_constant = {one: first_constant + i for i, one in enumerate(self.expected)}
+        middle_roll = 0.5 * (motion.roll_rad[1:] + motion.roll_rad[:-1])
+        middle_pitch = 0.5 * (motion.pitch_rad[1:] + motion.pitch_rad[:-1])
+        self.level = np.cos(middle_pitch)
+        self.upright = np.cos(middle_pitch) * np.cos(middle_roll)
+        self.pitching_rad = np.diff(motion.pitch_rad) * np.sin(middle_roll)
+        self.known = {one: self._known(one) for one in (self.readings.speed, self.readings.turn_rate) if one}
+        self.rests = self._rests()
+        self.weight = np.ones((fixes.t_s.size - 1, 2))
+        self.steering_weight = np.ones(fixes.t_s.size)
+        self.scale = np.ones(3)
+
+    @property
+    def fades(self) -> FloatArray:
+        """What is left of each state at the next knot ``(n - 1, k)``."""
+        sizes = {
+            WanderingState.WHEEL_SCALE: _SCALE_WANDERS / WHEEL_SCALE_SIGMA,
+            WanderingState.GYRO_BIAS: _BIAS_WANDERS / GYRO_BIAS_SIGMA_RADPS,
+        }
+        rates = np.array([0.5 * sizes[one] ** 2 for one in self.at_state])
+        return np.asarray(np.exp(-self.fixes.step_s[:, None] * rates))
+
+    def observe(self, chain: Chain, state: FloatArray, constants: FloatArray) -> None:
+        """Add the equations at a state."""
+        n, size = state.shape
+        for number, one in enumerate((self.readings.speed, self.readings.turn_rate)):
+            if one is None:
+                continue
+            rows = self._way(state, constants) if number == 0 else self._turn(state, constants)
+            sigma = self._sigma(number, state) * self.scale[number]
+            chain.across(*rows, self.known[one] * self.weight[:, number] / sigma**2)
+        if self.rests.any():
+            here = np.zeros((n - 1, 3, size))
+            here[:, [0, 1, 2], [0, 1, YAW]] = 1.0
+            off = -np.diff(state[:, [0, 1, YAW]], axis=0)
+            weight = self.rests[:, None] / self.fixes.step_s[:, None]
+            weight = weight / np.array([_STANDS_M, _STANDS_M, _STANDS_RAD]) ** 2
+            for row in range(3):
+                one_row = here[:, row]
+                chain.across(-one_row, one_row, np.zeros((n - 1, constants.size)), off[:, row], weight[:, row])
+        if self.readings.wheel_angle is not None:
+            jacobian, by_constants, residual, sigma = self._steering(state, constants)
+            count = np.minimum(1.0, self.fixes.share_s / _STEERING_LASTS_S)
+            weight = self.steering_weight * count / (sigma * self.scale[2]) ** 2
+            chain.observe(jacobian, residual[:, None], weight[:, None], by_constants)
+
+    def weigh(self, state: FloatArray, constants: FloatArray, power: int) -> None:
+        """Take weight from what does not fit: spinning and locked wheels, glitches of a bus."""
+        for number, one in enumerate((self.readings.speed, self.readings.turn_rate)):
+            if one is None or not self.known[one].any():
+                continue
+            rows = self._way(state, constants) if number == 0 else self._turn(state, constants)
+            seen = self.known[one]
+            off = np.abs(rows[3][seen]) / self._sigma(number, state)[seen]
+            self.weight[seen, number], self.scale[number] = robust_weight(off, MEDIAN_1D, power)
+        if self.readings.wheel_angle is not None:
+            _, _, residual, sigma = self._steering(state, constants)
+            seen = np.isfinite(sigma)
+            if seen.any():
+                off = np.abs(residual[seen]) / sigma[seen]
+                self.steering_weight[seen], self.scale[2] = robust_weight(off, MEDIAN_1D, power)
+
+    def _constant(self, constants: FloatArray, which: Unknown) -> float:
+        return float(constants[self.at_constant[which]])
+
+    def _known(self, one: Reading) -> BoolArray:
+        """Steps ``(n - 1,)`` that a series covers."""
+        t_s = self.fixes.t_s + one.lag_s
+        return np.asarray(self.fixes.tied & one.covers(t_s[:-1], t_s[1:]))
+
+    def _rests(self) -> BoolArray:
+        """Steps ``(n - 1,)`` all through which the wheels are at rest."""
+        one = self.readings.speed
+        if one is None:
+            return np.zeros(self.fixes.t_s.size - 1, dtype=bool)
+        moving = np.concatenate([[0], np.cumsum(np.abs(one.values) > _REST_MPS)])
+        t_s = self.fixes.t_s + one.lag_s
+        first = np.searchsorted(one.t_s, t_s[:-1] - _REST_S)
+        last = np.searchsorted(one.t_s, t_s[1:] + _REST_S, side="right")
+        return np.asarray(self.known[one] & (last > first) & (moving[last] == moving[first]))
+
+    def _sigma(self, number: int, state: FloatArray) -> FloatArray:
+        """One sigma ``(n - 1,)`` of a way (0) or of a turn (1)."""
+        step_s = self.fixes.step_s
+        if number:
+            one, floor = self.readings.turn_rate, _TURN_FLOOR**2 * step_s
+        else:
+            one = self.readings.speed
+            speed, pushes = self._ahead(state)[:2]
+            speed, pushes = np.abs(speed[1:]), np.abs(pushes[1:])
+            slips = (_TRACTION_PER_MPS2 * pushes * speed) ** 2 * _TRACTION_LASTS_S
+            dead = np.where(speed < 2.0 * _DEAD_MPS, _DEAD_MPS**2 / 12.0 * _DEAD_LASTS_S, 0.0)
+            floor = (_WAY_FLOOR**2 + slips + np.where(self.rests, 0.0, dead)) * step_s
+        assert one is not None
+        return np.asarray(np.sqrt(one.variance(self.fixes.t_s + one.lag_s) + floor))
+
+    @staticmethod
+    def _ahead(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Speed and acceleration ahead, and to the left ``(n,)`` each."""
+        ahead = forward_axis(state[:, YAW])
+        axes = (ahead, turned(ahead))
+        forward, left = (np.einsum("nk,nk->n", state[:, VELOCITY], axis) for axis in axes)
+        pushes, aside = (np.einsum("nk,nk->n", state[:, ACCELERATION], axis) for axis in axes)
+        return forward, pushes, left, aside
+
+    def _way(
+        self, state: FloatArray, constants: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Jacobians by a knot, by the next and by the constants, and residual, of the ways."""
+        one = self.readings.speed
+        assert one is not None
+        h, ahead = self.fixes.step_s, forward_axis(state[:, YAW])
+        forward, pushes, left, aside = self._ahead(state)
+        half, twelfth = 0.5 * h, h**2 / 12.0
+        at = self.at_state[WanderingState.WHEEL_SCALE]
+        scale = (1.0 + WHEEL_SCALE_SIGMA * 0.5 * (state[1:, at] + state[:-1, at])) / self.level
+        way = half * (forward[1:] + forward[:-1]) + twelfth * (pushes[:-1] - pushes[1:])
+        sides = []
+        for rows, sign in ((slice(None, -1), 1.0), (slice(1, None), -1.0)):
+            jacobian = np.zeros((h.size, state.shape[1]))
+            jacobian[:, VELOCITY] = (scale * half)[:, None] * ahead[rows]
+            jacobian[:, ACCELERATION] = (sign * scale * twelfth)[:, None] * ahead[rows]
+            jacobian[:, YAW] = scale * (half * left[rows] + sign * twelfth * aside[rows])
+            jacobian[:, at] = 0.5 * WHEEL_SCALE_SIGMA * way / self.level
+            sides.append(jacobian)
+        by_constants = np.zeros((h.size, constants.size))
+        by_constants[:, self.at_constant[Unknown.WHEEL_LAG]] = -np.diff(forward)
+        measured = np.diff(one.integral(self.fixes.t_s + self._constant(constants, Unknown.WHEEL_LAG)))
+        if self.readings.unsigned:
+            measured = np.where(way < 0.0, -measured, measured)
+        return sides[0], sides[1], by_constants, measured - scale * way
+
+    def _turn(
+        self, state: FloatArray, constants: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The same of the turns."""
+        one = self.readings.turn_rate
+        assert one is not None
+        h, at = self.fixes.step_s, self.at_state[WanderingState.GYRO_BIAS]
+        scale = 1.0 + self._constant(constants, Unknown.GYRO_SCALE)
+        about_own = self.upright * np.diff(state[:, YAW]) - self.pitching_rad
+        bias = GYRO_BIAS_SIGMA_RADPS * 0.5 * (state[1:, at] + state[:-1, at])
+        sides = []
+        for sign in (-1.0, 1.0):
+            jacobian = np.zeros((h.size, state.shape[1]))
+            jacobian[:, YAW] = sign * scale * self.upright
+            jacobian[:, at] = 0.5 * GYRO_BIAS_SIGMA_RADPS * h
+            sides.append(jacobian)
+        by_constants = np.zeros((h.size, constants.size))
+        by_constants[:, self.at_constant[Unknown.GYRO_SCALE]] = about_own
+        by_constants[:, self.at_constant[Unknown.GYRO_LAG]] = -np.diff(state[:, YAW_RATE])
+        measured = np.diff(one.integral(self.fixes.t_s + self._constant(constants, Unknown.GYRO_LAG)))
+        return sides[0], sides[1], by_constants, measured - scale * about_own - bias * h
+
+    def _steering(
+        self, state: FloatArray, constants: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Jacobian, that of the constants, residual and sigma (infinite: says nothing) of the steering angles."""
+        one = self.readings.wheel_angle
+        assert one is not None
+        forward, rate = self._ahead(state)[0], state[:, YAW_RATE]
+        t_s = self.fixes.t_s + self._constant(constants, Unknown.STEERING_LAG)
+        share = 0.5 * self.fixes.share_s
+        drives = np.abs(forward) > _STEERS_ABOVE_MPS
+        seen = drives & one.covers(t_s - share, t_s + share)
+        measured = (one.integral(t_s + share) - one.integral(t_s - share)) / (2.0 * share)
+        speed = np.where(drives, forward, 1.0)
+        base_m = self.readings.wheelbase_m or _WHEELBASE_M
+        scale = 1.0 + self._constant(constants, Unknown.STEERING_SCALE)
+        more = self._constant(constants, Unknown.UNDERSTEER)
+        geometric, pushed = np.arctan(base_m * rate / speed), speed * rate
+        angle = geometric + more * pushed
+        by_rate = base_m / speed / (1.0 + (base_m * rate / speed) ** 2) + more * speed
+        jacobian = np.zeros((len(state), 1, state.shape[1]))
+        jacobian[:, 0, YAW_RATE] = scale * by_rate
+        by_constants = np.zeros((len(state), 1, constants.size))
+        columns = {
+            Unknown.STEERING_OFFSET: np.ones_like(angle),
+            Unknown.STEERING_SCALE: angle,
+            Unknown.UNDERSTEER: scale * pushed,
+            Unknown.STEERING_LAG: -np.gradient(angle, self.fixes.t_s),
+        }
+        for which, column in columns.items():
+            by_constants[:, 0, self.at_constant[which]] = column
+        offset = self._constant(constants, Unknown.STEERING_OFFSET)
+        sigma = np.where(seen, np.hypot(one.sigma.mean(), _STEERING_FLOOR_RAD), np.inf)
+        return jacobian, by_constants, np.where(seen, measured - offset - scale * angle, 0.0), sigma
+
