@@ -61,6 +61,8 @@ _MIN_COURSE_STEP_M = 0.1
 _FAST_MPS = 3.0
 # Speeds of wheels say that a velocity is no noise.
 _WHEEL_SIGMA_MPS = 0.05
+# A lean in bends does not tremble as accelerations do.
+_SMOOTHED_S = 2.0
 # Lever arms lean with a tilt that is only known after the first pass.
 _ITERATIONS = (8, 4)
 
@@ -154,17 +156,30 @@ def fitted(
             track,
             drift_mps=drift,
             axle_m=axle_m,
-            motion=_on_road(readings, tilt),
+            motion=_on_road(readings, tilt, knots.running_mean(track.lateral_mps2, _SMOOTHED_S), arms[:, 2]),
             iterations=iterations,
         )
         tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
     return Fitted(knots, arms, track, tilt, pair is not None, readings)
 
 
-def _on_road(readings: MotionReadings | None, tilt: TiltTrack) -> MotionOnRoad | None:
+def _on_road(
+    readings: MotionReadings | None, tilt: TiltTrack, lateral_mps2: FloatArray, above_m: FloatArray
+) -> MotionOnRoad | None:
     if readings is None:
         return None
-    return MotionOnRoad(readings, np.radians(tilt.pitch_deg), np.radians(tilt.roll_deg))
+    lasting = tilt.lasting_roll
+    by_bends = lasting.sigma_deg_per_mps2 * lateral_mps2
+    own = np.sqrt(np.maximum(tilt.roll_sigma_deg**2 - lasting.sigma_deg**2 - by_bends**2, 0.0))
+    return MotionOnRoad(
+        readings,
+        np.radians(tilt.pitch_deg),
+        np.radians(tilt.roll_deg),
+        np.radians(own),
+        (float(np.radians(lasting.sigma_deg)), float(np.radians(lasting.sigma_deg_per_mps2))),
+        lateral_mps2,
+        above_m,
+    )
 
 
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:
@@ -302,7 +317,12 @@ def _start(
     turn = rotation_enu_from_rig(90.0 - np.degrees(yaw), 0.0, 0.0)[:, :2]
     near = np.stack([one.position_m - turn @ arm for one, arm in zip(alone, arms_m, strict=True)], axis=1)
     trust = np.stack([one.position_sigma_m**-2.0 for one in alone], axis=1)[:, :, None]
-    motion = None if readings is None else MotionOnRoad(readings, np.zeros(n), np.zeros(n))
+    level = np.zeros(n)
+    motion = (
+        None
+        if readings is None
+        else MotionOnRoad(readings, level, level, level, (0.0, 0.0), level, arms_m[:, 2])
+    )
     state = np.zeros((n, start_size(m, told, motion)))
     state[:, :2] = (trust * near).sum(axis=1) / trust.sum(axis=1)
     state[:, 2:6] = best.state[:, 2:]

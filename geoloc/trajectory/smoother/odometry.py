@@ -71,6 +71,8 @@ class Unknown(StrEnum):
     WHEEL_LAG = "wheel_lag"
     GYRO_SCALE = "gyro_scale"
     GYRO_LAG = "gyro_lag"
+    LEAN = "lean"
+    LEAN_IN_BENDS = "lean_in_bends"
     STEERING_OFFSET = "steering_offset"
     STEERING_SCALE = "steering_scale"
     UNDERSTEER = "understeer"
@@ -85,11 +87,31 @@ class WanderingState(StrEnum):
 
 
 class MotionOnRoad(NamedTuple):
-    """What the car's sensors read, and how the car leans at each knot (n,): nose down, right side down, rad."""
+    """What the car's sensors read, and how the car stands on the road.
+
+    Attributes
+    ----------
+    readings : MotionReadings
+    pitch_rad, roll_rad : float64 (n,)
+        At each knot: nose down, right side down.
+    roll_sigma_rad : float64 (n,)
+        Without what lasts.
+    lasting : (float, float)
+        One sigma of the roll that is the same for the whole drive (rad), and by the acceleration to the left
+        (rad per m/s²).
+    lateral_mps2 : float64 (n,)
+        That acceleration.
+    above_m : float64 (m,)
+        Height of each antenna.
+    """
 
     readings: MotionReadings
     pitch_rad: FloatArray
     roll_rad: FloatArray
+    roll_sigma_rad: FloatArray
+    lasting: tuple[float, float]
+    lateral_mps2: FloatArray
+    above_m: FloatArray
 
 
 def wandering_states(readings: MotionReadings) -> list[WanderingState]:
@@ -98,14 +120,17 @@ def wandering_states(readings: MotionReadings) -> list[WanderingState]:
     return speed + ([WanderingState.GYRO_BIAS] if readings.turn_rate else [])
 
 
-def unknowns(readings: MotionReadings) -> dict[Unknown, tuple[float, float]]:
+def unknowns(motion: MotionOnRoad) -> dict[Unknown, tuple[float, float]]:
     """Constants that these series bring along, each with what is expected beforehand and one sigma."""
+    readings = motion.readings
     found: dict[Unknown, tuple[float, float]] = {}
     if readings.speed:
         found[Unknown.WHEEL_LAG] = readings.speed.lag_s, readings.speed.lag_sigma_s
     if readings.turn_rate:
         found[Unknown.GYRO_SCALE] = 0.0, GYRO_SCALE_SIGMA
         found[Unknown.GYRO_LAG] = readings.turn_rate.lag_s, readings.turn_rate.lag_sigma_s
+        for which, sigma in zip((Unknown.LEAN, Unknown.LEAN_IN_BENDS), motion.lasting, strict=True):
+            found[which] = 0.0, max(sigma, 1e-6)
     if readings.wheel_angle:
         found[Unknown.STEERING_OFFSET] = 0.0, STEERING_OFFSET_SIGMA_RAD
         found[Unknown.STEERING_SCALE] = 0.0, STEERING_SCALE_SIGMA
@@ -131,18 +156,15 @@ class Odometry:
         Where its states and constants stand among those of the track.
     """
 
-    def __init__(
-        self, fixes: KnotFixes, motion: MotionOnRoad, first_state: int, first_constant: int
-    ) -> None:
-        self.fixes, self.readings = fixes, motion.readings
+    def __init__(self, fixes: KnotFixes, motion: MotionOnRoad, first_state: int, first_constant: int) -> None:
+        self.fixes, self.readings, self.motion = fixes, motion.readings, motion
         self.at_state = {one: first_state + i for i, one in enumerate(wandering_states(motion.readings))}
-        self.expected = unknowns(motion.readings)
+        self.expected = unknowns(motion)
         self.at_constant = {one: first_constant + i for i, one in enumerate(self.expected)}
-        middle_roll = 0.5 * (motion.roll_rad[1:] + motion.roll_rad[:-1])
-        middle_pitch = 0.5 * (motion.pitch_rad[1:] + motion.pitch_rad[:-1])
-        self.level = np.cos(middle_pitch)
-        self.upright = np.cos(middle_pitch) * np.cos(middle_roll)
-        self.pitching_rad = np.diff(motion.pitch_rad) * np.sin(middle_roll)
+        self.level = np.cos(_middle(motion.pitch_rad))
+        self.roll_rad, self.lateral_mps2 = _middle(motion.roll_rad), _middle(motion.lateral_mps2)
+        self.pitching_rad = np.diff(motion.pitch_rad)
+        self.leans_rad = self.pitching_rad * _middle(motion.roll_sigma_rad)
         self.known = {one: self._known(one) for one in (self.readings.speed, self.readings.turn_rate) if one}
         self.rests = self._rests()
         self.weight = np.ones((fixes.t_s.size - 1, 2))
@@ -158,6 +180,14 @@ class Odometry:
         }
         rates = np.array([0.5 * sizes[one] ** 2 for one in self.at_state])
         return np.asarray(np.exp(-self.fixes.step_s[:, None] * rates))
+
+    def leans_m(self, antenna: int) -> tuple[int, FloatArray] | None:
+        """Which constant moves an antenna to the left, and by how much (n,): a roof that leans in bends.
+
+        With a gyro it shows: roof and car do not turn alike.
+        """
+        at = self.at_constant.get(Unknown.LEAN_IN_BENDS)
+        return None if at is None else (at, -self.motion.above_m[antenna] * self.motion.lateral_mps2)
 
     def observe(self, chain: Chain, state: FloatArray, constants: FloatArray) -> None:
         """Add the equations at a state."""
@@ -176,7 +206,9 @@ class Odometry:
             weight = weight / np.array([_STANDS_M, _STANDS_M, _STANDS_RAD]) ** 2
             for row in range(3):
                 one_row = here[:, row]
-                chain.across(-one_row, one_row, np.zeros((n - 1, constants.size)), off[:, row], weight[:, row])
+                chain.across(
+                    -one_row, one_row, np.zeros((n - 1, constants.size)), off[:, row], weight[:, row]
+                )
         if self.readings.wheel_angle is not None:
             jacobian, by_constants, residual, sigma = self._steering(state, constants)
             count = np.minimum(1.0, self.fixes.share_s / _STEERING_LASTS_S)
@@ -222,7 +254,7 @@ class Odometry:
         """One sigma ``(n - 1,)`` of a way (0) or of a turn (1)."""
         step_s = self.fixes.step_s
         if number:
-            one, floor = self.readings.turn_rate, _TURN_FLOOR**2 * step_s
+            one, floor = self.readings.turn_rate, _TURN_FLOOR**2 * step_s + self.leans_rad**2
         else:
             one = self.readings.speed
             speed, pushes = self._ahead(state)[:2]
@@ -277,16 +309,22 @@ class Odometry:
         assert one is not None
         h, at = self.fixes.step_s, self.at_state[WanderingState.GYRO_BIAS]
         scale = 1.0 + self._constant(constants, Unknown.GYRO_SCALE)
-        about_own = self.upright * np.diff(state[:, YAW]) - self.pitching_rad
+        leans = self._constant(constants, Unknown.LEAN_IN_BENDS) * self.lateral_mps2
+        roll = self.roll_rad + self._constant(constants, Unknown.LEAN) + leans
+        upright, turned_rad = self.level * np.cos(roll), np.diff(state[:, YAW])
+        about_own = upright * turned_rad - np.sin(roll) * self.pitching_rad
+        by_roll = -self.level * np.sin(roll) * turned_rad - np.cos(roll) * self.pitching_rad
         bias = GYRO_BIAS_SIGMA_RADPS * 0.5 * (state[1:, at] + state[:-1, at])
         sides = []
         for sign in (-1.0, 1.0):
             jacobian = np.zeros((h.size, state.shape[1]))
-            jacobian[:, YAW] = sign * scale * self.upright
+            jacobian[:, YAW] = sign * scale * upright
             jacobian[:, at] = 0.5 * GYRO_BIAS_SIGMA_RADPS * h
             sides.append(jacobian)
         by_constants = np.zeros((h.size, constants.size))
         by_constants[:, self.at_constant[Unknown.GYRO_SCALE]] = about_own
+        by_constants[:, self.at_constant[Unknown.LEAN]] = scale * by_roll
+        by_constants[:, self.at_constant[Unknown.LEAN_IN_BENDS]] = scale * by_roll * self.lateral_mps2
         by_constants[:, self.at_constant[Unknown.GYRO_LAG]] = -np.diff(state[:, YAW_RATE])
         measured = np.diff(one.integral(self.fixes.t_s + self._constant(constants, Unknown.GYRO_LAG)))
         return sides[0], sides[1], by_constants, measured - scale * about_own - bias * h
@@ -325,3 +363,7 @@ class Odometry:
         sigma = np.where(seen, np.hypot(one.sigma.mean(), _STEERING_FLOOR_RAD), np.inf)
         return jacobian, by_constants, np.where(seen, measured - offset - scale * angle, 0.0), sigma
 
+
+def _middle(values: FloatArray) -> FloatArray:
+    """Between each knot and the next."""
+    return np.asarray(0.5 * (values[1:] + values[:-1]))

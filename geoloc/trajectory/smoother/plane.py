@@ -165,7 +165,7 @@ def antenna_modes(antennas: int) -> FloatArray:
 
 def start_constants(modes: int, told: int, motion: MotionOnRoad | None, axle_m: float) -> FloatArray:
     """Constants as expected beforehand, in the order of `PlaneTrack.constants`."""
-    own = {} if motion is None else unknowns(motion.readings)
+    own = {} if motion is None else unknowns(motion)
     of_motion = [one[0] for one in own.values()]
     return np.concatenate([np.zeros(2 * modes + told), of_motion, [SLIP_RAD_PER_MPS2[0], axle_m]])
 
@@ -245,7 +245,7 @@ class _Fit:
         told = 0 if self.headings is None else len(self.headings.antennas)
         self.size = 6 if drift_mps is None else OWN + 2 * levers_m.shape[1] + told
         modes = 2 * len(self.modes)
-        own = {} if motion is None else unknowns(motion.readings)
+        own = {} if motion is None else unknowns(motion)
         self.prior = start_constants(len(self.modes), told, motion, axle_m[0])
         sigma = [max(lever_sigma_m, 1e-6)] * modes + [MOUNTED_RAD] * told + [one[1] for one in own.values()]
         self.odometry = None if motion is None else Odometry(fixes, motion, self.size, modes + told)
@@ -327,6 +327,10 @@ class _Fit:
             expected = expected + arm + slow[:, None] * state[:, own : own + 2]
             by_constants[:, :, :c] = ahead[:, :, None] * mode
             by_constants[:, :, c : 2 * c] = turned(ahead)[:, :, None] * mode
+            leans = None if self.odometry is None else self.odometry.leans_m(antenna)
+            if leans is not None:
+                by_constants[:, :, leans[0]] = leans[1][:, None] * turned(ahead)
+                expected = expected + constants[leans[0]] * by_constants[:, :, leans[0]]
         residual = np.where(self.fixes.seen[:, antenna, None], self.fixes.plane_m[:, antenna] - expected, 0.0)
         return jacobian, by_constants, residual
 

@@ -47,6 +47,10 @@ def reckoned(
     place += np.stack([np.interp(knots.t_s, knots.t_s[seen], axis) for axis in off.T], axis=1)
     velocity = readings.speed.at(knots.t_s + readings.speed.lag_s)[:, None] * forward_axis(yaw_rad)
     result = state.copy()
-    for part, values in ((POSITION, place), (VELOCITY, velocity), (ACCELERATION, tangents(knots.t_s, velocity))):
+    for part, values in (
+        (POSITION, place),
+        (VELOCITY, velocity),
+        (ACCELERATION, tangents(knots.t_s, velocity)),
+    ):
         result[~seen, part] = values[~seen]
     return result
