@@ -175,6 +175,7 @@ def _on_road(
         readings,
         np.radians(tilt.pitch_deg),
         np.radians(tilt.roll_deg),
+        np.radians(tilt.pitch_sigma_deg),
         np.radians(own),
         (float(np.radians(lasting.sigma_deg)), float(np.radians(lasting.sigma_deg_per_mps2))),
         lateral_mps2,
@@ -321,7 +322,7 @@ def _start(
     motion = (
         None
         if readings is None
-        else MotionOnRoad(readings, level, level, level, (0.0, 0.0), level, arms_m[:, 2])
+        else MotionOnRoad(readings, level, level, level, level, (0.0, 0.0), level, arms_m[:, 2])
     )
     state = np.zeros((n, start_size(m, told, motion)))
     state[:, :2] = (trust * near).sum(axis=1) / trust.sum(axis=1)

@@ -53,6 +53,8 @@ _WHEELBASE_M = 2.75
 # What is in no series: whatever its samples say, a metre a second for a second is known to 1 cm, a turn to 0.01°.
 _WAY_FLOOR = 0.01
 _TURN_FLOOR = np.radians(0.01)
+# Where no fix tells a climb, it is another one after so long a way (`smoother.tilt`).
+_CLIMB_LASTS_M = 250.0
 # Tyres that push or brake slip by this share a m/s², for as long as they do.
 _TRACTION_PER_MPS2, _TRACTION_LASTS_S = 0.003, 2.0
 # Slower than this a wheel gives no pulse for a while.
@@ -94,8 +96,8 @@ class MotionOnRoad(NamedTuple):
     readings : MotionReadings
     pitch_rad, roll_rad : float64 (n,)
         At each knot: nose down, right side down.
-    roll_sigma_rad : float64 (n,)
-        Without what lasts.
+    pitch_sigma_rad, roll_sigma_rad : float64 (n,)
+        One sigma; of the roll without what lasts.
     lasting : (float, float)
         One sigma of the roll that is the same for the whole drive (rad), and by the acceleration to the left
         (rad per m/s²).
@@ -108,6 +110,7 @@ class MotionOnRoad(NamedTuple):
     readings: MotionReadings
     pitch_rad: FloatArray
     roll_rad: FloatArray
+    pitch_sigma_rad: FloatArray
     roll_sigma_rad: FloatArray
     lasting: tuple[float, float]
     lateral_mps2: FloatArray
@@ -161,10 +164,11 @@ class Odometry:
         self.at_state = {one: first_state + i for i, one in enumerate(wandering_states(motion.readings))}
         self.expected = unknowns(motion)
         self.at_constant = {one: first_constant + i for i, one in enumerate(self.expected)}
-        self.level = np.cos(_middle(motion.pitch_rad))
+        self.pitch_sigma = _middle(motion.pitch_sigma_rad)
+        self.level = np.cos(_middle(motion.pitch_rad)) * (1.0 - 0.5 * self.pitch_sigma**2)
         self.roll_rad, self.lateral_mps2 = _middle(motion.roll_rad), _middle(motion.lateral_mps2)
         self.pitching_rad = np.diff(motion.pitch_rad)
-        self.leans_rad = self.pitching_rad * _middle(motion.roll_sigma_rad)
+        self.roll_sigma = _middle(motion.roll_sigma_rad)
         self.known = {one: self._known(one) for one in (self.readings.speed, self.readings.turn_rate) if one}
         self.rests = self._rests()
         self.weight = np.ones((fixes.t_s.size - 1, 2))
@@ -253,17 +257,26 @@ class Odometry:
     def _sigma(self, number: int, state: FloatArray) -> FloatArray:
         """One sigma ``(n - 1,)`` of a way (0) or of a turn (1)."""
         step_s = self.fixes.step_s
+        speed, pushes = (np.abs(_middle(one)) for one in self._ahead(state)[:2])
+        way_m = speed * step_s
         if number:
-            one, floor = self.readings.turn_rate, _TURN_FLOOR**2 * step_s + self.leans_rad**2
+            one, floor = self.readings.turn_rate, _TURN_FLOOR**2 * step_s + self._leans_rad2(way_m)
         else:
             one = self.readings.speed
-            speed, pushes = self._ahead(state)[:2]
-            speed, pushes = np.abs(speed[1:]), np.abs(pushes[1:])
             slips = (_TRACTION_PER_MPS2 * pushes * speed) ** 2 * _TRACTION_LASTS_S
             dead = np.where(speed < 2.0 * _DEAD_MPS, _DEAD_MPS**2 / 12.0 * _DEAD_LASTS_S, 0.0)
+            climbs = (self.pitch_sigma * np.maximum(self.pitch_sigma, 1.0 - self.level)) ** 2
             floor = (_WAY_FLOOR**2 + slips + np.where(self.rests, 0.0, dead)) * step_s
+            floor = floor + climbs * _CLIMB_LASTS_M * way_m
         assert one is not None
         return np.asarray(np.sqrt(one.variance(self.fixes.t_s + one.lag_s) + floor))
+
+    def _leans_rad2(self, way_m: FloatArray) -> FloatArray:
+        """Variance ``(n - 1,)`` of the turn of a car that pitches while it leans, from what is not known of both."""
+        pitching = 2.0 * self.pitch_sigma**2 * way_m / _CLIMB_LASTS_M
+        return np.asarray(
+            (self.pitching_rad * self.roll_sigma) ** 2 + (self.roll_rad**2 + self.roll_sigma**2) * pitching
+        )
 
     @staticmethod
     def _ahead(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
