@@ -44,9 +44,11 @@ ROADS = {"urban": 40.0, "highway": 60.0}
 MINUTES = 5.0
 OUTAGES_S = (10.0, 30.0, 60.0)
 BEGINS_S = (60.0, 140.0, 220.0)
-IN_BENDS_DEGPS = 3.0
+IN_BENDS_DEGPS = 2.0
 STEEPEST_PERCENT, BODY_LEANS_DEG_PER_MPS2 = 8.0, 0.35
 """No bend falls more steeply (håndbok N100); a family car leans out of it by 3.5° a g."""
+SLIP_DEG_PER_MPS2 = (0.25, 0.15)
+"""Of the rear axle, and one sigma from car to car: the drives of a road have cars that are evenly spread over it."""
 INSIDE = 5.991
 """95 % of squared distances over the variance of an axis, in the plane."""
 HEADING_NEES, INSIDE_SHARE, WITHIN_M, TIMES = (0.7, 1.5), (0.92, 0.98), 1.5, 4.0
@@ -117,13 +119,20 @@ class Drive:
         return np.asarray(np.abs(np.convolve(rate, np.ones(frames) / frames, "same")) > IN_BENDS_DEGPS)
 
 
-def driven(road: str, seed: int, sensors: str) -> Drive:
-    """One drive of a road."""
+def driven(road: str, seed: int, sensors: str, *, lags_stated: bool = False, share: float = 0.5) -> Drive:
+    """One drive of a road, by a car whose slip has this share of all cars' below it."""
+    from scipy.stats import norm
+
     world = as_stated(lively(road, seed), 1, seed, ErrorBudget())
     fall = float(np.clip(world.road.superelevation_percent, -STEEPEST_PERCENT, STEEPEST_PERCENT))
-    noise = replace(world.noise, roll_deg_per_mps2=BODY_LEANS_DEG_PER_MPS2)
+    noise = replace(
+        world.noise,
+        roll_deg_per_mps2=BODY_LEANS_DEG_PER_MPS2,
+        slip_deg_per_mps2=SLIP_DEG_PER_MPS2[0] + SLIP_DEG_PER_MPS2[1] * float(norm.ppf(share)),
+        slip_sigma_deg_per_mps2=0.0,
+    )
     world = replace(world, road=replace(world.road, superelevation_percent=fall), noise=noise)
-    motion, _ = simulated_motion(world, seed, MotionSensors())
+    motion, _ = simulated_motion(world, seed, MotionSensors(lags_stated=lags_stated))
     without = {"gyro": {"wheel_angle": None}, "steering": {"turn_rate": None}, "all": {}}[sensors]
     return Drive(simulate_drive(world, seed), replace(motion, **without))
 
@@ -205,11 +214,19 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=12, help="drives a road (default 12)")
     parser.add_argument("--road", choices=tuple(ROADS), nargs="+", default=list(ROADS))
     parser.add_argument("--sensors", choices=("gyro", "steering", "all"), default="gyro")
-    parser.add_argument("--outages", type=float, nargs="+", default=list(OUTAGES_S))
+    parser.add_argument("--lags-stated", action="store_true", help="series that say how late they are, to 5 ms")
+    parser.add_argument("--outages", type=float, nargs="*", default=list(OUTAGES_S))
     options = parser.parse_args()
     missed = []
     for road in options.road:
-        drives = [driven(road, seed, options.sensors) for seed in range(options.seeds)]
+        # Stop-and-go drives and others, each with all kinds of cars.
+        order = np.concatenate([np.arange(0, options.seeds, 2), np.arange(1, options.seeds, 2)[::-1]])
+        shares = np.empty(options.seeds)
+        shares[order] = (np.arange(options.seeds) + 0.5) / options.seeds
+        drives = [
+            driven(road, seed, options.sensors, lags_stated=options.lags_stated, share=share)
+            for seed, share in enumerate(shares.tolist())
+        ]
         bends, before = headings(drives)
         nees = bends.heading_nees
         print(

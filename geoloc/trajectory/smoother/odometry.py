@@ -53,6 +53,9 @@ _WHEELBASE_M = 2.75
 # What is in no series: whatever its samples say, a metre a second for a second is known to 1 cm, a turn to 0.01°.
 _WAY_FLOOR = 0.01
 _TURN_FLOOR = np.radians(0.01)
+# A gyro shows slip, since it turns with the body; but a lag of slip times speed looks the same, so that it must
+# be known: 0.02 s are 0.08° per m/s² at 50 km/h.
+_LAG_KNOWN_S = 0.02
 # Where no fix tells a climb, it is another one after so long a way (`smoother.tilt`).
 _CLIMB_LASTS_M = 250.0
 # Tyres that push or brake slip by this share a m/s², for as long as they do.
@@ -185,6 +188,12 @@ class Odometry:
         rates = np.array([0.5 * sizes[one] ** 2 for one in self.at_state])
         return np.asarray(np.exp(-self.fixes.step_s[:, None] * rates))
 
+    @property
+    def shows_slip(self) -> bool:
+        """Whether the turns of the body are known apart from those of its course."""
+        one = self.readings.turn_rate
+        return one is not None and one.lag_sigma_s <= _LAG_KNOWN_S
+
     def leans_m(self, antenna: int) -> tuple[int, FloatArray] | None:
         """Which constant moves an antenna to the left, and by how much (n,): a roof that leans in bends.
 
@@ -274,9 +283,9 @@ class Odometry:
     def _leans_rad2(self, way_m: FloatArray) -> FloatArray:
         """Variance ``(n - 1,)`` of the turn of a car that pitches while it leans, from what is not known of both."""
         pitching = 2.0 * self.pitch_sigma**2 * way_m / _CLIMB_LASTS_M
-        return np.asarray(
-            (self.pitching_rad * self.roll_sigma) ** 2 + (self.roll_rad**2 + self.roll_sigma**2) * pitching
-        )
+        leans = self.roll_rad**2 + self.roll_sigma**2
+        leans = leans + self.motion.lasting[0] ** 2 + (self.motion.lasting[1] * self.lateral_mps2) ** 2
+        return np.asarray((self.pitching_rad * self.roll_sigma) ** 2 + leans * pitching)
 
     @staticmethod
     def _ahead(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

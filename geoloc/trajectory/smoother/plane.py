@@ -254,8 +254,8 @@ class _Fit:
         # smoothly that heading turns is one slip likelier than another, and drivers' hands are no white
         # noise: found from that, the slip of real drives is off by up to five of its sigmas.
         self.slip_shows = bool(len(self.modes) or told)
-        if motion is not None and motion.readings.turn_rate is not None:
-            self.slip_shows = True  # a gyro turns with the body
+        if self.odometry is not None:
+            self.slip_shows |= self.odometry.shows_slip
         slip_sigma = SLIP_RAD_PER_MPS2[1] if self.slip_shows else 1e-6
         self.prior_sigma = np.append(sigma, [slip_sigma, axle_m[1]])
         self.scale = np.ones(levers_m.shape[1])
