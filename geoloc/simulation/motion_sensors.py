@@ -1,4 +1,4 @@
-"""What a simulated car measures of its own motion: speed of its wheels, rate of its gyro, angle of its front wheels."""
+"""What a simulated car measures of its own motion: speed of its wheels, turn rate, steering angle."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def measured_motion(
     spec: MotionSensors,
     seed: int,
 ) -> tuple[VehicleMotion, DrawnMotionErrors]:
-    """Measure a true motion: place of the rear axle ``(n, 3)`` and axes of the car ``(n, 3, 3)``, evenly in time."""
+    """Measure a true motion: place of the rear axle ``(n, 3)``, axes of the car ``(n, 3, 3)``, even."""
     step_s = float(time_s[1] - time_s[0])
     velocity = np.gradient(place_m, step_s, axis=0)
     speed = np.einsum("nk,nk->n", velocity, enu_R_rig[:, :, 0])
@@ -180,7 +180,7 @@ def _turn_rate(enu_R_rig: FloatArray, step_s: float) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     turns = Rotation.from_matrix(np.swapaxes(enu_R_rig[:-2], 1, 2) @ enu_R_rig[2:]).as_rotvec()[:, 2]
-    return np.concatenate([turns[:1], turns, turns[-1:]]) / (2.0 * step_s)
+    return np.asarray(np.concatenate([turns[:1], turns, turns[-1:]]) / (2.0 * step_s))
 
 
 def _bias_degps(time_s: FloatArray, spec: MotionSensors, seed: int) -> FloatArray:

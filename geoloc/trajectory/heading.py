@@ -107,8 +107,8 @@ def first_yaw(
     baseline_deg : float64 (n,)
         `heading_from_baseline`, NaN where unknown.
     turned_rad : float64 (n,), optional
-        By how much the car has turned since the first knot, as it measured itself: between known yaws it turns
-        like that.
+        By how much the car has turned since the first knot, as it measured itself: between known yaws it
+        turns like that.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Series of a car's own sensors on the clock of a drive: their integrals, their noise, and where they have samples."""
+"""Series of a car's own sensors on the clock of a drive: integrals, noise, and where there are samples."""
 
 from __future__ import annotations
 
@@ -100,8 +100,6 @@ class MotionReadings:
     speed, turn_rate, wheel_angle : Reading or None
         m/s, rad/s, rad.
     wheelbase_m : float or None
-    unsigned : bool
-        Whether the speed is never negative, so that it does not say which way the car goes.
     """
 
     speed: Reading | None
@@ -146,8 +144,8 @@ _LAG_MARGIN_S = 0.5
 def followed_epochs(knot_ns: IntArray, motion: VehicleMotion) -> IntArray:
     """Knots of a drive: those of its fixes, and more where only the car's motion tells how it went.
 
-    Between fixes, before the first and after the last, `_STEP_S` apart; nothing where the motion has a hole, or
-    where the next fix is more than `LONGEST_BRIDGE_S` away.
+    Between fixes, before the first and after the last, `_STEP_S` apart; nothing where the motion has a hole,
+    or where the next fix is more than `LONGEST_BRIDGE_S` away.
 
     Parameters
     ----------
@@ -194,12 +192,13 @@ def _check(series: MotionSeries, what: str) -> None:
     bad = ~np.isfinite(series.values)
     if bad.any():
         raise TrajectoryError(
-            f"{what}: {int(bad.sum())} of {n} samples are NaN (first: number {int(np.argmax(bad))}): drop them."
+            f"{what}: {int(bad.sum())} of {n} samples are NaN (first: number {int(np.argmax(bad)) + 1}): "
+            "drop them."
         )
 
 
 def _noise(values: FloatArray) -> float:
-    """One sigma of what each sample has for itself: off a parabola through its neighbours, and its rounding."""
+    """One sigma of what each sample has for itself: off a parabola through its neighbours, by rounding."""
     steps = np.abs(np.diff(values))
     steps = steps[steps > _LEAST_STEP]
     rounding = float(steps.min()) / np.sqrt(12.0) if steps.size else 0.0

@@ -23,23 +23,21 @@ from geoloc.trajectory.heading import (
     moving,
 )
 from geoloc.trajectory.interpolation import bracket, hermite, linear, seconds, tangents
-from geoloc.trajectory.motion_checks import checked_readings
+from geoloc.trajectory.motion_checks import check_readings
 from geoloc.trajectory.motion_readings import MotionReadings
-from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses
+from geoloc.trajectory.poses import GnssFixes, Poses
+from geoloc.trajectory.smoother.found import motion_found
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes, knot_fixes
 from geoloc.trajectory.smoother.odometry import MotionOnRoad
 from geoloc.trajectory.smoother.plane import (
     AXLE_KNOWN_M,
-    SLIP_RAD_PER_MPS2,
     PlaneTrack,
-    antenna_modes,
     smoothed_plane,
-    start_constants,
-    start_size,
 )
 from geoloc.trajectory.smoother.reckoning import reckoned, turned_rad
+from geoloc.trajectory.smoother.state import OWN
 from geoloc.trajectory.smoother.tilt import TiltTrack, smoothed_tilt
-from geoloc.trajectory.vehicle_motion import VehicleMotion
+from geoloc.trajectory.vehicle_motion import MotionFound, VehicleMotion
 
 LEVER_SIGMA_M = 0.02
 """A tape measure on a car body: an antenna against the others, an axis."""
@@ -92,8 +90,8 @@ class Fitted(NamedTuple):
     tilt : TiltTrack
     pair : bool
         Whether two antennas give a heading.
-    readings : MotionReadings or None
-        What the car measured of its own motion.
+    motion : MotionFound or None
+        What was found of the car's own sensors.
     """
 
     knots: KnotFixes
@@ -101,7 +99,7 @@ class Fitted(NamedTuple):
     track: PlaneTrack
     tilt: TiltTrack
     pair: bool
-    readings: MotionReadings | None = None
+    motion: MotionFound | None = None
 
 
 def fitted(
@@ -140,7 +138,8 @@ def fitted(
     for antenna in knots.heading_antennas:
         told = 90.0 - np.degrees(knots.heading_rad[:, antenna])
         line = np.where(np.isfinite(line), line, told)
-    readings = None if motion is None else checked_readings(motion, knots, knot_ns, _surest(alone))
+    readings = None if motion is None else MotionReadings.of(motion, int(knot_ns[0]))
+    turns_show = readings is not None and check_readings(readings, knots, _surest(alone))
     track = _start(knots, alone, arms, line, readings)
     drift = np.min([one.velocity_sigma_mps for one in alone], axis=0)
     if readings is not None and readings.speed is not None:
@@ -160,7 +159,8 @@ def fitted(
             iterations=iterations,
         )
         tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
-    return Fitted(knots, arms, track, tilt, pair is not None, readings)
+    found = None if readings is None else motion_found(readings, knots, track, turns_show=turns_show)
+    return Fitted(knots, arms, track, tilt, pair is not None, found)
 
 
 def _on_road(
@@ -228,13 +228,7 @@ def _of_one_antenna(knots: KnotFixes, antenna: int) -> PlaneTrack:
     own = knots.only(antenna)
     state = np.zeros((knots.t_s.size, 6))
     state[:, :2] = knots.path_m
-    begin = PlaneTrack(
-        state,
-        np.zeros(0),
-        np.array([SLIP_RAD_PER_MPS2[0], 0.0]),
-        np.zeros(0),
-        own.seen.astype(np.float64),
-    )
+    begin = PlaneTrack(state, np.zeros(0), np.zeros(0), np.zeros(0), own.seen.astype(np.float64))
     return smoothed_plane(own, np.zeros((knots.t_s.size, 1, 2)), 0.0, begin, iterations=6)
 
 
@@ -310,30 +304,22 @@ def _start(
     readings: MotionReadings | None,
 ) -> PlaneTrack:
     """Where to start smoothing: antennas on their own, lever arms taken off with a first heading."""
-    n, m = knots.seen.shape
-    told = len(knots.heading_antennas)
+    n = knots.t_s.size
     best = _surest(alone)
     turns = None if readings is None else turned_rad(knots, readings)
     yaw = first_yaw(knots.t_s, best.position_m, best.velocity_mps, best.velocity_sigma_mps, line_deg, turns)
     turn = rotation_enu_from_rig(90.0 - np.degrees(yaw), 0.0, 0.0)[:, :2]
     near = np.stack([one.position_m - turn @ arm for one, arm in zip(alone, arms_m, strict=True)], axis=1)
     trust = np.stack([one.position_sigma_m**-2.0 for one in alone], axis=1)[:, :, None]
-    level = np.zeros(n)
-    motion = (
-        None
-        if readings is None
-        else MotionOnRoad(readings, level, level, level, level, (0.0, 0.0), level, arms_m[:, 2])
-    )
-    state = np.zeros((n, start_size(m, told, motion)))
+    state = np.zeros((n, OWN))
     state[:, :2] = (trust * near).sum(axis=1) / trust.sum(axis=1)
     state[:, 2:6] = best.state[:, 2:]
     state[:, 6] = yaw
     state[:, 7] = np.clip(tangents(knots.t_s, yaw), -1.0, 1.0)
     if readings is not None:
         state = reckoned(knots, readings, yaw, state)
-    constants = start_constants(len(antenna_modes(m)), told, motion, 0.0)
     weight = np.concatenate([one.weight for one in alone], axis=1)
-    return PlaneTrack(state, np.zeros(0), constants, np.zeros(0), weight)
+    return PlaneTrack(state, np.zeros(0), np.zeros(0), np.zeros(0), weight)
 
 
 def rig_poses(knot_ns: IntArray, fit: Fitted) -> Poses:

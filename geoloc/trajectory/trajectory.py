@@ -16,11 +16,11 @@ from geoloc.trajectory.curves import pose_curves
 from geoloc.trajectory.fix_checks import check_positions, common_epochs, late_sigma_s, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
+from geoloc.trajectory.motion_readings import followed_epochs
 from geoloc.trajectory.pose_noise import PoseSigmas, with_estimated_sigmas
 from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses, PoseTrack, without_headings
-from geoloc.trajectory.motion_readings import followed_epochs
 from geoloc.trajectory.rig_poses import fitted, raw_poses, rig_poses
-from geoloc.trajectory.vehicle_motion import VehicleMotion
+from geoloc.trajectory.vehicle_motion import MotionFound, VehicleMotion
 
 __all__ = [
     "GnssFixes",
@@ -66,6 +66,8 @@ class Trajectory:
         One sigma of how late the positions may be against their epochs, all alike.
     is_fitted : bool
         Whether poses were fitted to fixes, so that it is known how much of their errors lasts; else recorded.
+    motion : MotionFound or None
+        What was found of the car's own sensors, where there are any.
     """
 
     knots: Poses
@@ -78,6 +80,7 @@ class Trajectory:
     estimated: PoseSigmas | None = None
     late_sigma_s: float = 0.0
     is_fitted: bool = False
+    motion: MotionFound | None = None
 
     @property
     def epoch_ns(self) -> IntArray:
@@ -229,13 +232,15 @@ def trajectory_from_gnss(
     max_gap_s : float
         Longest time between fixes that is bridged.
     motion : VehicleMotion, optional
-        What the car measured of its own motion.
+        What the car measured of its own motion. With speed and turning (turn rate or steering angle) there
+        are poses where fixes are missing for up to `motion_readings.LONGEST_BRIDGE_S`, also before the first
+        fix and after the last.
 
     Raises
     ------
     TrajectoryError
         No fixes, an antenna without a lever arm, antennas that stand elsewhere than the rig says, or fixes
-        that make no track.
+        that make no track; motion in another unit, of another sign or by another clock.
     """
     if not fixes:
         raise TrajectoryError("There are no GNSS fixes: give the recording of at least one antenna.")
@@ -262,6 +267,7 @@ def trajectory_from_gnss(
         lasting_roll=fit.tilt.lasting_roll,
         late_sigma_s=late_sigma_s(kept),
         is_fitted=True,
+        motion=fit.motion,
     )
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from geoloc.arrays import FloatArray, IntArray
 
-__all__ = ["MotionSeries", "VehicleMotion"]
+__all__ = ["Estimate", "MotionFound", "MotionSeries", "VehicleMotion"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,3 +57,47 @@ class VehicleMotion:
     turn_rate: MotionSeries | None = None
     wheel_angle: MotionSeries | None = None
     wheelbase_m: float | None = None
+
+
+class Estimate(NamedTuple):
+    """What was found, and one sigma."""
+
+    value: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class MotionFound:
+    """What a trajectory found of a car's own sensors; None for what it has not.
+
+    Attributes
+    ----------
+    wheel_scale : Estimate or None
+        Speed of the wheels over the true one, in the mean over the drive.
+    gyro_bias_radps : Estimate or None
+        Of the turn rate, in the mean over the drive.
+    gyro_scale : Estimate or None
+        Turn rate over the true one.
+    wheel_lag_s, gyro_lag_s : Estimate or None
+        How much later than the measurement the stamps are.
+    steering_offset_rad : Estimate or None
+        Angle that is read where the car goes straight.
+    speed_sigma_mps, turn_rate_sigma_radps, wheel_angle_sigma_rad : float or None
+        One sigma of a sample, where the series states none: from the series itself.
+    turns_show : bool
+        Whether the drive turned enough for the sign and unit of turns to be checked against the course.
+    bridged_s : float
+        Time for which there were no fixes, and poses are given all the same.
+    """
+
+    wheel_scale: Estimate | None = None
+    gyro_bias_radps: Estimate | None = None
+    gyro_scale: Estimate | None = None
+    wheel_lag_s: Estimate | None = None
+    gyro_lag_s: Estimate | None = None
+    steering_offset_rad: Estimate | None = None
+    speed_sigma_mps: float | None = None
+    turn_rate_sigma_radps: float | None = None
+    wheel_angle_sigma_rad: float | None = None
+    turns_show: bool = False
+    bridged_s: float = 0.0

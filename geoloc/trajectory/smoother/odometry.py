@@ -1,21 +1,23 @@
 """What a car measures of its own motion, as observations of the smoother in the plane.
 
-From each knot to the next the wheels tell the way and the gyro the turn, both as integrals of all samples between:
-a gyro of 100 Hz costs no more than one of 5 Hz. At each knot the front wheels tell by how much the path bends.
-Scale of the wheels and bias of the gyro wander, and are states; what stays is constants of the drive (`Unknown`).
+From each knot to the next the wheels tell the way and the gyro the turn, both as integrals of all samples
+between: a gyro of 100 Hz costs no more than one of 5 Hz. At each knot the front wheels tell by how much the
+path bends. Scale of the wheels and bias of the gyro wander, and are states; what stays is constants.
 The equations, with measured times later than the stamps by an unknown lag:
 
 - way: scale × the integral of the speed ahead, along the road's slope;
 - turn: scale × (turn about the car's own vertical axis) + bias × time. That axis leans with the road: of the
   turn about the true vertical it has the cosines of pitch and roll, and a pitching car turns besides by the
   sine of its roll;
-- steering angle: offset + scale × (angle of the wheelbase over the radius + understeer × lateral acceleration),
-  the bicycle model;
+- steering angle: offset + scale × (angle of the wheelbase over the radius + understeer × lateral
+  acceleration), the bicycle model;
 - wheels that are at rest: the car keeps its place and its heading.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -50,11 +52,11 @@ UNDERSTEER_RAD_PER_MPS2 = (np.radians(0.25), np.radians(0.15))
 # A wheelbase that nobody states; its spread is in the scale.
 _WHEELBASE_M = 2.75
 
-# What is in no series: whatever its samples say, a metre a second for a second is known to 1 cm, a turn to 0.01°.
+# What is in no series: whatever its samples say, the way of a second is known to 1 cm, its turn to 0.01°.
 _WAY_FLOOR = 0.01
 _TURN_FLOOR = np.radians(0.01)
-# A gyro shows slip, since it turns with the body; but a lag of slip times speed looks the same, so that it must
-# be known: 0.02 s are 0.08° per m/s² at 50 km/h.
+# A gyro shows slip, since it turns with the body; but a lag of slip times speed looks the same, so that it
+# must be known: 0.02 s are 0.08° per m/s² at 50 km/h.
 _LAG_KNOWN_S = 0.02
 # Where no fix tells a climb, it is another one after so long a way (`smoother.tilt`).
 _CLIMB_LASTS_M = 250.0
@@ -126,6 +128,17 @@ def wandering_states(readings: MotionReadings) -> list[WanderingState]:
     return speed + ([WanderingState.GYRO_BIAS] if readings.turn_rate else [])
 
 
+def unknown_names(readings: MotionReadings) -> list[Unknown]:
+    """Constants that these series bring along, in their order."""
+    level = np.zeros(1)
+    return list(unknowns(MotionOnRoad(readings, level, level, level, level, (0.0, 0.0), level, level)))
+
+
+def shows_slip(readings: MotionReadings) -> bool:
+    """Whether the turns of the body are known apart from those of its course."""
+    return readings.turn_rate is not None and readings.turn_rate.lag_sigma_s <= _LAG_KNOWN_S
+
+
 def unknowns(motion: MotionOnRoad) -> dict[Unknown, tuple[float, float]]:
     """Constants that these series bring along, each with what is expected beforehand and one sigma."""
     readings = motion.readings
@@ -151,6 +164,22 @@ def steered_radps(readings: MotionReadings, angle_rad: FloatArray, forward_mps: 
     return np.asarray(forward_mps * angle_rad / (base_m + UNDERSTEER_RAD_PER_MPS2[0] * forward_mps**2))
 
 
+_Rows = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Jacobians by a knot, by the next and by the constants, and residuals."""
+
+
+@dataclass(slots=True, eq=False)
+class _Link:
+    """What one series tells between neighbouring knots: its equations, and the variance of what it lacks."""
+
+    one: Reading
+    rows: Callable[[Reading, FloatArray, FloatArray], _Rows]
+    floor: Callable[[FloatArray, FloatArray], FloatArray]
+    known: BoolArray
+    weight: FloatArray
+    scale: float = 1.0
+
+
 class Odometry:
     """The equations of a car's own measurements, linearised about any state.
 
@@ -172,11 +201,16 @@ class Odometry:
         self.roll_rad, self.lateral_mps2 = _middle(motion.roll_rad), _middle(motion.lateral_mps2)
         self.pitching_rad = np.diff(motion.pitch_rad)
         self.roll_sigma = _middle(motion.roll_sigma_rad)
-        self.known = {one: self._known(one) for one in (self.readings.speed, self.readings.turn_rate) if one}
+        self.links = [
+            _Link(one, rows, floor, self._known(one), np.ones(fixes.step_s.size))
+            for one, rows, floor in (
+                (self.readings.speed, self._way, self._way_floor),
+                (self.readings.turn_rate, self._turn, self._turn_floor),
+            )
+            if one is not None
+        ]
         self.rests = self._rests()
-        self.weight = np.ones((fixes.t_s.size - 1, 2))
-        self.steering_weight = np.ones(fixes.t_s.size)
-        self.scale = np.ones(3)
+        self.steering_weight, self.steering_scale = np.ones(fixes.t_s.size), 1.0
 
     @property
     def fades(self) -> FloatArray:
@@ -188,12 +222,6 @@ class Odometry:
         rates = np.array([0.5 * sizes[one] ** 2 for one in self.at_state])
         return np.asarray(np.exp(-self.fixes.step_s[:, None] * rates))
 
-    @property
-    def shows_slip(self) -> bool:
-        """Whether the turns of the body are known apart from those of its course."""
-        one = self.readings.turn_rate
-        return one is not None and one.lag_sigma_s <= _LAG_KNOWN_S
-
     def leans_m(self, antenna: int) -> tuple[int, FloatArray] | None:
         """Which constant moves an antenna to the left, and by how much (n,): a roof that leans in bends.
 
@@ -204,45 +232,42 @@ class Odometry:
 
     def observe(self, chain: Chain, state: FloatArray, constants: FloatArray) -> None:
         """Add the equations at a state."""
-        n, size = state.shape
-        for number, one in enumerate((self.readings.speed, self.readings.turn_rate)):
-            if one is None:
-                continue
-            rows = self._way(state, constants) if number == 0 else self._turn(state, constants)
-            sigma = self._sigma(number, state) * self.scale[number]
-            chain.across(*rows, self.known[one] * self.weight[:, number] / sigma**2)
+        for link in self.links:
+            rows = link.rows(link.one, state, constants)
+            sigma = self._sigma(link, state) * link.scale
+            chain.across(*rows, link.known * link.weight / sigma**2)
         if self.rests.any():
-            here = np.zeros((n - 1, 3, size))
-            here[:, [0, 1, 2], [0, 1, YAW]] = 1.0
-            off = -np.diff(state[:, [0, 1, YAW]], axis=0)
-            weight = self.rests[:, None] / self.fixes.step_s[:, None]
-            weight = weight / np.array([_STANDS_M, _STANDS_M, _STANDS_RAD]) ** 2
-            for row in range(3):
-                one_row = here[:, row]
-                chain.across(
-                    -one_row, one_row, np.zeros((n - 1, constants.size)), off[:, row], weight[:, row]
-                )
+            self._stand(chain, state, constants)
         if self.readings.wheel_angle is not None:
-            jacobian, by_constants, residual, sigma = self._steering(state, constants)
+            jacobian, by_constants, residual, sigma = self._steering(
+                self.readings.wheel_angle, state, constants
+            )
             count = np.minimum(1.0, self.fixes.share_s / _STEERING_LASTS_S)
-            weight = self.steering_weight * count / (sigma * self.scale[2]) ** 2
+            weight = self.steering_weight * count / (sigma * self.steering_scale) ** 2
             chain.observe(jacobian, residual[:, None], weight[:, None], by_constants)
 
     def weigh(self, state: FloatArray, constants: FloatArray, power: int) -> None:
         """Take weight from what does not fit: spinning and locked wheels, glitches of a bus."""
-        for number, one in enumerate((self.readings.speed, self.readings.turn_rate)):
-            if one is None or not self.known[one].any():
-                continue
-            rows = self._way(state, constants) if number == 0 else self._turn(state, constants)
-            seen = self.known[one]
-            off = np.abs(rows[3][seen]) / self._sigma(number, state)[seen]
-            self.weight[seen, number], self.scale[number] = robust_weight(off, MEDIAN_1D, power)
+        for link in self.links:
+            if link.known.any():
+                residual = link.rows(link.one, state, constants)[3]
+                off = (np.abs(residual) / self._sigma(link, state))[link.known]
+                link.weight[link.known], link.scale = robust_weight(off, MEDIAN_1D, power)
         if self.readings.wheel_angle is not None:
-            _, _, residual, sigma = self._steering(state, constants)
+            _, _, residual, sigma = self._steering(self.readings.wheel_angle, state, constants)
             seen = np.isfinite(sigma)
             if seen.any():
                 off = np.abs(residual[seen]) / sigma[seen]
-                self.steering_weight[seen], self.scale[2] = robust_weight(off, MEDIAN_1D, power)
+                self.steering_weight[seen], self.steering_scale = robust_weight(off, MEDIAN_1D, power)
+
+    def _stand(self, chain: Chain, state: FloatArray, constants: FloatArray) -> None:
+        """Place and heading stay where the wheels are at rest."""
+        by_constants = np.zeros((len(state) - 1, constants.size))
+        for column, sigma in ((0, _STANDS_M), (1, _STANDS_M), (YAW, _STANDS_RAD)):
+            jacobian = np.zeros((len(state) - 1, state.shape[1]))
+            jacobian[:, column] = 1.0
+            weight = self.rests / (self.fixes.step_s * sigma**2)
+            chain.across(-jacobian, jacobian, by_constants, -np.diff(state[:, column]), weight)
 
     def _constant(self, constants: FloatArray, which: Unknown) -> float:
         return float(constants[self.at_constant[which]])
@@ -261,31 +286,31 @@ class Odometry:
         t_s = self.fixes.t_s + one.lag_s
         first = np.searchsorted(one.t_s, t_s[:-1] - _REST_S)
         last = np.searchsorted(one.t_s, t_s[1:] + _REST_S, side="right")
-        return np.asarray(self.known[one] & (last > first) & (moving[last] == moving[first]))
+        return np.asarray(self._known(one) & (last > first) & (moving[last] == moving[first]))
 
-    def _sigma(self, number: int, state: FloatArray) -> FloatArray:
-        """One sigma ``(n - 1,)`` of a way (0) or of a turn (1)."""
-        step_s = self.fixes.step_s
+    def _sigma(self, link: _Link, state: FloatArray) -> FloatArray:
+        """One sigma ``(n - 1,)`` of a way or of a turn."""
         speed, pushes = (np.abs(_middle(one)) for one in self._ahead(state)[:2])
-        way_m = speed * step_s
-        if number:
-            one, floor = self.readings.turn_rate, _TURN_FLOOR**2 * step_s + self._leans_rad2(way_m)
-        else:
-            one = self.readings.speed
-            slips = (_TRACTION_PER_MPS2 * pushes * speed) ** 2 * _TRACTION_LASTS_S
-            dead = np.where(speed < 2.0 * _DEAD_MPS, _DEAD_MPS**2 / 12.0 * _DEAD_LASTS_S, 0.0)
-            climbs = (self.pitch_sigma * np.maximum(self.pitch_sigma, 1.0 - self.level)) ** 2
-            floor = (_WAY_FLOOR**2 + slips + np.where(self.rests, 0.0, dead)) * step_s
-            floor = floor + climbs * _CLIMB_LASTS_M * way_m
-        assert one is not None
-        return np.asarray(np.sqrt(one.variance(self.fixes.t_s + one.lag_s) + floor))
+        own = link.one.variance(self.fixes.t_s + link.one.lag_s)
+        return np.asarray(np.sqrt(own + link.floor(speed, pushes)))
 
-    def _leans_rad2(self, way_m: FloatArray) -> FloatArray:
-        """Variance ``(n - 1,)`` of the turn of a car that pitches while it leans, from what is not known of both."""
-        pitching = 2.0 * self.pitch_sigma**2 * way_m / _CLIMB_LASTS_M
+    def _way_floor(self, speed_mps: FloatArray, pushes_mps2: FloatArray) -> FloatArray:
+        """Variance of what is in no series of speeds: slip, a dead zone, and climbs that are not known."""
+        slips = (_TRACTION_PER_MPS2 * pushes_mps2 * speed_mps) ** 2 * _TRACTION_LASTS_S
+        creeps = (speed_mps < 2.0 * _DEAD_MPS) & ~self.rests
+        dead = np.where(creeps, _DEAD_MPS**2 / 12.0 * _DEAD_LASTS_S, 0.0)
+        climbs = (self.pitch_sigma * np.maximum(self.pitch_sigma, 1.0 - self.level)) ** 2
+        return np.asarray(
+            (_WAY_FLOOR**2 + slips + dead + climbs * _CLIMB_LASTS_M * speed_mps) * self.fixes.step_s
+        )
+
+    def _turn_floor(self, speed_mps: FloatArray, _pushes_mps2: FloatArray) -> FloatArray:
+        """Variance of what is in no turn rate; a car that pitches while it leans turns by it."""
+        pitching = 2.0 * self.pitch_sigma**2 * speed_mps * self.fixes.step_s / _CLIMB_LASTS_M
         leans = self.roll_rad**2 + self.roll_sigma**2
         leans = leans + self.motion.lasting[0] ** 2 + (self.motion.lasting[1] * self.lateral_mps2) ** 2
-        return np.asarray((self.pitching_rad * self.roll_sigma) ** 2 + leans * pitching)
+        known = (self.pitching_rad * self.roll_sigma) ** 2
+        return np.asarray(_TURN_FLOOR**2 * self.fixes.step_s + known + leans * pitching)
 
     @staticmethod
     def _ahead(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -296,12 +321,8 @@ class Odometry:
         pushes, aside = (np.einsum("nk,nk->n", state[:, ACCELERATION], axis) for axis in axes)
         return forward, pushes, left, aside
 
-    def _way(
-        self, state: FloatArray, constants: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _way(self, one: Reading, state: FloatArray, constants: FloatArray) -> _Rows:
         """Jacobians by a knot, by the next and by the constants, and residual, of the ways."""
-        one = self.readings.speed
-        assert one is not None
         h, ahead = self.fixes.step_s, forward_axis(state[:, YAW])
         forward, pushes, left, aside = self._ahead(state)
         half, twelfth = 0.5 * h, h**2 / 12.0
@@ -323,12 +344,8 @@ class Odometry:
             measured = np.where(way < 0.0, -measured, measured)
         return sides[0], sides[1], by_constants, measured - scale * way
 
-    def _turn(
-        self, state: FloatArray, constants: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _turn(self, one: Reading, state: FloatArray, constants: FloatArray) -> _Rows:
         """The same of the turns."""
-        one = self.readings.turn_rate
-        assert one is not None
         h, at = self.fixes.step_s, self.at_state[WanderingState.GYRO_BIAS]
         scale = 1.0 + self._constant(constants, Unknown.GYRO_SCALE)
         leans = self._constant(constants, Unknown.LEAN_IN_BENDS) * self.lateral_mps2
@@ -351,12 +368,8 @@ class Odometry:
         measured = np.diff(one.integral(self.fixes.t_s + self._constant(constants, Unknown.GYRO_LAG)))
         return sides[0], sides[1], by_constants, measured - scale * about_own - bias * h
 
-    def _steering(
-        self, state: FloatArray, constants: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Jacobian, that of the constants, residual and sigma (infinite: says nothing) of the steering angles."""
-        one = self.readings.wheel_angle
-        assert one is not None
+    def _steering(self, one: Reading, state: FloatArray, constants: FloatArray) -> _Rows:
+        """Jacobian, that of the constants, residual and sigma (infinite: says nothing) of steering angles."""
         forward, rate = self._ahead(state)[0], state[:, YAW_RATE]
         t_s = self.fixes.t_s + self._constant(constants, Unknown.STEERING_LAG)
         share = 0.5 * self.fixes.share_s

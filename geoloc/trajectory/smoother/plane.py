@@ -25,7 +25,7 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from geoloc.trajectory.smoother.chain import MEDIAN_2D, Chain, Links, robust_weight
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
-from geoloc.trajectory.smoother.odometry import MotionOnRoad, Odometry, unknowns, wandering_states
+from geoloc.trajectory.smoother.odometry import MotionOnRoad, Odometry, shows_slip, unknowns
 from geoloc.trajectory.smoother.receiver_motion import MOUNTED_RAD, Headings, Velocities
 from geoloc.trajectory.smoother.state import (
     ACCELERATION,
@@ -85,8 +85,8 @@ class PlaneTrack:
         then what lasts of the receivers' errors (`geoloc.trajectory.smoother.state`).
     constants, constants_covariance : float64 (c,), (c, c)
         Differences of the antennas' places, x then y (`antenna_modes`), how each heading of a receiver is
-        turned against the car (rad), those of the car's own sensors (`odometry.Unknown`), the slip (rad per m/s²), and how far the rig's origin is ahead of the
-        rear axle (m).
+        turned against the car (rad), those of the car's own sensors (`odometry.Unknown`), the slip (rad per
+        m/s²), and how far the rig's origin is ahead of the rear axle (m).
     weight : float64 (n, m)
         1 for a fix that fits, towards 0 for one that does not, and 0 for none.
     """
@@ -163,19 +163,6 @@ def antenna_modes(antennas: int) -> FloatArray:
     return np.asarray(helmert(antennas)) if antennas > 1 else np.zeros((0, 1))
 
 
-def start_constants(modes: int, told: int, motion: MotionOnRoad | None, axle_m: float) -> FloatArray:
-    """Constants as expected beforehand, in the order of `PlaneTrack.constants`."""
-    own = {} if motion is None else unknowns(motion)
-    of_motion = [one[0] for one in own.values()]
-    return np.concatenate([np.zeros(2 * modes + told), of_motion, [SLIP_RAD_PER_MPS2[0], axle_m]])
-
-
-def start_size(antennas: int, told: int, motion: MotionOnRoad | None) -> int:
-    """How many unknowns a knot has."""
-    own = 0 if motion is None else len(wandering_states(motion.readings))
-    return OWN + 2 * antennas + told + own
-
-
 def smoothed_plane(
     fixes: KnotFixes,
     levers_m: FloatArray,
@@ -197,7 +184,7 @@ def smoothed_plane(
     lever_sigma_m : float
         One sigma of an antenna's place, an axis.
     start : PlaneTrack
-        State, constants and weights to start from.
+        State, constants and weights to start from; without constants, from what is expected of them.
     drift_mps : float64 (n,), optional
         One sigma of a velocity that the antennas show of themselves, an axis: a rear axle that rolls no
         faster says nothing of the heading. Without it the antennas are points that have no heading.
@@ -207,7 +194,7 @@ def smoothed_plane(
         Only with `drift_mps`.
     """
     fit = _Fit(fixes, levers_m, lever_sigma_m, drift_mps, axle_m, motion, start)
-    state, constants, weight = start.state.copy(), start.constants.copy(), start.weight
+    state, constants, weight = fit.state.copy(), fit.constants.copy(), start.weight
     for i in range(iterations):
         chain = fit.equations(state, constants, weight)
         step, step_constants = chain.solve()
@@ -246,7 +233,8 @@ class _Fit:
         self.size = 6 if drift_mps is None else OWN + 2 * levers_m.shape[1] + told
         modes = 2 * len(self.modes)
         own = {} if motion is None else unknowns(motion)
-        self.prior = start_constants(len(self.modes), told, motion, axle_m[0])
+        mean = [one[0] for one in own.values()]
+        self.prior = np.concatenate([np.zeros(modes + told), mean, [SLIP_RAD_PER_MPS2[0], axle_m[0]]])
         sigma = [max(lever_sigma_m, 1e-6)] * modes + [MOUNTED_RAD] * told + [one[1] for one in own.values()]
         self.odometry = None if motion is None else Odometry(fixes, motion, self.size, modes + told)
         self.size += 0 if self.odometry is None else len(self.odometry.at_state)
@@ -254,15 +242,16 @@ class _Fit:
         # smoothly that heading turns is one slip likelier than another, and drivers' hands are no white
         # noise: found from that, the slip of real drives is off by up to five of its sigmas.
         self.slip_shows = bool(len(self.modes) or told)
-        if self.odometry is not None:
-            self.slip_shows |= self.odometry.shows_slip
+        self.slip_shows |= motion is not None and shows_slip(motion.readings)
         slip_sigma = SLIP_RAD_PER_MPS2[1] if self.slip_shows else 1e-6
         self.prior_sigma = np.append(sigma, [slip_sigma, axle_m[1]])
         self.scale = np.ones(levers_m.shape[1])
-        self.links = self._links(start.state)
+        self.constants = start.constants if start.constants.size else self.prior
+        self.state = np.pad(start.state, ((0, 0), (0, self.size - start.state.shape[1])))
+        self.links = self._links(self.state)
         if self.headings is not None:  # a point's velocity is not known to begin with
-            self.headings.weigh(start.state, start.constants, power=1)
-            self.velocities.weigh(start.state, self._sits(start.constants), power=1)
+            self.headings.weigh(self.state, self.constants, power=1)
+            self.velocities.weigh(self.state, self._sits(self.constants), power=1)
 
     def equations(self, state: FloatArray, constants: FloatArray, weight: FloatArray) -> Chain:
         """Normal equations at a state."""
