@@ -179,7 +179,9 @@ def _turn_rate(enu_R_rig: FloatArray, step_s: float) -> FloatArray:
     """Rate about the car's own z, from the rotation between neighbouring attitudes, by SciPy."""
     from scipy.spatial.transform import Rotation
 
-    turns = Rotation.from_matrix(np.swapaxes(enu_R_rig[:-2], 1, 2) @ enu_R_rig[2:]).as_rotvec()[:, 2]
+    turns: FloatArray = Rotation.from_matrix(np.swapaxes(enu_R_rig[:-2], 1, 2) @ enu_R_rig[2:]).as_rotvec()[
+        :, 2
+    ]
     return np.asarray(np.concatenate([turns[:1], turns, turns[-1:]]) / (2.0 * step_s))
 
 

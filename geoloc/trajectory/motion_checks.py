@@ -54,8 +54,8 @@ _SCALE_OF_SPEED, _SCALE_OF_TURN, _SCALE_OF_ANGLE = (0.8, 1.25), (0.7, 1.4), (0.5
 _FAST_MPS, _FEWEST = 3.0, 20
 _MEAN_OVER_S, _CHORD_S = 1.0, 2.0
 # Clocks that differ by more than this are not told apart from a drive that has not been made.
-_SEARCH_S, _SEARCH_STEP_S = 5.0, 0.1
-_ONLY_SO_MANY = 600
+_SEARCH_S, _SEARCH_STEP_S = 5.0, 0.2
+_ONLY_SO_MANY = 300
 _FOLLOWS = 0.8
 # Turning is told where it is so much larger than the noise of the course.
 _TURNS_SHOW = 3.0
@@ -129,7 +129,7 @@ def _sample(knots: KnotFixes, best: PlaneTrack) -> _Sample:
     known = knots.seen.any(axis=1) & moving(best.velocity_mps, 3.0 * best.velocity_sigma_mps)
     known &= speed > _FAST_MPS
     rows = np.flatnonzero(known)
-    rows = rows[:: max(1, rows.size // _ONLY_SO_MANY)]
+    rows = rows[:: max(1, -(-rows.size // _ONLY_SO_MANY))]
     course = np.arctan2(best.velocity_mps[:, 1], best.velocity_mps[:, 0])
     last = np.searchsorted(knots.t_s, knots.t_s[rows] + _CHORD_S)
     inside = last < knots.t_s.size
@@ -158,7 +158,7 @@ def _check_speed(one: Reading, sample: _Sample) -> None:
     if covered.sum() < _FEWEST:
         return
     factor = float(np.median(here[covered] / sample.speed_mps[covered]))
-    _check_factor(factor, _SPEED, "the speed of the antennas", _OF_SPEED, _SCALE_OF_SPEED)
+    _check_factor(factor, _SPEED, "that of the antennas", _OF_SPEED, _SCALE_OF_SPEED)
 
     def misfit(late_s: float) -> float:
         there, known = mean(late_s)
@@ -197,12 +197,13 @@ def _check_turns(
     if not np.isfinite(factor):
         return
     if abs(alike) > _FOLLOWS:
-        _check_factor(factor, what, "the turn of the course", table, limits)
+        _check_factor(factor, what, "what the course turns by", table, limits)
     _check_clock(one, what, lambda late_s: fitted(late_s)[2], float(sample.turn_rad.std()))
     if abs(alike) <= _FOLLOWS:
         raise TrajectoryError(
             f"{what} does not follow the turns of the course (correlation {alike:.2f}): it is of "
-            "another axis, of another quantity or of another drive. Give that about the vertical axis, or leave it out."
+            "another axis, of another quantity or of another drive. Give that about the vertical axis, or "
+            "leave it out."
         )
 
 
@@ -230,8 +231,8 @@ def _check_clock(one: Reading, what: str, misfit: Callable[[float], float], spre
         late_s = one.lag_s + float(away[best])
         raise TrajectoryError(
             f"{what} is {abs(late_s):.1f} s {'late' if late_s > 0 else 'early'} against the fixes, and "
-            f"stated to be late by {one.lag_s:.2f} ± {one.lag_sigma_s:.2f} s: state a lag of {late_s:.1f} s, or "
-            "give it stamps of the fixes' clock (UTC)."
+            f"stated to be late by {one.lag_s:.2f} ± {one.lag_sigma_s:.2f} s: state a lag of {late_s:.1f} s, "
+            "or give it stamps of the fixes' clock (UTC)."
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,7 @@ _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 _LEFT = np.sqrt(18.0 / 35.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Reading:
     """One series, with seconds since a drive's first knot.
 
@@ -75,20 +76,38 @@ class Reading:
 
     def integral(self, t_s: FloatArray) -> FloatArray:
         """Integral from the first sample to times ``(k,)``, straight lines between the samples."""
-        return _integral(self.t_s, self.values, t_s)
+        at = np.clip(t_s, self.t_s[0], self.t_s[-1])
+        i = np.clip(np.searchsorted(self.t_s, at, side="right") - 1, 0, self.t_s.size - 2)
+        since_s = at - self.t_s[i]
+        return np.asarray(self._sums[i] + since_s * (self.values[i] + 0.5 * self._slopes[i] * since_s))
 
     def variance(self, t_s: FloatArray) -> FloatArray:
         """Variance ``(k - 1,)`` that the noise of its samples gives the integral between times ``(k,)``."""
-        return np.asarray(np.diff(_integral(self.t_s, self.sigma**2 * self.every_s, t_s)))
+        return np.asarray(np.diff(np.interp(t_s, self.t_s, self._variances)))
 
     def covers(self, begin_s: FloatArray, end_s: FloatArray) -> BoolArray:
         """Whether there are samples all the way between times ``(k,)``."""
-        holes = np.concatenate([[0], np.cumsum(np.diff(self.t_s) > SPARSEST_S)])
         first = np.searchsorted(self.t_s, begin_s, side="right") - 1
         last = np.searchsorted(self.t_s, end_s, side="left")
         inside = (first >= 0) & (last < self.t_s.size)
         first, last = np.maximum(first, 0), np.minimum(last, self.t_s.size - 1)
-        return np.asarray(inside & (holes[last] == holes[first]))
+        return np.asarray(inside & (self._holes[last] == self._holes[first]))
+
+    @cached_property
+    def _sums(self) -> FloatArray:
+        return _sums(np.diff(self.t_s), self.values)
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        return np.asarray(np.diff(self.values) / np.diff(self.t_s))
+
+    @cached_property
+    def _variances(self) -> FloatArray:
+        return _sums(np.diff(self.t_s), self.sigma**2 * self.every_s)
+
+    @cached_property
+    def _holes(self) -> IntArray:
+        return np.concatenate([[0], np.cumsum(np.diff(self.t_s) > SPARSEST_S)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,9 +238,6 @@ def _held_s(t_s: FloatArray, values: FloatArray) -> float:
     return min(max(float(np.median(step_s)), held_s), _LONGEST_HELD_S)
 
 
-def _integral(t_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArray:
-    sums = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t_s) * (values[1:] + values[:-1]))])
-    at = np.clip(at_s, t_s[0], t_s[-1])
-    i = np.clip(np.searchsorted(t_s, at, side="right") - 1, 0, t_s.size - 2)
-    here = np.interp(at, t_s, values)
-    return np.asarray(sums[i] + 0.5 * (at - t_s[i]) * (values[i] + here))
+def _sums(step_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Integral of values from the first to each."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * step_s * (values[1:] + values[:-1]))])

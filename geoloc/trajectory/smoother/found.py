@@ -43,7 +43,7 @@ def motion_found(
             return None
         at = first_state + states.index(which)
         sigma = float(np.sqrt(np.mean(track.covariance[:, at, at])))
-        return Estimate(mean + unit * float(np.mean(track.state[:, at])), unit * sigma)
+        return Estimate(float(mean + unit * np.mean(track.state[:, at])), float(unit * sigma))
 
     # A lag looks like a slip of as much over the speed.
     slip_s = 0.0 if shows_slip(readings) else SLIP_RAD_PER_MPS2[1] * float(np.mean(np.abs(track.forward_mps)))
