@@ -4,18 +4,19 @@ Usage: python benchmarks/vehicle_motion.py [--seeds 16] [--road urban highway] [
        [--lags-stated] [--outages 10 30 60]
 
 Roads and errors are those that are stated (`geoloc.simulation.as_stated`): cars differ in slip by 0.15° per
-m/s², roads climb and lean, axles roll sideways and do not point exactly along the car. Two things besides: bends
-fall by 8 % at most, and bodies lean out of them. Drivers change their speed all the time, and every other one
+m/s², roads climb and lean, axles roll sideways and do not point exactly along the car. Two things besides:
+bends fall by 8 % at most, and bodies lean out of them. Drivers change their speed all the time, and every other one
 stops twice in town. Slip and axle are spread evenly over the drives of a road. The sensors are those of
 `geoloc.simulation.motion_sensors`; they state neither noise nor lag.
 
 Outages: fixes are missing for 10, 30 and 60 s, three times in each drive ("within": there are fixes again
-after it), or from one of three epochs on until the drive ends ("to the end": nothing but the car's own sensors
-tells where it is after so long). Places are held against the stated sigma, a circle.
+after it), or from one of three epochs on until the drive ends ("to the end": nothing but the car's own
+sensors tells where it is after so long). Places are held against the stated sigma, a circle.
 
 Bars: heading NEES in bends, in the mean over drives, 0.7 to 1.5; in an outage of 30 s at 60 km/h 95 % of the
-places within 1.5 m, and 92 to 98 % in their 95 % circle; without any fix after it the median within 1.5 m; time
-of the smoother with motion at most 4 times that without. Errors do not depend on the machine, the ratio hardly.
+places within 1.5 m, and 92 to 98 % in their 95 % circle; without any fix after it the median within 1.5 m;
+time of the smoother with motion at most 4 times that without. Errors do not depend on the machine, the ratio
+hardly.
 """
 
 from __future__ import annotations

@@ -20,3 +20,6 @@ from .trajectory.poses import PoseTrack as PoseTrack
 from .trajectory.trajectory import Trajectory as Trajectory
 from .trajectory.trajectory import trajectory_from_gnss as trajectory_from_gnss
 from .trajectory.trajectory import trajectory_from_poses as trajectory_from_poses
+from .trajectory.vehicle_motion import MotionFound as MotionFound
+from .trajectory.vehicle_motion import MotionSeries as MotionSeries
+from .trajectory.vehicle_motion import VehicleMotion as VehicleMotion
