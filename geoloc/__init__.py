@@ -7,6 +7,7 @@ Where the car was
 
 - `GnssFixes` of each antenna → `trajectory_from_gnss` → `Trajectory`
 - `PoseTrack` of an INS or SLAM → `trajectory_from_poses` → `Trajectory`
+- `VehicleMotion`: the car's own speed and turning, each a `MotionSeries` → `MotionFound` of a `Trajectory`
 - `Trajectory.poses_at(epochs)` → `Poses`
 
 What its cameras saw
