@@ -54,6 +54,9 @@ def test_chain_solves_and_inverts_as_a_dense_matrix() -> None:
     chain = Chain(n, d, c)
     chain.observe(jacobian, residual, weight, by_constants)
     chain.tie(Links(here, there, information), state)
+    between = [rng.normal(size=(n - 1, size)) for size in (d, d, c)]
+    off, known = rng.normal(size=n - 1), rng.uniform(0.5, 2.0, n - 1)
+    chain.across(*between, off, known)
     chain.expect_constants(np.ones(c), np.full(c, 0.5))
     step, step_constants = chain.solve()
     covariance, shared = chain.covariances()
@@ -70,6 +73,11 @@ def test_chain_solves_and_inverts_as_a_dense_matrix() -> None:
         row[:, k * d : k * d + d], row[:, k * d + d : k * d + 2 * d] = here[k], -there[k]
         normal += row.T @ information[k] @ row
         right -= row.T @ information[k] @ (here[k] @ state[k] - there[k] @ state[k + 1])
+        one = np.zeros(n * d + c)
+        one[k * d : k * d + 2 * d] = np.concatenate([between[0][k], between[1][k]])
+        one[n * d :] = between[2][k]
+        normal += known[k] * np.outer(one, one)
+        right += known[k] * off[k] * one
     expected, inverse = np.linalg.solve(normal, right), np.linalg.inv(normal)
     np.testing.assert_allclose(np.append(step.ravel(), step_constants), expected, rtol=1e-9)
     for k in range(n):
