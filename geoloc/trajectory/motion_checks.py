@@ -52,6 +52,7 @@ _ALIKE = 1.35
 # A factor in these limits is a scale, which the smoother finds.
 _SCALE_OF_SPEED, _SCALE_OF_TURN, _SCALE_OF_ANGLE = (0.8, 1.25), (0.7, 1.4), (0.5, 2.0)
 _FAST_MPS, _FEWEST = 3.0, 20
+_ROLLS_MPS = 0.05
 _MEAN_OVER_S, _CHORD_S = 1.0, 2.0
 # Clocks that differ by more than this are not told apart from a drive that has not been made.
 _SEARCH_S, _SEARCH_STEP_S = 5.0, 0.2
@@ -157,7 +158,13 @@ def _check_speed(one: Reading, sample: _Sample) -> None:
     here, covered = mean(0.0)
     if covered.sum() < _FEWEST:
         return
-    factor = float(np.median(here[covered] / sample.speed_mps[covered]))
+    rolls = covered & (np.abs(here) > _ROLLS_MPS)
+    if rolls.sum() < _FEWEST:
+        raise TrajectoryError(
+            f"{_SPEED} stays 0 where the antennas move: leave it out, or give the right series."
+        )
+    # Where they do not roll a ferry may carry the car.
+    factor = float(np.median(here[rolls] / sample.speed_mps[rolls]))
     _check_factor(factor, _SPEED, "that of the antennas", _OF_SPEED, _SCALE_OF_SPEED)
 
     def misfit(late_s: float) -> float:
@@ -212,8 +219,6 @@ def _check_factor(
 ) -> None:
     if limits[0] <= factor <= limits[1]:
         return
-    if abs(factor) < 1e-3:
-        raise TrajectoryError(f"{what} stays 0 where the car drives: leave it out, or give the right series.")
     looks = min(table, key=lambda one: abs(np.log(one / factor)) if one * factor > 0 else np.inf)
     near = looks * factor > 0 and abs(np.log(looks / factor)) < np.log(_ALIKE)
     cure = table[looks] if near else "give it in the unit that it should have"

@@ -66,6 +66,7 @@ _TRACTION_PER_MPS2, _TRACTION_LASTS_S = 0.003, 2.0
 _DEAD_MPS, _DEAD_LASTS_S = 0.3, 0.5
 # Wheels at rest for so long before and after: the car stands, but for what shakes it.
 _REST_MPS, _REST_S = 0.01, 0.5
+_CARRIED_MPS = 1.0
 _STANDS_M, _STANDS_RAD = 5e-4, np.radians(2e-3)
 # A steering angle errs by its play and by the road's crossfall, both for a second.
 _STEERING_FLOOR_RAD, _STEERING_LASTS_S = np.radians(0.15), 1.0
@@ -263,10 +264,12 @@ class Odometry:
     def _stand(self, chain: Chain, state: FloatArray, constants: FloatArray) -> None:
         """Place and heading stay where the wheels are at rest."""
         by_constants = np.zeros((len(state) - 1, constants.size))
+        # On a ferry wheels are at rest too.
+        stands = self.rests & (_middle(np.hypot(*state[:, VELOCITY].T)) < _CARRIED_MPS)
         for column, sigma in ((0, _STANDS_M), (1, _STANDS_M), (YAW, _STANDS_RAD)):
             jacobian = np.zeros((len(state) - 1, state.shape[1]))
             jacobian[:, column] = 1.0
-            weight = self.rests / (self.fixes.step_s * sigma**2)
+            weight = stands / (self.fixes.step_s * sigma**2)
             chain.across(-jacobian, jacobian, by_constants, -np.diff(state[:, column]), weight)
 
     def _constant(self, constants: FloatArray, which: Unknown) -> float:

@@ -252,6 +252,8 @@ class _Fit:
         if self.headings is not None:  # a point's velocity is not known to begin with
             self.headings.weigh(self.state, self.constants, power=1)
             self.velocities.weigh(self.state, self._sits(self.constants), power=1)
+        if self.odometry is not None:
+            self.odometry.weigh(self.state, self.constants, power=1)
 
     def equations(self, state: FloatArray, constants: FloatArray, weight: FloatArray) -> Chain:
         """Normal equations at a state."""

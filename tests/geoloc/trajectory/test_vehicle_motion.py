@@ -181,6 +181,7 @@ def test_poses_go_on_beyond_the_fixes() -> None:
     [
         ("speed", 3.6, 0.0, "km/h"),
         ("speed", -1.0, 0.0, "turn its sign"),
+        ("speed", 0.0, 0.0, "stays 0"),
         ("speed", 1.0, 2.0, "2.0 s late"),
         ("speed", 1.0, 3600.0, "stamps of the fixes' clock"),
         ("turn_rate", np.degrees(1.0), 0.0, "degrees a second"),
@@ -206,11 +207,12 @@ def test_turn_rate_of_something_else_is_refused() -> None:
         smoothed(one_antenna(), replace(motion, turn_rate=replace(motion.turn_rate, values=noise)))
 
 
-def test_spinning_wheels_and_glitches_lose_their_weight() -> None:
-    """Two seconds of wheels that spin on ice move the track by centimetres."""
+def test_wheels_that_spin_or_rest_on_a_ferry_lose_their_weight() -> None:
+    """Two seconds on ice, and twenty in which the car is carried, move the track by centimetres."""
     _, motion, _ = recorded()
     assert motion.speed is not None
     values = motion.speed.values.copy()
     values[1000:1100] *= 1.5
+    values[5500:6500] = 0.0
     off_m = errors(smoothed(one_antenna(), replace(motion, speed=replace(motion.speed, values=values))))[1]
     assert off_m.max() < 0.15
