@@ -6,8 +6,8 @@ Usage: python benchmarks/vehicle_motion.py [--seeds 16] [--road urban highway] [
 Roads and errors are those that are stated (`geoloc.simulation.as_stated`): cars differ in slip by 0.15° per
 m/s², roads climb and lean, axles roll sideways and do not point exactly along the car. Two things besides:
 bends fall by 8 % at most, and bodies lean out of them. Drivers change their speed all the time, and every
-other one stops twice in town. Slip and axle are spread evenly over the drives of a road. The sensors are those
-of `geoloc.simulation.motion_sensors`; they state neither noise nor lag.
+other one stops twice in town. Slip and axle are spread evenly over the drives of a road. The sensors are
+those of `geoloc.simulation.motion_sensors`; they state neither noise nor lag.
 
 Outages: fixes are missing for 10, 30 and 60 s, three times in each drive ("within": there are fixes again
 after it), or from one of three epochs on until the drive ends ("to the end": nothing but the car's own

@@ -167,7 +167,7 @@ class _Clock:
 
     def samples(self, rate_hz: float) -> FloatArray:
         count = int((self.time_s[-1] - self.time_s[0]) * rate_hz)
-        return self.time_s[0] + np.arange(count) / rate_hz
+        return np.asarray(self.time_s[0] + np.arange(count) / rate_hz)
 
     def series(self, measured_s: FloatArray, values: FloatArray, lag_s: float) -> MotionSeries:
         epoch_ns: IntArray = self.start_ns + np.round((measured_s + lag_s) * 1e9).astype(np.int64)
