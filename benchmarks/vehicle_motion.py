@@ -1,6 +1,6 @@
 """One antenna with wheel speed and gyro on simulated drives: headings in bends, places in outages, time.
 
-Usage: python benchmarks/vehicle_motion.py [--seeds 16] [--road urban highway] [--sensors gyro steering all]
+Usage: python benchmarks/vehicle_motion.py [--seeds 8] [--road urban highway] [--sensors gyro steering all]
        [--lags-stated] [--outages 10 30 60]
 
 Roads and errors are those that are stated (`geoloc.simulation.as_stated`): cars differ in slip by 0.15° per
@@ -244,7 +244,7 @@ def missed_places(inner: Found, last: Found) -> list[str]:
 def main() -> None:
     """Print the tables, and leave with 1 where a bar is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=16, help="drives a road (default 16)")
+    parser.add_argument("--seeds", type=int, default=8, help="drives a road (default 8)")
     parser.add_argument("--road", choices=tuple(ROADS), nargs="+", default=list(ROADS))
     parser.add_argument("--sensors", choices=("gyro", "steering", "all"), default="gyro")
     parser.add_argument(
