@@ -160,7 +160,11 @@ class KnotFixes:
         shared = shared * (self.up_over_plane if is_height else 1.0)
         left = smoothed_m[:, None]
         whole = np.where(is_code, np.maximum(shared, left), np.hypot(shared, left))
-        return np.asarray(np.where(self.seen, whole, np.inf).min(axis=1))
+        best, known = np.where(self.seen, whole, np.inf).min(axis=1), self.seen.any(axis=1)
+        # Where the car's own sensors bridge a gap, its ends still share what no smoothing shows.
+        ends = np.where(self.seen, shared, np.inf).min(axis=1)[known]
+        bridged = np.hypot(np.interp(self.t_s, self.t_s[known], ends), smoothed_m)
+        return np.asarray(np.where(known, best, bridged))
 
     @property
     def first(self) -> BoolArray:
