@@ -129,6 +129,7 @@ def _report(found: DriveObjects, comparison: Comparison | None, files: list[Path
         left_out=dict(found.left_out),
         compared=[ComparedRow.of(one) for one in comparison.rows] if comparison else [],
         nvdb_left_out=comparison.left_out if comparison else 0,
+        nvdb_elsewhere=comparison.elsewhere if comparison else 0,
         warnings=list(found.warnings),
         files=[str(file) for file in files],
     )
@@ -164,6 +165,8 @@ def _print(report: ObjectsReport) -> None:
         )
     if report.nvdb_left_out:
         note(f"{report.nvdb_left_out} objects of NVDB have no geometry of their own, and were not compared.")
+    if report.nvdb_elsewhere:
+        note(f"{report.nvdb_elsewhere:,} objects of NVDB lie more than 30 m from where the car drove.")
     if report.left_out:
         print_table("Left out", ["drawings", "count"], list(report.left_out.items()))
     if report.files:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoloc.arrays import FloatArray
-from geoloc.earth.geodesy import geographic_from_utm33
+from geoloc.arrays import BoolArray, FloatArray
+from geoloc.earth.geodesy import geographic_from_utm33, utm33_from_geographic
 from geoloc.locate.combine import ellipse
 from geoloc.locate.visibility import views
 from twin.matching.config import MatchConfig
@@ -29,6 +29,8 @@ NVDB_SIGMA_M = 0.3
 _SIGMAS = 3.0
 _SAMPLE_M = 0.5
 """NVDB's lines are looked at in pieces so long."""
+_NEAR_M = 30.0
+"""Objects of NVDB further from the driven way are none of the drive's."""
 _ENOUGH_M = 5.0
 """Of a line so much must have been in view, or half of it, before nothing of it says that it is gone."""
 
@@ -93,10 +95,13 @@ class Comparison:
     rows : tuple of Compared
     left_out : int
         Objects of NVDB without a geometry of their own.
+    elsewhere : int
+        Objects of NVDB further than 30 m from where the car drove: nothing is said of them.
     """
 
     rows: tuple[Compared, ...]
     left_out: int
+    elsewhere: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,22 +133,36 @@ def compare(
         Whether every object of these types that was in view was drawn: only then one can be missing.
     """
     rows: list[Compared] = []
+    judge, elsewhere = _Judge(found, nvdb_sigma_m, all_drawn), 0
     for of_type in nvdb:
         ours = [
             _Ours(one, plane_geometry(one), float(np.max(ellipse(one.outline.corner_m2)[0])))
             for one in found.objects
             if one.nvdb_type == of_type.nvdb_type
         ]
-        lines = [one for one in of_type.objects if one.geometry.geom_type.endswith("LineString")]
-        others = [one for one in of_type.objects if one not in lines]
+        theirs = _along_the_way(found, of_type.objects)
+        elsewhere += len(of_type.objects) - len(theirs)
+        lines = [one for one in theirs if one.geometry.geom_type.endswith("LineString")]
+        others = [one for one in theirs if not one.geometry.geom_type.endswith("LineString")]
         our_lines = [one for one in ours if one.object.kind == "line"]
-        judge = _Judge(found, nvdb_sigma_m, all_drawn)
         if ours and not our_lines:
-            rows += judge.places(ours, of_type.objects)
+            rows += judge.places(ours, theirs)
             continue
         rows += judge.stretches(our_lines, lines)
         rows += judge.places([one for one in ours if one.object.kind != "line"], others)
-    return Comparison(tuple(rows), sum(one.left_out for one in nvdb))
+    return Comparison(tuple(rows), sum(one.left_out for one in nvdb), elsewhere)
+
+
+def _along_the_way(found: DriveObjects, theirs: Sequence[NvdbObject]) -> list[NvdbObject]:
+    """Those of NVDB's that the car may have come near."""
+    import shapely
+
+    valid = found.poses.valid
+    way = utm33_from_geographic(found.poses.latitude_deg[valid], found.poses.longitude_deg[valid])
+    if not theirs or len(way[0]) < 2:
+        return list(theirs)
+    apart = shapely.distance(shapely.LineString(np.stack(way, axis=1)), [one.geometry for one in theirs])
+    return [one for one, distance in zip(theirs, apart.tolist(), strict=True) if distance <= _NEAR_M]
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,36 +181,38 @@ class _Judge:
             return GroundVerdict.NOT_SEEN
         return GroundVerdict.MISSING if self.all_drawn else GroundVerdict.NOT_DRAWN
 
-    def seen(self, points_m: FloatArray) -> FloatArray:
-        """Whether each place (n, 2) was in view in pictures enough, as 1.0 or 0.0."""
+    def seen(self, points_m: FloatArray) -> BoolArray:
+        """Whether each place (n, 2) was in view in pictures enough."""
         config, drive = MatchConfig(), self.found.drive
         lat, lon = geographic_from_utm33(points_m[:, 0], points_m[:, 1])
         cameras = sorted({row.camera for row in drive.on_ground})
-        count = np.zeros(len(points_m))
+        count = np.zeros(len(points_m), dtype=np.int64)
         for view in views(
             drive.rig, self.found.poses, lat, lon, max_range_m=config.view_range_m, cameras=cameras
         ):
-            np.add.at(count, view.site, 1.0)
-        return (count >= config.min_views).astype(np.float64)
+            np.add.at(count, view.site, 1)
+        return np.asarray(count >= config.min_views)
 
     def places(self, ours: Sequence[_Ours], theirs: Sequence[NvdbObject]) -> list[Compared]:
         """Compare one to one, the nearest first."""
         import shapely
 
+        shapes = [other.geometry for other in theirs]
         pairs = sorted(
-            (float(shapely.distance(one.geometry, other.geometry)), i, j)
+            (distance, i, j)
             for i, one in enumerate(ours)
-            for j, other in enumerate(theirs)
+            for j, distance in enumerate(shapely.distance(one.geometry, shapes).tolist())
+            if distance <= self.reach_m(one)
         )
         of_theirs: dict[int, tuple[int, float]] = {}
         taken: set[int] = set()
         for distance, i, j in pairs:
-            if distance <= self.reach_m(ours[i]) and i not in taken and j not in of_theirs:
+            if i not in taken and j not in of_theirs:
                 taken.add(i)
                 of_theirs[j] = (i, distance)
         rows = []
         middles = np.array([(one.geometry.centroid.x, one.geometry.centroid.y) for one in theirs])
-        seen = self.seen(middles) if len(theirs) else np.empty(0)
+        seen = self.seen(middles.reshape(-1, 2))
         for j, other in enumerate(theirs):
             if j in of_theirs:
                 i, distance = of_theirs[j]
@@ -228,38 +249,43 @@ class _Judge:
         """Compare lines: what of NVDB's was seen, what of that was found, what goes on beyond its ends."""
         import shapely
 
-        rows, matched = [], set[int]()
-        beside = {
-            (i, j): shapely.buffer(other.geometry, self.reach_m(one), cap_style="flat")
-            for i, one in enumerate(ours)
-            for j, other in enumerate(theirs)
-            if shapely.distance(one.geometry, other.geometry) <= self.reach_m(one)
-        }
-        for j, other in enumerate(theirs):
-            mine = [i for i in range(len(ours)) if self._runs_beside(ours[i], beside.get((i, j)))]
-            matched |= set(mine)
-            beyond = sum(
-                _length_outside(ours[i].geometry, [area for (k, _), area in beside.items() if k == i])
-                for i in mine
-            )
-            rows.append(self._line(other, [ours[i] for i in mine], beyond))
-        return rows + [_new(one) for i, one in enumerate(ours) if i not in matched]
+        shapes = np.array([other.geometry for other in theirs], dtype=object)
+        beyond_m, mine, new = np.zeros(len(theirs)), [list[_Ours]() for _ in theirs], []
+        for one in ours:
+            beside = shapely.buffer(shapes, self.reach_m(one), cap_style="flat")
+            common = shapely.length(shapely.intersection(beside, one.geometry))
+            runs = np.flatnonzero(common >= min(1.0, 0.5 * one.geometry.length))
+            if not runs.size:
+                new.append(_new(one))
+                continue
+            for j in runs.tolist():
+                mine[j].append(one)
+            outside = one.geometry.difference(shapely.union_all(beside[runs]))
+            for part in shapely.get_parts(outside):
+                beyond_m[runs[np.argmin(shapely.distance(shapes[runs], part))]] += part.length
+        samples = [_samples(other.geometry) for other in theirs]
+        ends = np.cumsum([len(points) for points, _ in samples])[:-1]
+        seen = np.split(self.seen(np.concatenate([np.empty((0, 2)), *(at for at, _ in samples)])), ends)
+        judged = zip(theirs, mine, beyond_m.tolist(), samples, seen, strict=False)
+        return [self._line(*one) for one in judged] + new
 
-    def _runs_beside(self, one: _Ours, area: BaseGeometry | None) -> bool:
-        if area is None:
-            return False
-        return float(one.geometry.intersection(area).length) >= min(1.0, 0.5 * one.geometry.length)
-
-    def _line(self, other: NvdbObject, mine: Sequence[_Ours], beyond_m: float) -> Compared:
+    def _line(
+        self,
+        other: NvdbObject,
+        mine: Sequence[_Ours],
+        beyond_m: float,
+        sample: tuple[FloatArray, float],
+        in_view: BoolArray,
+    ) -> Compared:
         import shapely
 
-        points, piece_m = _samples(other.geometry)
+        points, piece_m = sample
         places = shapely.points(points)
         covered = np.zeros(len(points), dtype=np.bool_)
         for one in mine:
             area = shapely.buffer(one.geometry, self.reach_m(one), cap_style="flat")
             covered |= shapely.intersects(area, places)
-        seen = self.seen(points).astype(np.bool_) | covered
+        seen = in_view | covered
         gap_m, found_m = float((seen & ~covered).sum() * piece_m), float(covered.sum() * piece_m)
         if not mine:
             enough_m = min(_ENOUGH_M, 0.5 * float(other.geometry.length))
@@ -297,12 +323,6 @@ def _new(one: _Ours) -> Compared:
         found_size=np.nan if measure is None else measure.value,
         size_sigma=np.nan if measure is None else measure.sigma,
     )
-
-
-def _length_outside(line: BaseGeometry, areas: Sequence[BaseGeometry]) -> float:
-    import shapely
-
-    return float(line.difference(shapely.union_all(areas)).length)
 
 
 def _samples(line: BaseGeometry) -> tuple[FloatArray, float]:

@@ -146,6 +146,8 @@ class ObjectsReport:
         Empty without ``--nvdb``.
     nvdb_left_out : int
         Objects of NVDB without a geometry of their own.
+    nvdb_elsewhere : int
+        Objects of NVDB further than 30 m from where the car drove.
     warnings : list of str
     files : list of str
         Those that were written.
@@ -157,6 +159,7 @@ class ObjectsReport:
     left_out: dict[str, int]
     compared: list[ComparedRow]
     nvdb_left_out: int
+    nvdb_elsewhere: int
     warnings: list[str]
     files: list[str]
 

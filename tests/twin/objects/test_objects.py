@@ -102,18 +102,24 @@ def test_missing_is_what_was_in_view_and_a_line_is_judged_by_its_stretches(
     """A rail far off is not seen, one on the other side is missing; what goes beyond NVDB's kerb is told."""
     truth = truth_of(drive).set_index("id").geometry
     kerb, rail = truth["kerb"], truth["rail 2"]
-    shifted = {"beside": shapely.offset_curve(rail, 9.0), "far": shapely.affinity.translate(rail, 200, 200)}
+    shifted = {
+        "beside": shapely.offset_curve(rail, 9.0),
+        "behind a field": shapely.offset_curve(rail, 28.0),
+        "elsewhere": shapely.affinity.translate(rail, 200, 200),
+    }
     path = tmp_path / "rails.gpkg"
     gpd.GeoDataFrame({"nvdb_id": list(shifted)}, geometry=list(shifted.values()), crs=25833).to_file(path)
-    rails = compare(found, [read_nvdb_objects(path, 5)], all_drawn=True).rows
-    assert {one.nvdb_id: one.verdict for one in rails if one.nvdb_id} == {
+    rails = compare(found, [read_nvdb_objects(path, 5)], all_drawn=True)
+    assert {one.nvdb_id: one.verdict for one in rails.rows if one.nvdb_id} == {
         "beside": GroundVerdict.MISSING,
-        "far": GroundVerdict.NOT_SEEN,
+        "behind a field": GroundVerdict.NOT_SEEN,
     }
-    short = shapely.ops.substring(kerb, 0.0, 40.0)
-    gpd.GeoDataFrame({"nvdb_id": ["k"]}, geometry=[short], crs=25833).to_file(path)
-    (row,) = compare(found, [read_nvdb_objects(path, 9)]).rows
-    assert row.beyond_m == pytest.approx(kerb.length - 40.0, abs=1.5)
+    assert rails.elsewhere == 1
+    pieces = [shapely.ops.substring(kerb, 0.0, 20.0), shapely.ops.substring(kerb, 20.0, 40.0)]
+    gpd.GeoDataFrame({"nvdb_id": ["a", "b"]}, geometry=pieces, crs=25833).to_file(path)
+    first, last = compare(found, [read_nvdb_objects(path, 9)]).rows
+    assert (first.verdict, last.verdict) == (GroundVerdict.FOUND, GroundVerdict.SIZE_DIFFERS)
+    assert last.beyond_m == pytest.approx(kerb.length - 40.0, abs=1.5)
     gpd.GeoDataFrame({"nvdb_id": ["k"]}, geometry=[kerb], crs=25833).to_file(path)
     (row,) = compare(found, [read_nvdb_objects(path, 9)], all_drawn=True).rows
     assert row.verdict is GroundVerdict.FOUND
