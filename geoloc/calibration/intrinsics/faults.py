@@ -29,7 +29,8 @@ _SMALLEST_PART = 1e-3
 """Shape errors below this part of the board's half size are left alone: what a flat print has anyway."""
 _ENOUGH_COVERED = 0.6
 _WEAK_DEG = 0.05
-_DISTANCE_PART, _DISTANCE_M = 0.02, 0.01
+_DISTANCE_PART, _DISTANCE_M, _DISTANCE_SIGMAS = 0.005, 0.006, 3.0
+"""Of measured distances: the least that is told, and the tape's and the lens's own place, one sigma."""
 _NO_CAMERA_PX = 0.5
 _NAMES = 5
 
@@ -205,19 +206,24 @@ def distance_faults(fit: Fit, names: tuple[str, ...], measured_m: Mapping[str, f
     middle = np.append(fit.bundle.corners.middle_m, 0.0)
     poses = fit.adjusted.state.poses
     distance = np.linalg.norm(poses.position_m + poses.rotation @ middle, axis=-1)
-    found = [
-        (distance[names.index(name)], metres, name) for name, metres in measured_m.items() if name in names
-    ]
-    wrong = [f for f in found if abs(f[0] - f[1]) > _DISTANCE_PART * f[1] + _DISTANCE_M]
-    if not wrong:
+    found = [(distance[names.index(name)], m, name) for name, m in measured_m.items() if name in names]
+    if not found:
         return []
-    seen, metres, name = wrong[0]
+    seen, measured = np.array([pair[:2] for pair in found], dtype=np.float64).T
+    # One factor for all of them, by least squares: where they agree they tell it the better.
+    factor = float(measured @ seen / (seen @ seen))
+    sigma = _DISTANCE_M / float(np.linalg.norm(seen))
+    if abs(factor - 1.0) <= max(_DISTANCE_SIGMAS * sigma, _DISTANCE_PART):
+        return []
+    worst = int(np.abs(seen - measured).argmax())
     square = square_m(fit.bundle.corners)
+    more = f", and {len(found) - 1} more alike" if len(found) > 1 else ""
     return [
         Doubt(
             ViewFault.WRONG_SQUARE_SIZE,
-            f"View {name} was taken from {metres:.3f} m, but squares of {square:.4f} m put the board at "
-            f"{seen:.3f} m: they are rather {square * metres / seen:.4f} m; measure the print.",
+            f"View {found[worst][2]} was taken from {measured[worst]:.3f} m{more}, but squares of"
+            f" {square:.4f} m put the board at {seen[worst]:.3f} m: they are rather {square * factor:.4f} m"
+            f" (± {100.0 * sigma:.1f} %); measure the print.",
         )
     ]
 

@@ -271,6 +271,13 @@ def test_measured_distance_tells_a_wrong_square_size() -> None:
         made = calibrate_intrinsics(views, 1920, 1208, models=["ftheta"], distances_m={"view 2": measured})
         assert kinds(made) == found
     assert any("rather 0.1000 m" in fault.sentence for fault in made.faults)
+    away = np.linalg.norm(poses.position_m + poses.rotation @ middle, axis=1)
+    # Five taped distances, each 5 mm wrong or so, of squares that are 2 % larger than stated.
+    taped = {f"view {n}": 1.02 * away[n] + 0.005 * (-1.0) ** n for n in range(5)}
+    made = calibrate_intrinsics(views, 1920, 1208, models=["ftheta"], distances_m=taped)
+    assert kinds(made) == ["wrong_square_size"]
+    (factor,) = (float(m) for f in made.faults for m in re.findall(r"rather (0\.\d+) m", f.sentence))
+    assert factor == pytest.approx(1.02 * SQUARE_M, rel=0.007)
 
 
 def test_mirrored_board_is_refused() -> None:

@@ -94,6 +94,19 @@ def test_table_and_warnings_say_what_was_found(yard: Path, tmp_path: Path, twin:
     assert "tag 10 is not in the layout" in answer.err
 
 
+def test_camera_that_is_blurred_is_named(yard: Path, tmp_path: Path, twin: Twin) -> None:
+    """A picture blurred by 3 px is told by the width of its edges, whatever its residuals are."""
+    pictures = tmp_path / "pictures"
+    shutil.copytree(yard / "pictures", pictures)
+    path = pictures / "C1_front60Single.png"
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(path), cv2.GaussianBlur(image, (0, 0), 3.0))
+    answer = twin(*arguments(yard, tmp_path / "out", pictures=pictures), "--json")
+    assert answer.code == 0, answer.err
+    (told,) = (doubt for doubt in answer.json["doubts"] if "is blurred: the tags' edges are" in doubt)
+    assert told.startswith("C1_front60Single.png")
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [

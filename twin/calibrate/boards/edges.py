@@ -17,6 +17,9 @@ _REACH_CELLS = 0.4
 _LEAST_REACH_PX, _MOST_REACH_PX = 1.5, 5.0
 _STEPS = 33
 _LEAST_CONTRAST = 8.0
+_WIDTH_REACH_CELLS, _MOST_WIDTH_REACH_PX = 0.9, 12.0
+_GAUSS_WIDTH = float(2.0 * np.sqrt(2.0 * np.log(2.0)) / np.sqrt(2.0 * np.pi))
+"""Half-height width of a Gaussian times the greatest slope of the step that it blurs."""
 _ROUNDS = 2
 _LEAST_ANGLE = 0.1
 
@@ -49,6 +52,35 @@ def edge_points(grey: ByteArray, start_px: FloatArray, end_px: FloatArray) -> Fl
     offset = (step[strong] * middle).sum(axis=1) / total[strong]
     points = start_px + place[strong, np.newaxis] * along + offset[:, np.newaxis] * outward
     return np.asarray(points, dtype=np.float64)
+
+
+def edge_width_px(grey: ByteArray, corners_px: FloatArray) -> float:
+    """Width of a square's edges in the picture, of a Gaussian's half height: how blurred it is there.
+
+    The print is of one colour for a cell to either side, so that a profile across an edge, averaged along it,
+    rises as the blur has it. The direction that is blurred most counts. NaN where no edge is seen.
+    """
+    import cv2
+
+    widths = []
+    for side in range(4):
+        start, end = corners_px[side], corners_px[(side + 1) % 4]
+        length = float(np.linalg.norm(end - start))
+        along = (end - start) / max(length, 1e-9)
+        place = np.linspace(_ENDS, 1.0 - _ENDS, max(int(length), LEAST_POINTS)) * length
+        reach = min(_WIDTH_REACH_CELLS * length / CELLS, _MOST_WIDTH_REACH_PX)
+        across = np.linspace(-reach, reach, _STEPS)
+        u, v = (
+            (start[axis] + place[:, np.newaxis] * along[axis] + across * outward).astype(np.float32)
+            for axis, outward in enumerate((along[1], -along[0]))
+        )
+        profile = cv2.remap(grey.astype(np.float32), u, v, cv2.INTER_LINEAR).mean(axis=0)
+        slope = float(np.gradient(profile, across).max())
+        rise = float(np.ptp(profile))
+        if rise < _LEAST_CONTRAST or slope <= 0.0:
+            return float("nan")
+        widths.append(_GAUSS_WIDTH * rise / slope)
+    return max(0.5 * (widths[0] + widths[2]), 0.5 * (widths[1] + widths[3]))
 
 
 def by_edges(grey: ByteArray, rough_px: FloatArray) -> FloatArray | None:

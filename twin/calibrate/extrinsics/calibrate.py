@@ -21,7 +21,7 @@ from geoloc.errors import CalibrationError
 from geoloc.rig.edit import with_extrinsics
 from geoloc.rig.rig import FLU_R_RDF, Rig, rig_from_document
 from twin.calibrate.boards.boards import Board
-from twin.calibrate.boards.detect import detect
+from twin.calibrate.boards.detect import BLURRED_PX, detect
 from twin.calibrate.boards.pictures import IMAGE_SUFFIXES, Progress, pictures
 from twin.calibrate.camera_files import RIG_NAME, file_name
 from twin.calibrate.difference.fits import read_fits
@@ -147,10 +147,10 @@ def calibrate_rig(
     if hand is not None:
         models[HAND] = _hand_model(Path(hand))
     files, strangers = _by_camera(Path(images), given.rig, hand is not None)
-    shown, notes = _tag_pictures(files, models, layout, progress)
+    shown, notes, blurred = _tag_pictures(files, models, layout, progress)
     found = calibrate_extrinsics(models, shown, layout.tags, nominal=given.nominal, sigmas=layout.sigmas)
     document = given.document
-    sentences = doubts(found)
+    sentences = (*blurred, *doubts(found))
     settled = [name for name, camera in found.cameras.items() if is_determined(camera)]
     if not settled:
         raise CalibrationError(f"No camera was calibrated, and nothing is written. {' '.join(sentences)}")
@@ -276,8 +276,9 @@ def _tag_pictures(
     models: Mapping[str, CameraModel],
     layout: YardLayout,
     progress: Progress | None,
-) -> tuple[list[TagPicture], list[str]]:
-    found, notes = [], []
+) -> tuple[list[TagPicture], list[str], list[str]]:
+    """What pictures show, notes, and which of them are blurred."""
+    found, notes, blurred = [], [], []
     for done, (camera, file, name) in enumerate(files):
         if progress is not None:
             progress("pictures", done, len(files))
@@ -297,6 +298,12 @@ def _tag_pictures(
                 f"{name} shows its tags mirrored: print them the right way round, or do not flip it."
             )
         notes += _tag_notes(name, tags, layout)
+        if tags.edge_px > BLURRED_PX:
+            blurred.append(
+                f"{name} is blurred: the tags' edges are {tags.edge_px:.1f} px wide, where a sharp lens gives"
+                " 2 to 3. Its corners are uncertain by more than their residuals say: focus the camera, hold"
+                " it still, and take the picture again."
+            )
         if nothing:
             notes.append(f"{name} shows no tag or board.")
         if len(tags.ids):
@@ -304,7 +311,7 @@ def _tag_pictures(
         found += boards
     if progress is not None:
         progress("pictures", len(files), len(files))
-    return found, notes
+    return found, notes, blurred
 
 
 def _tag_notes(name: str, tags: TagsFound, layout: YardLayout) -> list[str]:

@@ -16,7 +16,7 @@ import numpy as np
 from geoloc.arrays import ByteArray, FloatArray, IntArray
 from geoloc.calibration.extrinsics.tag_family import FAMILY, dictionary_of
 from geoloc.cameras import CameraModel
-from twin.calibrate.boards.edges import LEAST_POINTS, edge_points
+from twin.calibrate.boards.edges import LEAST_POINTS, edge_points, edge_width_px
 
 _ROUNDS = 3
 _PROJECTION_ROUNDS = 4
@@ -34,6 +34,9 @@ class TagsFound:
         the first pixel.
     n_small : int
         Tags left out because they are too small or their edges too blurred.
+    edge_px : float
+        Width of the tags' edges, of a Gaussian's half height, median: how blurred the picture is. NaN
+        without tags.
     mirrored : bool
         No tag was found, but the picture's mirror image shows some.
     """
@@ -41,6 +44,7 @@ class TagsFound:
     ids: IntArray
     corners_px: FloatArray
     n_small: int
+    edge_px: float
     mirrored: bool
 
 
@@ -57,12 +61,14 @@ def find_tags(grey: ByteArray, model: CameraModel) -> TagsFound:
     if not len(ids):
         nothing = np.empty((0, 4, 2))
         mirrored = len(_detected(np.ascontiguousarray(grey[:, ::-1]))[0]) > 0
-        return TagsFound(np.empty(0, np.int64), nothing, 0, mirrored)
+        return TagsFound(np.empty(0, np.int64), nothing, 0, np.nan, mirrored)
     refined = [_refined(grey, corners, model) for corners in rough]
     good = [i for i, corners in enumerate(refined) if corners is not None]
     found = [corners for corners in refined if corners is not None]
     corners_px = np.stack(found) if found else np.empty((0, 4, 2))
-    return TagsFound(ids[good], corners_px, len(ids) - len(good), False)
+    widths = [edge_width_px(grey, corners) for corners in rough]
+    edge_px = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
+    return TagsFound(ids[good], corners_px, len(ids) - len(good), edge_px, False)
 
 
 def _detected(grey: ByteArray) -> tuple[IntArray, FloatArray]:
