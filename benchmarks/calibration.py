@@ -1,7 +1,7 @@
 """Measures `twin calibrate intrinsics`: boards rendered through known lenses, calibrated, compared.
 
 Usage: python benchmarks/calibration.py [--views 40] [--rig RIG.json] [--only NAME] [--keep FOLDER]
-       python benchmarks/calibration.py --detectors | --own-noise 20
+       python benchmarks/calibration.py --detectors | --own-noise 20 | --independent 30
 
 Without --rig the simulated car's lenses; with it the named cameras of a DriveWorks rig. Boards are rendered
 by the lens's inverse (rays), with blur, uneven light and grey-level noise; to every detected corner 0.1 px of
@@ -10,6 +10,7 @@ every eighth covered pixel: as it is, and after the one rotation that an extrins
 NEES is the squared error of the parameters over what their covariance promises, each: 1 if sigmas hold.
 --detectors compares the corners of OpenCV's detectors, as they come and refined, with where they truly are.
 --own-noise adds nothing to corners: it draws the noise of the pictures' grey values anew, and detects again.
+--independent draws everything anew, the boards' poses too; bar: NEES from 0.75 to 1.3, within its own error.
 """
 
 from __future__ import annotations
@@ -235,6 +236,24 @@ def own_noise(n: int) -> None:
     )
 
 
+def independent(n: int) -> None:
+    """Print NEES over n calibrations that share nothing but the lens of `twin calibrate example`."""
+    camera, board = example_camera(), board_from_text(EXAMPLE_BOARD)
+    case, found = Case("example", camera, EXAMPLE_BOARD, (0, 0), (0, 0), 0, (0, 0)), []
+    for seed in range(n):
+        pictures_ = rendered(camera, board, N_PICTURES, np.random.default_rng(100 + seed))
+        seen = [detect(image, board, str(k)) for k, image in enumerate(pictures_)]
+        views = [s.view for s in seen if s is not None]
+        made = calibrate_intrinsics(views, camera.width_px, camera.height_px, models=("ftheta",))
+        found.append(nees(case, made.fit))
+        console(stderr=True).print(f"{seed + 1} of {n}", end="\r")
+    known = np.array(found)[np.isfinite(found)]
+    uncertain = float(np.std(known, ddof=1) / np.sqrt(len(known)))
+    print(f"Independent calibrations, {len(known)}: NEES {known.mean():.2f} ± {uncertain:.2f}")
+    if not 0.75 - uncertain < known.mean() < 1.3 + uncertain:
+        raise SystemExit("NEES misses its bar")
+
+
 def main() -> None:
     """Calibrate every case and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -246,9 +265,15 @@ def main() -> None:
     )
     parser.add_argument("--detectors", action="store_true", help="Compare the corners of the detectors.")
     parser.add_argument("--own-noise", type=int, metavar="DRAWS", help="NEES for the pictures' noise alone.")
+    parser.add_argument(
+        "--independent", type=int, metavar="N", help="NEES over calibrations that share only the lens."
+    )
     options = parser.parse_args()
     if options.detectors:
         compare_detectors()
+        return
+    if options.independent:
+        independent(options.independent)
         return
     if options.own_noise:
         own_noise(options.own_noise)

@@ -25,6 +25,8 @@ _SCALES = (30.0, 10.0, 4.0)
 _GATE = -2.0 * np.log(1e-4)
 """χ² with two degrees of freedom: a corner beyond it is no detection of that corner."""
 _GATE_ROUNDS = 6
+_FEWEST_VIEWS = 10
+"""With fewer, views tell little of what their corners share."""
 
 
 class BundleState(NamedTuple):
@@ -225,10 +227,41 @@ def _result(bundle: Bundle, state: BundleState, inlier: BoolArray, converged: bo
     redundancy = 2 * int(inlier.sum()) - n_common - 6 * n_views
     if normal is not None and redundancy > 0:
         sigma = float(np.sqrt(normal.cost / redundancy))
-        eliminated = np.linalg.solve(normal.pose, np.swapaxes(normal.mixed, -1, -2))
+        eliminated: FloatArray = np.asarray(
+            np.linalg.solve(normal.pose, np.swapaxes(normal.mixed, -1, -2)), dtype=np.float64
+        )
         reduced = normal.common - np.einsum("vap,vpb->ab", normal.mixed, eliminated)
-        covariance = sigma**2 * _inverse(reduced)
+        inverse = _inverse(reduced)
+        covariance = sigma**2 * _shared_in_views(bundle, state, inlier, eliminated, inverse, sigma) * inverse
     return AdjustedBundle(state, residual, inlier, sigma, covariance, converged and normal is not None)
+
+
+def _shared_in_views(
+    bundle: Bundle,
+    state: BundleState,
+    inlier: BoolArray,
+    eliminated: FloatArray,
+    inverse: FloatArray,
+    sigma_px: float,
+) -> float:
+    """Factor of the covariance for errors that a view's corners share; 1 where they seem to share none.
+
+    Light, blur and a print that is not flat shift neighbouring corners alike. What each view asks the common
+    unknowns to be then differs by more than their scatter says. The factor is the sum of the views' scores'
+    squares over what independent corners would give, leverage counted (Cameron and Miller 2015, as
+    in `verify_mounting`, as one number: so few views give no matrix).
+    """
+    first = bundle.corners.first
+    if len(first) < _FEWEST_VIEWS or not len(inverse) or not np.isfinite(inverse).all():
+        return 1.0
+    residual, by_common, by_pose, _ = bundle.residuals(state)
+    free = by_common - by_pose @ eliminated[bundle.corners.view]
+    weighted = inlier[:, np.newaxis, np.newaxis] * free
+    score = np.add.reduceat(np.einsum("nia,ni->na", weighted, np.nan_to_num(residual)), first)
+    normal = np.add.reduceat(np.einsum("nia,nib->nab", weighted, free), first)
+    part = inverse @ normal
+    expected = sigma_px**2 * float(np.einsum("vaa->", part) - np.einsum("vab,vba->", part, part))
+    return max(1.0, float(np.einsum("va,ab,vb->", score, inverse, score)) / max(expected, 1e-300))
 
 
 def _inverse(normal: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from geoloc.calibration.intrinsics import Intrinsics, View, angle_between, calibrate_intrinsics
-from geoloc.calibration.intrinsics.bundle import shaped
+from geoloc.calibration.intrinsics.bundle import AdjustedBundle, Bundle, shaped
 from geoloc.calibration.intrinsics.comparison import best
 from geoloc.calibration.intrinsics.fit import fit
 from geoloc.calibration.intrinsics.initial_guess import first_guess
@@ -128,6 +128,41 @@ def test_stated_sigmas_hold() -> None:
         total += float(off @ np.linalg.solve(made.covariance, off))
     # 120 degrees of freedom: 99.9 % of χ² / 120 lies between 0.62 and 1.48.
     assert 0.62 < total / 120.0 < 1.48
+
+
+def test_stated_sigmas_hold_where_corners_of_a_view_are_off_alike() -> None:
+    """Views whose corners share a smooth error have sigmas that say so: NEES stays near one."""
+    views = board_views(WIDE, 20, noise_px=0.0)
+    corners, lens = corners_of(views), FThetaLens(1920, 1208)
+    curve, poses = first_guess(corners, 1920, 1208)
+    true = np.array([971.0, 630.0, *(WIDE.theta_from_r or ())[1:]]) / lens.units
+    x, y = 2.0 * (BOARD_M - BOARD_M.mean(axis=0)).T / np.ptp(BOARD_M, axis=0).max()
+    smooth = np.column_stack([x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3])
+    rng, squares, white = np.random.default_rng(5), [], []
+    for _ in range(16):
+        shared = [smooth @ rng.normal(scale=0.05, size=(smooth.shape[1], 2)) for _ in views]
+        noise = rng.normal(scale=0.1, size=corners.pixel_px.shape) + np.concatenate(shared)
+        made = fit(lens, replace(corners, pixel_px=corners.pixel_px + noise), curve, poses).adjusted
+        off = made.state.lens - true
+        squares.append(off @ np.linalg.solve(made.covariance, off) / len(off))
+        alone = _independent_covariance(Bundle(lens, corners), made)
+        white.append(off @ np.linalg.solve(alone, off) / len(off))
+    assert np.mean(white) > 1.6
+    assert 0.6 < np.mean(squares) < 1.5
+
+
+def _independent_covariance(bundle: Bundle, made: AdjustedBundle) -> np.ndarray:
+    """The covariance that the corners would give were they independent, from the whole dense problem."""
+    _, by_common, by_pose, _ = bundle.residuals(made.state)
+    n, n_views = len(bundle.corners.view), bundle.corners.n_views
+    design = np.zeros((n, 2, by_common.shape[2] + 6 * n_views))
+    design[:, :, : by_common.shape[2]] = by_common
+    for view in range(n_views):
+        mine, first = bundle.corners.view == view, by_common.shape[2] + 6 * view
+        design[mine, :, first : first + 6] = by_pose[mine]
+    whole = design[made.inlier].reshape(-1, design.shape[2])
+    p = by_common.shape[2]
+    return np.asarray(made.sigma_px**2 * np.linalg.inv(whole.T @ whole)[:p, :p])
 
 
 def test_ray_sigma_is_the_spread_of_the_rays() -> None:

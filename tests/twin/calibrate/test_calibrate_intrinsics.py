@@ -256,6 +256,14 @@ def test_wrong_square_size_of_a_charuco_board_is_named(example: Path) -> None:
     assert "by --board (0.045 m of 0.08 m) it is 0.56" in faults(made)["wrong_square_size"]
 
 
+def test_square_two_per_cent_off_is_named(tmp_path: Path) -> None:
+    """Sharp pictures tell squares of 61.2 mm that are stated as 60 mm, and not those that are right."""
+    pictures = save(tmp_path / "pictures", board_from_text("charuco:12x9:0.0612:0.045"), 6, blur_px=0.5)
+    for stated, named in (("charuco:12x9:0.06:0.045", True), ("charuco:12x9:0.0612:0.045", False)):
+        found = faults(calibrate_intrinsics([pictures], stated, model="ftheta"))
+        assert ("wrong_square_size" in found) == named
+
+
 def test_distance_tells_the_scale(example: Path, report: Any) -> None:
     """A measured distance names the right side of a square where the stated one is wrong."""
     view = report["views"][3]
