@@ -161,13 +161,13 @@ def test_drive_with_cameras_gets_its_corrected_tables(still: Path, tmp_path: Pat
     drive = Path(shutil.copytree(still, tmp_path / "drive"))
     settings = (drive / "drive.toml").read_text()
     rig = read_rig(drive / "rig.json")
-    own = drive_tables(rig, rig.cameras, {"C1_front60Single": CameraSettings("rig.json#C1_front60Single")})
+    own = drive_tables(rig, rig.cameras, {"C2_tricam60": CameraSettings("rig.json#C2_tricam60")})
     (drive / "drive.toml").write_text(settings + own)
     command = ("calibrate", "verify", drive, "--known", drive / "truth.csv")
     answer = twin(*command, "--apply", tmp_path / "mended.json")
     assert answer.code == 0, answer.err
     pasted = (tmp_path / "mended.cameras.toml").read_text()
-    assert 'intrinsics = "rig.json#C1_front60Single"' in pasted
+    assert 'intrinsics = "rig.json#C2_tricam60"' in pasted
     assert pasted in answer.out
     assert f"Next: paste {tmp_path / 'mended.cameras.toml'} over those tables" in answer.err
     (drive / "drive.toml").write_text(settings + pasted)
