@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from geoloc.arrays import FloatArray, IntArray
 
@@ -59,7 +58,8 @@ class VehicleMotion:
     wheelbase_m: float | None = None
 
 
-class Estimate(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Estimate:
     """What was found, and one sigma."""
 
     value: float

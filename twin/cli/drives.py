@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,6 +19,7 @@ from twin.errors import to_type
 from twin.store.kinds import Method
 
 if TYPE_CHECKING:
+    from geoloc.trajectory.vehicle_motion import MotionFound
     from twin.drives.inspection.inspect import CameraSeen, Inspection
     from twin.ingest.ingest import IngestReport
     from twin.reports.drive_list import DriveItem
@@ -155,10 +157,28 @@ def _ingest_pairs(report: IngestReport) -> dict[str, object]:
         "length": f"{report.length_m:.0f} m",
         "GNSS host stamps late by (median)": delay,
         "GNSS fixes": ", ".join(f"{n:,} {quality}" for quality, n in report.fix_quality.items()) or None,
+        "the car's own motion": None if report.motion is None else _motion_text(report.motion),
         "annotations": report.n_annotations,
         "sightings located": f"{report.n_located:,} of {report.n_sightings:,}",
         "objects located": f"{report.n_estimates:,} of {report.n_objects:,}",
     }
+
+
+def _motion_text(motion: MotionFound) -> str:
+    """What was found of the car's own sensors, in a clause each."""
+    told = []
+    if motion.wheel_scale is not None:
+        told.append(f"wheels × {motion.wheel_scale.value:.4f} ± {motion.wheel_scale.sigma:.4f}")
+    if motion.gyro_bias_radps is not None:
+        bias = motion.gyro_bias_radps
+        told.append(f"gyro {math.degrees(bias.value):+.3f} ± {math.degrees(bias.sigma):.3f} °/s")
+    if motion.steering_offset_rad is not None:
+        offset = motion.steering_offset_rad
+        told.append(f"steering {math.degrees(offset.value):+.2f} ± {math.degrees(offset.sigma):.2f}°")
+    told.append(f"{motion.bridged_s:.0f} s without fixes bridged")
+    if not motion.turns_show:
+        told.append("too few bends to check the sign and unit of turns")
+    return ", ".join(told)
 
 
 WordsArgument = Annotated[

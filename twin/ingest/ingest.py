@@ -19,6 +19,7 @@ from geoloc.locate.single_frame import ErrorBudget
 from geoloc.reasons import Reason, sentence_of, stands_far_away
 from geoloc.trajectory.fix_checks import quality_counts
 from geoloc.trajectory.trajectory import Trajectory
+from geoloc.trajectory.vehicle_motion import MotionFound
 from twin import __version__
 from twin.drives.annotations.gather import only
 from twin.drives.annotations.key_frames import never_measured
@@ -68,6 +69,8 @@ class IngestReport:
         Median delay of the GNSS host stamps, the trip's link delay.
     fix_quality : dict
         In words → number of fixes, of all antennas; empty for a full-pose track.
+    motion : MotionFound or None
+        What was found of the car's own sensors; None where it has none.
     """
 
     drive_id: str
@@ -82,6 +85,7 @@ class IngestReport:
     length_m: float
     delay_ms: float | None
     fix_quality: dict[str, int]
+    motion: MotionFound | None
     warnings: tuple[str, ...]
     skipped: dict[str, int]
 
@@ -234,6 +238,7 @@ def _report(
         length_m=row["length_m"],
         delay_ms=row["delay_ms"],
         fix_quality=row["fix_quality"],
+        motion=trajectory.motion,
         # What became of the store's other annotations is of this run, not of the drive.
         warnings=(*row["warnings"], *filter(None, [saved.sentence()])),
         skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
