@@ -125,8 +125,9 @@ def _between_axles(
 ) -> tuple[FloatArray, FloatArray]:
     """Slope (n,) of the road between the axles, from that at the rear axle, and its variance.
 
-    Where the drive ends nothing has rolled over what lies below the front axle: there the slope goes on by
-    its growth, and is known so much less.
+    Where the drive ends nothing has rolled over what lies below the front axle: there the slope is that at
+    the end, and known less by how roads grow steeper. By the growth that was found it would go on worse, for
+    that is mostly noise: feet at 19 m came out a quarter farther off.
     """
     steps_m = np.linalg.norm(np.diff(fixes.path_m, axis=0), axis=1)
     tied_m = fixes.step_s * 0.5 * np.abs(forward_mps[1:] + forward_mps[:-1])
@@ -136,7 +137,6 @@ def _between_axles(
     beyond = ahead_m > way_m[-1]
     left, noise = _road(ahead_m[beyond] - way_m[-1], np.ones(int(beyond.sum())))
     climbs = np.array([1, 3])
-    slope[beyond] = left[:, 0] @ state[-1, climbs]
     last = covariance[-1][np.ix_(climbs, climbs)]
     variance[beyond] = np.einsum("nj,jk,nk->n", left[:, 0], last, left[:, 0]) + noise[:, 0, 0]
     return np.asarray(slope), variance
