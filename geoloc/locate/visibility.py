@@ -17,8 +17,10 @@ MIN_RANGE_M = 4.0
 MAX_RANGE_M = 20.0
 _MARGIN_PX = 30.0
 _CHUNK = 2000
-# Pairs of poses and sites that are held in memory at a time.
-_MAX_PAIRS = 2_000_000
+# Poses that are compared with sites at a time: few, so that the box about them is small.
+_PART = 50
+# No box may cut off what lies just within reach.
+_ROUNDING = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,23 +120,31 @@ def views(
 def _pairs(
     poses: Poses, chunk: IntArray, lat: FloatArray, lon: FloatArray, reach_m: float
 ) -> tuple[IntArray, IntArray]:
-    """Poses and sites within reach of each other: first a box about the chunk, then by distance."""
+    """Poses and sites within reach of each other: by boxes about the chunk and its parts, then by distance."""
     pose_lat, pose_lon = poses.latitude_deg[chunk], poses.longitude_deg[chunk]
     east, north = metres_per_degree(pose_lat)
-    dlat, dlon = reach_m / north.min(), reach_m / east.min()
-    box = (lat >= pose_lat.min() - dlat) & (lat <= pose_lat.max() + dlat)
-    box &= (lon >= pose_lon.min() - dlon) & (lon <= pose_lon.max() + dlon)
-    near = np.flatnonzero(box)
-    found_pose, found_site = [], []
-    rows = max(1, _MAX_PAIRS // max(near.size, 1))
-    for start in range(0, chunk.size, rows):
-        part = slice(start, start + rows)
-        de = (lon[near] - pose_lon[part, None]) * east[part, None]
-        dn = (lat[near] - pose_lat[part, None]) * north[part, None]
-        i, j = np.nonzero(de**2 + dn**2 <= reach_m**2)
-        found_pose.append(chunk[part][i])
-        found_site.append(near[j])
+    reach = reach_m / north.min() * _ROUNDING, reach_m / east.min() * _ROUNDING
+    near = _in_box(lat, lon, pose_lat, pose_lon, reach)
+    found_pose, found_site = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    for start in range(0, chunk.size, _PART):
+        part = slice(start, start + _PART)
+        some = near[_in_box(lat[near], lon[near], pose_lat[part], pose_lon[part], reach)]
+        if some.size:
+            de = (lon[some] - pose_lon[part, None]) * east[part, None]
+            dn = (lat[some] - pose_lat[part, None]) * north[part, None]
+            i, j = np.nonzero(de**2 + dn**2 <= reach_m**2)
+            found_pose.append(chunk[part][i])
+            found_site.append(some[j])
     return np.concatenate(found_pose), np.concatenate(found_site)
+
+
+def _in_box(
+    lat: FloatArray, lon: FloatArray, of_lat: FloatArray, of_lon: FloatArray, reach: tuple[float, float]
+) -> IntArray:
+    """Which sites lie in the box about poses, degrees of latitude and longitude wider on each side."""
+    box = (lat >= of_lat.min() - reach[0]) & (lat <= of_lat.max() + reach[0])
+    box &= (lon >= of_lon.min() - reach[1]) & (lon <= of_lon.max() + reach[1])
+    return np.flatnonzero(box)
 
 
 def points_in_rig(
