@@ -120,7 +120,7 @@ def views(
 def _pairs(
     poses: Poses, chunk: IntArray, lat: FloatArray, lon: FloatArray, reach_m: float
 ) -> tuple[IntArray, IntArray]:
-    """Poses and sites within reach of each other: by boxes about the chunk and its parts, then by distance."""
+    """Poses and sites within reach of each other: boxes about the chunk and its parts, then by distance."""
     pose_lat, pose_lon = poses.latitude_deg[chunk], poses.longitude_deg[chunk]
     east, north = metres_per_degree(pose_lat)
     reach = reach_m / north.min() * _ROUNDING, reach_m / east.min() * _ROUNDING
