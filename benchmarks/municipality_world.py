@@ -13,8 +13,9 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.simulation.car import simulated_rig
 from geoloc.trajectory.poses import Poses
-from twin.matching.absence import Passage, PlaceViews, front_views, views_of_places
+from twin.matching.absence import Passage
 from twin.matching.config import MatchConfig
+from twin.matching.in_view import Places, PlaceViews, views_of_places
 from twin.matching.plates.readings import family
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
@@ -265,7 +266,8 @@ def drive_around(
         name, poses = f"D{number:02}", wandering(rng)
         started = START_NS + number * 9 * DAY_NS
         views = views_of_places(rig, poses, *world.place.T, config, cameras=list(rig.cameras))
-        views = front_views(views, fronts)
+        of_front = Places.of_sites(fronts).are_fronts(views)
+        views = PlaceViews(views.place[of_front], views.azimuth_deg[of_front])
         count = np.bincount(views.place, minlength=len(world.place))
         passed = count >= config.min_views
         known_gone |= (number >= taken_down) & passed
@@ -282,7 +284,7 @@ def drive_around(
         fleet.seen_from_deg.update(_directions(name, views, annotated))
         seen = views_of_places(rig, poses, east, north, config, cameras=list(rig.cameras))
         fleet.tracks.append(poses)
-        fleet.passages.append(Passage(name, started, True, seen))
+        fleet.passages.append(Passage(name, started, True, Places.of_sites(sites).count(seen)))
         fleet.order.append(name)
     # What was taken down or exchanged after the last drive that passed it, nobody can know of.
     world.stands[known_gone] = False
@@ -304,14 +306,12 @@ def _misread(codes: tuple[str, ...], share: float, rng: np.random.Generator) -> 
 
 def past_poles(fleet: Fleet, poles: Sequence[ObservedPole]) -> list[Passage]:
     """What the drives had in view of the observed poles."""
-    rig = simulated_rig()
-    east, north = np.array([(pole.east_m, pole.north_m) for pole in poles]).T
+    rig, places, config = simulated_rig(), Places.of_poles(poles), MatchConfig()
+    east, north = places.place_m.T
+    seen = [views_of_places(rig, one, east, north, config, cameras=list(rig.cameras)) for one in fleet.tracks]
     return [
-        replace(
-            passage,
-            views=views_of_places(rig, track, east, north, MatchConfig(), cameras=list(rig.cameras)),
-        )
-        for passage, track in zip(fleet.passages, fleet.tracks, strict=True)
+        replace(passage, counts=places.count(views))
+        for passage, views in zip(fleet.passages, seen, strict=True)
     ]
 
 

@@ -11,53 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
-from geoloc.earth.geodesy import geographic_from_utm33, metres_per_degree
-from geoloc.locate.visibility import views
-from geoloc.rig.rig import Rig
-from geoloc.trajectory.trajectory import Poses
 from twin.matching.config import MatchConfig
+from twin.matching.in_view import Counts
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
 
 _NS_PER_YEAR = 365.25 * 86_400e9
-
-
-@dataclass(frozen=True, slots=True)
-class PlaceViews:
-    """Camera images that had places in view, in which the camera stood in a given direction from them.
-
-    Attributes
-    ----------
-    place : int64 (k,)
-        Index of the place, one row an image.
-    azimuth_deg : float64 (k,)
-        From the place to the camera, from true north.
-    """
-
-    place: IntArray
-    azimuth_deg: FloatArray
-
-
-def views_of_places(
-    rig: Rig,
-    poses: Poses,
-    east: FloatArray,
-    north: FloatArray,
-    config: MatchConfig,
-    *,
-    cameras: Sequence[str],
-) -> PlaceViews:
-    """Find the camera images that had each place (EPSG:25833) in view, and where the car stood from it."""
-    place, azimuth = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
-    if len(east):
-        lat, lon = geographic_from_utm33(east, north)
-        for seen in views(rig, poses, lat, lon, max_range_m=config.view_range_m, cameras=list(cameras)):
-            per_east, per_north = metres_per_degree(lat[seen.site])
-            de = (poses.longitude_deg[seen.pose] - lon[seen.site]) * per_east
-            dn = (poses.latitude_deg[seen.pose] - lat[seen.site]) * per_north
-            place.append(seen.site)
-            azimuth.append(np.rad2deg(np.arctan2(de, dn)) % 360.0)
-    return PlaceViews(np.concatenate(place), np.concatenate(azimuth))
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,14 +31,14 @@ class Passage:
     is_evidence : bool
         Whether a sign that it passed and did not see is gone: the drive was declared completely annotated,
         nothing that it annotated was lost on the way, and it fits itself.
-    views : PlaceViews
+    counts : Counts
         Of the sites, or of the poles.
     """
 
     drive_id: str
     started_ns: int
     is_evidence: bool
-    views: PlaceViews
+    counts: Counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,12 +78,11 @@ def evidence_of_absence(passages: Sequence[Passage], sites: Sequence[Site], conf
     for passage in passages:
         # What NVDB says was put up later than the drive could not be seen.
         stood = starts <= _day(passage.started_ns)
-        views = front_views(passage.views, sites)
-        count = np.where(stood, np.bincount(views.place, minlength=n), 0)
+        count = np.where(stood, passage.counts.fronts, 0)
         if not passage.is_evidence:
             other |= count > 0
             continue
-        found.passed[:] |= stood & (np.bincount(passage.views.place, minlength=n) > 0)
+        found.passed[:] |= stood & (passage.counts.views > 0)
         found.complete[:] += count
         overlooked *= np.where(
             count >= config.min_views, config.p_missed, np.where(count > 0, config.p_unseen, 1.0)
@@ -141,22 +99,6 @@ def _day(epoch_ns: int) -> str:
     return dt.datetime.fromtimestamp(epoch_ns // 1_000_000_000, tz=dt.UTC).date().isoformat()
 
 
-def front_views(views: PlaceViews, sites: Sequence[Site]) -> PlaceViews:
-    """Leave out the views of sites whose every plate is known to look away from the camera."""
-    faces = np.full((len(sites), _MOST_FACES), np.nan)
-    for j, site in enumerate(sites):
-        known = sorted({face for plate in site.plates for face in plate.faces_deg if not math.isnan(face)})
-        if known and all(not math.isnan(plate.faces_deg[0]) for plate in site.plates):
-            # More directions than columns cannot all look away.
-            faces[j, : len(known)] = known[:_MOST_FACES]
-    seen = np.cos(np.deg2rad(views.azimuth_deg[:, np.newaxis] - faces[views.place])) > 0
-    keep = seen.any(axis=1) | np.isnan(faces[views.place, 0])
-    return PlaceViews(views.place[keep], views.azimuth_deg[keep])
-
-
-_MOST_FACES = 6
-
-
 def still_seen(
     poles: Sequence[ObservedPole], passages: Sequence[Passage], config: MatchConfig
 ) -> list[ObservedPole]:
@@ -166,20 +108,15 @@ def still_seen(
 
     Parameters
     ----------
-    passages : in time order; their views are of the poles
+    passages : in time order; their counts are of the poles, those seen by a later drive may be left out
     """
-    order = {passage.drive_id: number for number, passage in enumerate(passages)}
-    last_seen = np.array([max(order[d] for d in pole.drive_ids) for pole in poles], dtype=np.int64)
+    last_seen = last_seen_by(poles, [passage.drive_id for passage in passages])
     passed: dict[int, list[int]] = {}
     for number, passage in enumerate(passages):
-        if not passage.is_evidence:
-            continue
-        later = last_seen[passage.views.place] < number
-        place = passage.views.place[later]
-        alike = _from_where_it_was_seen(poles, place, passage.views.azimuth_deg[later])
-        count = np.bincount(place[alike], minlength=len(poles))
-        for k in np.flatnonzero(count >= config.min_views).tolist():
-            passed.setdefault(k, []).append(passage.started_ns)
+        if passage.is_evidence:
+            since = (last_seen < number) & (passage.counts.fronts >= config.min_views)
+            for k in np.flatnonzero(since).tolist():
+                passed.setdefault(k, []).append(passage.started_ns)
     current = []
     for k, pole in enumerate(poles):
         p_taken_down = _p_taken_down(pole, passed[k], config) if k in passed else 0.0
@@ -188,15 +125,10 @@ def still_seen(
     return current
 
 
-def _from_where_it_was_seen(
-    poles: Sequence[ObservedPole], place: IntArray, azimuth_deg: FloatArray
-) -> NDArray[np.bool_]:
-    """Views from within 60° of a direction in which the pole was seen; all where that is not known."""
-    alike = np.ones(place.size, dtype=np.bool_)
-    for k, (pole, azimuth) in enumerate(zip(place.tolist(), azimuth_deg.tolist(), strict=True)):
-        known = poles[pole].seen_from_deg
-        alike[k] = not known or any(math.cos(math.radians(azimuth - one)) >= 0.5 for one in known)
-    return alike
+def last_seen_by(poles: Sequence[ObservedPole], drive_ids: Sequence[str]) -> IntArray:
+    """Number of the last drive that saw each pole (n_poles,), of drives in time order."""
+    order = {drive_id: number for number, drive_id in enumerate(drive_ids)}
+    return np.array([max(order[d] for d in pole.drive_ids) for pole in poles], dtype=np.int64)
 
 
 def _p_taken_down(pole: ObservedPole, passed_ns: Sequence[int], config: MatchConfig) -> float:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -14,17 +13,17 @@ import sqlalchemy as sa
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_from_geographic
-from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
-from geoloc.trajectory.trajectory import Poses
 from twin import __version__
 from twin.errors import StoreError
-from twin.matching.absence import Passage, evidence_of_absence, still_seen, views_of_places
+from twin.matching.absence import evidence_of_absence, still_seen
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
+from twin.matching.drives import Drive, beside_nvdb, drives_of, past_poles, past_sites
+from twin.matching.in_view import COARSE_DEG
+from twin.matching.kept import Kept
 from twin.matching.news import News
-from twin.matching.poles.ahead import ahead_of_nvdb
 from twin.matching.poles.keys import Mark, with_known_keys
-from twin.matching.poles.many_drives import Driven, with_fused_places
+from twin.matching.poles.many_drives import with_fused_places
 from twin.matching.poles.map_aided import map_aided
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.poles.same_pole import each_pole_once, may_be_one
@@ -36,18 +35,9 @@ from twin.matching.verdicts.judge import judge
 from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store import schema
 from twin.store.kinds import Method, Verdict
-from twin.store.poses import poses_from_blob
-from twin.store.records import Corrections, Estimate, Finding
+from twin.store.records import Estimate, Finding
 from twin.store.store import Row, Snapshot, Store, utc_now
 from twin.words import sentence
-from twin.words.reasons import (
-    DriveAhead,
-    DriveBehind,
-    DriveDoesNotFit,
-    DriveDoubted,
-    Misfit,
-    misfit_from_json,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,17 +105,18 @@ def match(
         raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
     with store.snapshot() as view:
         say("grouping estimates into poles")
-        observed = _observed(view, method, config)
+        kept = Kept.of_store(view)
+        observed = _observed(view, method, config, kept)
     poles = observed.poles
     sites = _sites(store, observed.points, observed.plates, config, has_network=observed.has_network)
-    drives = [drive.beside(sites, observed.once) for drive in observed.drives]
+    drives = beside_nvdb(observed.drives, sites, observed.once, kept)
     tied = ""
     if config.map_aided:
         say("tying drives to measured signs")
         poles, tied = map_aided(poles, sites, observed.once, [drive.driven for drive in drives], config)
     say("finding which signs were in view")
-    current = still_seen(poles, [drive.past(poles, config) for drive in drives], config)
-    seen = evidence_of_absence([drive.past(sites, config) for drive in drives], sites, config)
+    current = still_seen(poles, past_poles(drives, poles), config)
+    seen = evidence_of_absence(past_sites(drives, sites), sites, config)
     say("assigning")
     assignment = assign(current, sites, seen.p_unannotated, config)
     findings = judge(
@@ -143,7 +134,7 @@ def match(
     settings = _settings(method, config, drives, observed.estimates) | {"road_network": observed.has_network}
     digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
     run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
-    news = save_changes(store, findings, keys, {**run, "revision": observed.revision}, observed.marks)
+    news = save_changes(store, findings, keys, {**run, "revision": observed.revision}, observed.marks, kept)
     return MatchReport(
         method=method,
         verdicts=_counts(findings),
@@ -165,7 +156,7 @@ class _Observed:
     """
 
     revision: int
-    drives: list[_Drive]
+    drives: list[Drive]
     estimates: list[Estimate]
     once: list[Estimate]
     poles: list[ObservedPole]
@@ -175,9 +166,9 @@ class _Observed:
     plates: list[Row]
 
 
-def _observed(view: Snapshot, method: str, config: MatchConfig) -> _Observed:
+def _observed(view: Snapshot, method: str, config: MatchConfig, kept: Kept) -> _Observed:
     """Read what was ingested by the method, put it together to poles, and NVDB's signs near it."""
-    drives = _drives(view, method)
+    drives = drives_of(view, method, config, kept)
     # What is no sign has nothing to be compared with in a mirror of signs.
     is_sign = schema.estimate.c.nvdb_type.is_(None)
     asked = sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign)
@@ -196,7 +187,7 @@ def _observed(view: Snapshot, method: str, config: MatchConfig) -> _Observed:
 
 
 def _with_evidence(
-    findings: Sequence[Finding], poles: Sequence[ObservedPole], drives: Sequence[_Drive]
+    findings: Sequence[Finding], poles: Sequence[ObservedPole], drives: Sequence[Drive]
 ) -> list[Finding]:
     """Put drives that are not trusted up for review, and add covariances and cameras."""
     doubted = doubtful_as_review(
@@ -225,71 +216,8 @@ def choose_method(store: Store, method: str | None) -> str:
     return method
 
 
-@dataclass(frozen=True, slots=True)
-class _Drive:
-    """What matching needs of a drive.
-
-    ``misfits``: in which ways it does not fit itself. ``is_complete``: whether it was declared
-    completely annotated. ``absence_gap``: why a sign that it passed and did not see may stand all the same:
-    an annotated object without a place, for one, may be that very sign.
-    """
-
-    drive_id: str
-    name: str
-    started_ns: int
-    content_sha256: str
-    misfits: tuple[Misfit, ...]
-    is_complete: bool
-    absence_gap: str
-    rig: Rig
-    driven: Driven
-    cameras: tuple[str, ...]
-    ahead: DriveAhead | DriveBehind | None = None
-    """Of all its signs against NVDB's."""
-
-    def beside(self, sites: Sequence[Site], estimates: Sequence[Estimate]) -> _Drive:
-        """Find out whether one shift brings all its signs to NVDB's, unless it is doubted already."""
-        if self.misfits:
-            return self
-        mine = [one for one in estimates if one.drive_id == self.drive_id]
-        found = ahead_of_nvdb(mine, self.poses, sites)
-        if found is None:
-            return self
-        kind = DriveAhead if found.late_s > 0 else DriveBehind
-        return replace(self, ahead=kind(self.name, abs(found.along_m), abs(found.late_s)))
-
-    @property
-    def poses(self) -> Poses:
-        """Where it drove."""
-        return self.driven.poses
-
-    @property
-    def is_evidence(self) -> bool:
-        """Whether a sign that it passed and did not see is gone."""
-        return self.is_complete and not self.absence_gap and self.doubt is None
-
-    @property
-    def doubt(self) -> DriveDoubted | None:
-        """Why its positions are not trusted; None where they are."""
-        return DriveDoesNotFit(self.name, self.misfits) if self.misfits else self.ahead
-
-    def warnings(self) -> Iterator[str]:
-        """What to know of its findings."""
-        if self.doubt is not None:
-            told = sentence(self.doubt)
-            yield f"{told} Until then its findings are for review, and it shows no sign to be missing."
-        elif self.is_complete and self.absence_gap:
-            yield f"The drive {self.name} cannot show that a sign is missing: {self.absence_gap}."
-
-    def past(self, places: Sequence[Site] | Sequence[ObservedPole], config: MatchConfig) -> Passage:
-        """What the drive had in view of the places."""
-        east, north = np.array([(place.east_m, place.north_m) for place in places]).reshape(-1, 2).T
-        views = views_of_places(self.rig, self.poses, east, north, config, cameras=self.cameras)
-        return Passage(self.drive_id, self.started_ns, self.is_evidence, views)
-
-
 def _settings(
-    method: str, config: MatchConfig, drives: Sequence[_Drive], estimates: Sequence[Estimate]
+    method: str, config: MatchConfig, drives: Sequence[Drive], estimates: Sequence[Estimate]
 ) -> dict[str, Any]:
     """Everything that findings depend on but NVDB: by its SHA-256 two runs are known to be alike.
 
@@ -330,51 +258,12 @@ _HASHED = (
 )
 
 
-def _places(drives: Sequence[_Drive], poles: Sequence[ObservedPole]) -> FloatArray:
+def _places(drives: Sequence[Drive], poles: Sequence[ObservedPole]) -> FloatArray:
     """Where something was seen, or driven past: EPSG:25833, to some hundred metres."""
-    track = [np.stack([d.poses.latitude_deg, d.poses.longitude_deg], axis=1) for d in drives]
-    coarse = np.unique(np.round(np.concatenate(track) / _COARSE_DEG), axis=0) * _COARSE_DEG
+    coarse = np.unique(np.concatenate([drive.watcher.coarse for drive in drives]), axis=0) * COARSE_DEG
     east, north = utm33_from_geographic(*coarse.T)
     seen = np.array([(pole.east_m, pole.north_m) for pole in poles]).reshape(-1, 2)
     return np.concatenate([np.stack([east, north], axis=1), seen])
-
-
-_COARSE_DEG = 0.002
-
-
-def _drives(view: Snapshot, method: str) -> list[_Drive]:
-    """Drives ingested by the method, in time order; only these can have seen or missed a sign."""
-    d, m = schema.drive, schema.drive_method
-    statement = (
-        sa.select(d, m.c.n_unplaced, m.c.corrections, m.c.misfits, m.c.absence_gap)
-        .join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
-        .order_by(d.c.started_ns, d.c.drive_id)
-    )
-    drives = []
-    for row in view.rows(statement):
-        unplaced = f"{row['n_unplaced']} annotated objects have no position" if row["n_unplaced"] else ""
-        document = json.loads(zlib.decompress(row["rig"]))
-        rig, _ = without_template_masks(rig_from_document(document, source=row["name"]))
-        drives.append(
-            _Drive(
-                drive_id=row["drive_id"],
-                started_ns=row["started_ns"],
-                content_sha256=row["content_sha256"],
-                name=row["name"],
-                misfits=tuple(map(misfit_from_json, row["misfits"])),
-                is_complete=bool(row["annotations_complete"]),
-                absence_gap=row["absence_gap"] or unplaced,
-                rig=rig,
-                driven=Driven(
-                    row["drive_id"],
-                    poses_from_blob(row["poses"]),
-                    Corrections.from_json(row["corrections"]),
-                    hashlib.sha256(row["rig"]).hexdigest(),
-                ),
-                cameras=tuple(row["cameras"]),
-            )
-        )
-    return drives
 
 
 def _sites(
@@ -397,7 +286,7 @@ class _Cameras:
     of_drive: Mapping[str, tuple[str, ...]]
 
     @classmethod
-    def of(cls, poles: Sequence[ObservedPole], drives: Sequence[_Drive]) -> _Cameras:
+    def of(cls, poles: Sequence[ObservedPole], drives: Sequence[Drive]) -> _Cameras:
         return cls({pole.key: pole.cameras for pole in poles}, {d.drive_id: d.cameras for d in drives})
 
     def for_finding(self, finding: Finding) -> tuple[str, ...]:

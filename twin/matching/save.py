@@ -9,6 +9,7 @@ from sqlalchemy.dialects import sqlite
 
 from twin.decisions.reopen import reopen_changed
 from twin.decisions.temporary import settle_road_works
+from twin.matching.kept import Kept
 from twin.matching.news import FACT, News, known_findings, news_of
 from twin.matching.poles.keys import Mark
 from twin.store import schema
@@ -22,6 +23,7 @@ def save_changes(
     pole_keys: Mapping[str, str],
     run: Row,
     marks: Mapping[str, Mark] | None = None,
+    kept: Kept | None = None,
 ) -> News | None:
     """Replace the findings of the last match, in one transaction.
 
@@ -35,6 +37,8 @@ def save_changes(
         Facts of the match, with the store's ``revision`` that it is of; without one it is that of now.
     marks : mapping of estimate to its mark, optional
         By which later matches know the poles again.
+    kept : Kept, optional
+        What the next match need not work out again.
 
     Returns
     -------
@@ -53,6 +57,8 @@ def save_changes(
             keys = [{"member": member, "pole": pole} for member, pole in pole_keys.items()]
             connection.execute(sa.insert(schema.pole_key), keys)
         _remember(connection, pole_keys, marks or {})
+        if kept is not None:
+            kept.save(connection)
         now = utc_now()
         reopen_changed(connection, now)
         settle_road_works(connection, now)

@@ -35,6 +35,7 @@ __all__ = [
     "drive",
     "drive_method",
     "estimate",
+    "kept_part",
     "known_mark",
     "meta",
     "metadata",
@@ -47,7 +48,7 @@ __all__ = [
     "veglenke_aside",
 ]
 
-VERSION = 14
+VERSION = 15
 """Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
 
 meta = sa.Table(
@@ -371,6 +372,15 @@ known_mark = sa.Table(
     comment="By what every match knows the poles of earlier ones again.",
 )
 """By what every match knows the poles of earlier ones again: the key that a pole first got stays its own."""
+
+kept_part = sa.Table(
+    "kept_part",
+    metadata,
+    sa.Column("kind", sa.String, primary_key=True, comment="views or clock"),
+    sa.Column("key", sa.String, primary_key=True, comment="digest of everything that it rests on"),
+    sa.Column("arrays", sa.LargeBinary, nullable=False, comment="what was worked out: npz"),
+    comment="What the last match worked out that the next one may use: it can be deleted at any time.",
+)
 
 
 sent = sa.Table(

@@ -172,5 +172,11 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
     ),
     12: ("ALTER TABLE decision_log ADD COLUMN cause JSON",),
     13: ("ALTER TABLE crop_gap ADD COLUMN why JSON",),
+    14: (
+        (
+            "CREATE TABLE kept_part (kind VARCHAR NOT NULL, key VARCHAR NOT NULL, arrays BLOB NOT NULL, "
+            "PRIMARY KEY (kind, key))"
+        ),
+    ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.matching.absence import Passage, PlaceViews, evidence_of_absence, front_views, still_seen
+from twin.matching.absence import Passage, evidence_of_absence, still_seen
 from twin.matching.config import MatchConfig
+from twin.matching.in_view import Places, PlaceViews
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Plate, Site
 
@@ -25,11 +26,23 @@ def site(*faces: float, start_date: str = "2010-01-01") -> Site:
 
 
 def passage(
-    frames: int, *, day: int = 0, name: str = "d", complete: bool = True, azimuth: float = 180.0
+    frames: int,
+    *,
+    day: int = 0,
+    name: str = "d",
+    complete: bool = True,
+    azimuth: float = 180.0,
+    of: Site | ObservedPole | None = None,
 ) -> Passage:
-    """A drive that had place 0 in view in some frames, from one direction."""
-    views = PlaceViews(np.zeros(frames, dtype=np.int64), np.full(frames, azimuth))
-    return Passage(name, START_NS + day * DAY_NS, complete, views)
+    """A drive that had a place in view in some frames, from one direction."""
+    places = Places.of_poles([of]) if isinstance(of, ObservedPole) else Places.of_sites([of or site()])
+    counts = places.count(views(frames, azimuth))
+    return Passage(name, START_NS + day * DAY_NS, complete, counts)
+
+
+def views(frames: int, azimuth: float = 180.0) -> PlaceViews:
+    """Views of place 0."""
+    return PlaceViews(np.zeros(frames, dtype=np.int64), np.full(frames, azimuth))
 
 
 def p_unannotated(*passages: Passage, of: Site | None = None) -> float:
@@ -66,20 +79,19 @@ def test_evidence_without_a_view_is_none() -> None:
 
 def test_evidence_from_behind_a_sign_is_none() -> None:
     """A camera to the south does not see the front of a plate that looks north, but did pass it."""
-    found = evidence_of_absence([passage(20)], [site(0.0)], CONFIG)
+    found = evidence_of_absence([passage(20, of=site(0.0))], [site(0.0)], CONFIG)
     assert found.p_unannotated.tolist() == [1.0]
     assert found.passed.tolist() == [True]
     assert found.watched_by == [[]]
-    assert p_unannotated(passage(20), of=site(180.0)) < 0.01
+    assert p_unannotated(passage(20, of=site(180.0)), of=site(180.0)) < 0.01
 
 
 def test_front_views_need_the_direction_of_every_plate() -> None:
     """One plate of unknown direction may look anywhere: then every view counts."""
-    views = passage(3).views
-    assert front_views(views, [site(0.0)]).place.size == 0
-    assert front_views(views, [site(0.0, math.nan)]).place.size == 3
-    assert front_views(views, [site(0.0, 170.0)]).place.size == 3
-    assert front_views(views, [site()]).place.size == 3
+    sites = (site(0.0), site(0.0, math.nan), site(0.0, 170.0), site())
+    counts = [Places.of_sites([one]).count(views(3)) for one in sites]
+    assert [one.fronts.tolist() for one in counts] == [[0], [3], [3], [3]]
+    assert [one.views.tolist() for one in counts] == [[3]] * 4
 
 
 def test_evidence_does_not_miss_what_was_put_up_later() -> None:
@@ -111,7 +123,7 @@ def test_still_seen_doubts_what_a_drive_missed_the_next_week() -> None:
 def test_still_seen_takes_no_notice_of_other_views() -> None:
     """Drives that are not complete, that came earlier, or that passed on the other side say nothing."""
     pole = replace(seen_once(), seen_from_deg=frozenset({180.0}))
-    behind = passage(20, day=365, name="e", azimuth=0.0)
+    behind = passage(20, day=365, name="e", azimuth=0.0, of=pole)
     partial = passage(20, day=365, name="f", complete=False)
     before = passage(20, day=-365, name="c")
     assert still_seen([pole], [before, passage(20), behind, partial], CONFIG) == [pole]

@@ -25,18 +25,20 @@ _VIEW_BEFORE_12 = (
     "WHERE e.id = (SELECT max(n.id) FROM decision_log AS n WHERE n.change_id = e.change_id)"
 )
 SINCE_11 = ("crop", "crop_gap", "crop_log")
+SINCE_15 = ("kept_part",)
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 to 13 wrote it, with one decision."""
+    """Make a store as version 4 to 14 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
         _older_log(raw, version)
-        raw.execute("ALTER TABLE crop_gap DROP COLUMN why")
+        if version < 14:
+            raw.execute("ALTER TABLE crop_gap DROP COLUMN why")
         for table in ("sighting", "sighting_kept") if version < 11 else ():
             for column in ("width_px", "height_px", *(["is_measured"] if version < 10 else [])):
                 raw.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
-        gone = ((11, SINCE_11), (10, SINCE_10), (9, SINCE_9))
+        gone = ((15, SINCE_15), (11, SINCE_11), (10, SINCE_10), (9, SINCE_9))
         for table in (table for since, tables in gone if version < since for table in tables):
             raw.execute(f"DROP TABLE {table}")
         if version < 8:
@@ -70,7 +72,7 @@ def _older_log(raw: sqlite3.Connection, version: int) -> None:
         raw.execute(_VIEW_BEFORE_12)
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10, 11, 12, 13])
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
@@ -91,6 +93,7 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
         *SINCE_9,
         *SINCE_10,
         *SINCE_11,
+        *SINCE_15,
     ],
 )
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geoloc.arrays import FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import grid_convergence_deg, utm33_from_geographic
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.sites import Site
@@ -21,7 +21,7 @@ _LEAST_M = 3.0
 """Less may be a datum, or satellites that are a little off for the whole drive."""
 _OWN_SIGMAS = 1.5
 """Less is what the drive says of itself: no sign counts as moved by it."""
-_SCATTER, _WIDEST_M = 1 / 3, 10.0
+_SCATTER, NEAR_M = 1 / 3, 10.0
 """How near a shifted sign must come to NVDB's: a share of the shift, and at most so far. In a bend no
 shift is exact: a sign hangs on all the places that it was seen from."""
 _NEAREST_S = 0.7
@@ -64,12 +64,12 @@ def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[S
     Ahead or None
         None where the drive fits as it is, or too few signs agree on another shift.
     """
-    read = [one for one in estimates if one.codes and one.last_ns]
+    read = _read(estimates)
     near = [site for site in sites if site.own_geometry and site.codes]
     if len(read) < _FEWEST or len(near) < _FEWEST or poses.epoch_ns.size < 2:
         return None
     place = np.array([(one.east_m, one.north_m) for one in read])
-    late_s = np.linspace(-_LATEST_S, _LATEST_S, round(2 * _LATEST_S / _STEP_S) + 1, dtype=np.float64)
+    late_s = _shifts_s()
     shifted = _shifted(read, place, poses, late_s)
     pairs = _pairs(read, near, shifted)
     sign, site = pairs.T
@@ -81,9 +81,9 @@ def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[S
         moved_m = np.hypot(*np.moveaxis(shifted - place[:, None], -1, 0))
     as_is_m = np.hypot(*(place[sign] - there[site]).T)
     along_m = _median(moved_m)
-    within_m = np.minimum(_WIDEST_M, _SCATTER * along_m)
-    count = np.array([_paired(pairs[off_m[:, k] <= within_m[k]]) for k in range(late_s.size)])
-    as_is = np.array([_paired(pairs[as_is_m <= within]) for within in within_m])
+    within_m = np.minimum(NEAR_M, _SCATTER * along_m)
+    count = _paired(pairs, off_m <= within_m)
+    as_is = _paired(pairs, as_is_m[:, None] <= within_m)
     own_m = _median(_own_sigma_m(read, shifted - place[:, None]))
     clear = (along_m > _LEAST_M) & (along_m > _OWN_SIGMAS * own_m)
     clear &= (count >= np.maximum(_FEWEST, 2 * as_is + 2)) & (2 * count >= np.unique(sign).size)
@@ -93,6 +93,24 @@ def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[S
     best = min(np.flatnonzero(clear).tolist(), key=lambda k: (-count[k], np.nanmean(scatter_m[:, k])))
     late = float(late_s[best])
     return Ahead(float(np.copysign(along_m[best], late)), late)
+
+
+def places_if_shifted(estimates: Sequence[Estimate], poses: Poses) -> FloatArray:
+    """Places (n, 2) at which sites can tell by what a drive's signs are shifted, each to within `NEAR_M`."""
+    read = _read(estimates)
+    if not read or poses.epoch_ns.size < 2:
+        return np.zeros((0, 2))
+    place = np.array([(one.east_m, one.north_m) for one in read])
+    everywhere = np.concatenate([place, _shifted(read, place, poses, _shifts_s()).reshape(-1, 2)])
+    return np.asarray(everywhere[np.isfinite(everywhere[:, 0])])
+
+
+def _read(estimates: Sequence[Estimate]) -> list[Estimate]:
+    return [one for one in estimates if one.codes and one.last_ns]
+
+
+def _shifts_s() -> FloatArray:
+    return np.linspace(-_LATEST_S, _LATEST_S, round(2 * _LATEST_S / _STEP_S) + 1, dtype=np.float64)
 
 
 def _shifted(read: Sequence[Estimate], place: FloatArray, poses: Poses, late_s: FloatArray) -> FloatArray:
@@ -118,20 +136,31 @@ def _pairs(read: Sequence[Estimate], near: Sequence[Site], shifted: FloatArray) 
     """Numbers (k, 2) of signs and of the sites with a code of theirs that some shift brings them near to."""
     from scipy.spatial import cKDTree
 
-    tree = cKDTree([(site.east_m, site.north_m) for site in near])
+    there = np.array([(site.east_m, site.north_m) for site in near])
+    on_path = np.flatnonzero(np.isfinite(shifted[..., 0]).any(axis=1))
+    middle = np.nanmean(shifted[on_path], axis=1)
+    far = np.nanmax(np.hypot(*np.moveaxis(shifted[on_path] - middle[:, None], -1, 0)), axis=1)
+    # The circle about all of a sign's places first: few sites are left to be measured from each of them.
+    about = cKDTree(there).query_ball_point(middle, far + 2.0 * NEAR_M, return_sorted=True)
     pairs = []
-    for number, (one, places) in enumerate(zip(read, shifted, strict=True)):
-        known = places[np.isfinite(places[:, 0])]
-        if known.size:
-            found = {j for some in tree.query_ball_point(known, _WIDEST_M) for j in some}
-            alike = sorted(j for j in found if not set(one.codes).isdisjoint(near[j].codes))
-            pairs += list(product([number], alike))
+    for number, some in zip(on_path.tolist(), about, strict=True):
+        alike = [j for j in some if not set(read[number].codes).isdisjoint(near[j].codes)]
+        if alike:
+            east, north = np.moveaxis(shifted[number] - there[alike, None], -1, 0)
+            found = (east**2 + north**2 <= NEAR_M**2).any(axis=1)
+            pairs += list(product([number], np.array(alike)[found].tolist()))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _paired(pairs: IntArray) -> int:
-    """How many signs, each with a site of its own at most."""
-    return min(np.unique(pairs[:, 0]).size, np.unique(pairs[:, 1]).size)
+def _paired(pairs: IntArray, some: BoolArray) -> IntArray:
+    """How many signs by some pairs (k, shifts), each with a site of its own at most (shifts,)."""
+    counts = []
+    for ends in pairs.T:
+        order = np.argsort(ends, kind="stable")
+        first = np.flatnonzero(np.diff(ends[order], prepend=-1))
+        counts.append(np.logical_or.reduceat(some[order], first, axis=0).sum(axis=0))
+    fewest: IntArray = np.minimum(*counts)
+    return fewest
 
 
 def _own_sigma_m(read: Sequence[Estimate], moved: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -25,18 +25,21 @@ class Driven:
 
     Attributes
     ----------
-    poses : Poses
-        Where it drove, in time order.
+    read_poses : callable
+        Gives where it drove, in time order.
     corrections : Corrections or None
         What its adjustment found; None where it was ingested by another method.
     car : str
         The same for drives with the same rig.
+    has_poses : bool
+        Whether there is any pose of it.
     """
 
     drive_id: str
-    poses: Poses
+    read_poses: Callable[[], Poses]
     corrections: Corrections | None
     car: str
+    has_poses: bool = True
 
 
 class Measured(NamedTuple):
@@ -117,7 +120,7 @@ def _best_of_drives(
     best: dict[str, Estimate] = {}
     for estimate in (by_member[member] for member in pole.members):
         drive = drives[estimate.drive_id]
-        if not estimate.budget or drive.corrections is None or not drive.poses.epoch_ns.size:
+        if not estimate.budget or drive.corrections is None or not drive.has_poses:
             return []
         known = best.get(estimate.drive_id)
         if known is None or _spread(estimate) < _spread(known):
@@ -167,8 +170,9 @@ def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) ->
         )
         for source in sources
     }
-    at = np.clip(np.searchsorted(drive.poses.epoch_ns, last_ns), 0, drive.poses.epoch_ns.size - 1)
-    heading = drive.poses.heading_deg[at] - grid_convergence_deg(*where)
+    poses = drive.read_poses()
+    at = np.clip(np.searchsorted(poses.epoch_ns, last_ns), 0, poses.epoch_ns.size - 1)
+    heading = poses.heading_deg[at] - grid_convergence_deg(*where)
     return Passes(
         np.array([pole for pole, _ in seen], dtype=np.int64),
         np.full(len(seen), number),
