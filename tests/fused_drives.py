@@ -25,7 +25,7 @@ def driven(drive_id: str, *, adjusted: bool = True) -> Driven:
     poses = Poses(epoch_ns, lat, lon, *(zero for _ in names), zero, np.ones(10, bool), np.full(10, ""))
     clock = Correction(0.0, 5.0)
     found = Corrections(1.0, clock, clock, {}, 5.0) if adjusted else None
-    return Driven(drive_id, lambda: poses, found, "car")
+    return Driven(drive_id, lambda: poses, found, "car", drive_id)
 
 
 def estimate(drive_id: str, name: str, north: float, east: float = 0.0) -> Estimate:

@@ -24,19 +24,26 @@ def passes_that_agree(passes: Passes, clocks: Clocks) -> BoolArray:
     else says of its place, and the worst at its pole and of its drive is taken out, round by round. Of two
     passes nobody knows which one is wrong: both are taken out.
     """
+    return _agreeing(passes, clocks, int(passes.pole.max()) + 1)[0]
+
+
+def _agreeing(passes: Passes, clocks: Clocks, poles: int) -> tuple[BoolArray, Fused]:
+    """Which passes agree, and what these give for so many poles."""
+    nobody = Known(np.full((poles, 2), np.nan), np.ones(poles))
     keep = np.ones(passes.pole.size, dtype=np.bool_)
     for _ in range(_MOST_TAKEN_OUT):
         rows = np.flatnonzero(keep)
         part = _rows(passes, keep)
-        square = fuse(part, clocks).square
+        fused = fuse(part, clocks, nobody)
+        square = fused.square
+        if not square.size:
+            return keep, fused
         worst = (square > _ANOTHER_POLE) & _largest_of(square, part.pole) & _largest_of(square, part.drive)
         if not worst.any():
-            break
+            return keep, fused
         left = np.bincount(part.pole) - np.bincount(part.pole[worst], minlength=part.pole.max() + 1)
         keep[rows[worst | (np.isin(part.pole, part.pole[worst]) & (left[part.pole] < 2))]] = False
-        if not keep.any():
-            break
-    return keep
+    return keep, fuse(_rows(passes, keep), clocks, nobody)
 
 
 def _largest_of(square: FloatArray, group: IntArray) -> BoolArray:
@@ -64,9 +71,10 @@ def fuse_with_agreeing(passes: Passes, clocks: Clocks, known: Known) -> tuple[Fu
         Which known places count.
     """
     nothing = np.zeros_like(known.there)
-    passes = _rows(passes, passes_that_agree(passes, clocks))
+    keep, fused = _agreeing(passes, clocks, len(known.place_m))
+    passes = _rows(passes, keep)
     if known.there.sum() < LEAST:
-        return fuse(passes, clocks, _only(known, nothing)), nothing
+        return fused, nothing
     sigma_m = known.sigma_m
     for _ in range(_ROUNDS):
         square = _squares(fuse(passes, clocks, Known(known.place_m, sigma_m)), known)

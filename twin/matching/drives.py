@@ -94,7 +94,8 @@ def drives_of(view: Snapshot, method: str, config: MatchConfig, kept: Kept) -> l
         unplaced = f"{row['n_unplaced']} annotated objects have no position" if row["n_unplaced"] else ""
         poses = cache(partial(poses_from_blob, row["poses"]))
         rig, cameras = cache(partial(_rig, row["rig"], row["name"])), tuple(row["cameras"])
-        watcher = Watcher(rig, poses, digest(row["rig"], row["poses"]).encode(), cameras, config, kept)
+        recorded = digest(row["rig"], row["poses"])
+        watcher = Watcher(rig, poses, recorded.encode(), cameras, config, kept)
         drives.append(
             Drive(
                 drive_id=row["drive_id"],
@@ -109,6 +110,7 @@ def drives_of(view: Snapshot, method: str, config: MatchConfig, kept: Kept) -> l
                     poses,
                     Corrections.from_json(row["corrections"]),
                     hashlib.sha256(row["rig"]).hexdigest(),
+                    recorded,
                     has_poses=bool(watcher.coarse.size),
                 ),
                 cameras=cameras,

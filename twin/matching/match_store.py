@@ -113,7 +113,7 @@ def match(
     tied = ""
     if config.map_aided:
         say("tying drives to measured signs")
-        poles, tied = map_aided(poles, sites, observed.once, [drive.driven for drive in drives], config)
+        poles, tied = map_aided(poles, sites, observed.once, [drive.driven for drive in drives], config, kept)
     say("finding which signs were in view")
     current = still_seen(poles, past_poles(drives, poles), config)
     seen = evidence_of_absence(past_sites(drives, sites), sites, config)
@@ -178,7 +178,7 @@ def _observed(view: Snapshot, method: str, config: MatchConfig, kept: Kept) -> _
     pairs = may_be_one(estimates, config)
     once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
     found = observed_poles(once, [drive.drive_id for drive in drives], config, directions)
-    found = with_fused_places(found, once, [drive.driven for drive in drives]).poles
+    found = with_fused_places(found, once, [drive.driven for drive in drives], kept=kept).poles
     marks = marks_of(view, estimates, method)
     poles = with_known_keys(found, marks, known_marks(view))
     points, plates = mirror_near(view, _places(drives, poles), config)

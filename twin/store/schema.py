@@ -376,7 +376,7 @@ known_mark = sa.Table(
 kept_part = sa.Table(
     "kept_part",
     metadata,
-    sa.Column("kind", sa.String, primary_key=True, comment="views or clock"),
+    sa.Column("kind", sa.String, primary_key=True, comment="views, clock or fused"),
     sa.Column("key", sa.String, primary_key=True, comment="digest of everything that it rests on"),
     sa.Column("arrays", sa.LargeBinary, nullable=False, comment="what was worked out: npz"),
     comment="What the last match worked out that the next one may use: it can be deleted at any time.",

@@ -71,7 +71,8 @@ def with_known_keys(
     """
     own = [[marks[member] for member in pole.members if member in marks] for pole in poles]
     key_of = _by_clicks(own, known)
-    free = [one for one in known if one.pole not in set(key_of.values())]
+    named = set(key_of.values())
+    free = [one for one in known if one.pole not in named]
     left = [i for i in range(len(poles)) if i not in key_of and own[i]]
     key_of |= _by_place(poles, own, left, free)
     taken = {one.pole for one in known}

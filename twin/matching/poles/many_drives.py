@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from geoloc.arrays import FloatArray, IntArray
+from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg, utm33_covariance_from_enu
 from geoloc.fusion.agreeing import LEAST, fuse_with_agreeing
 from geoloc.fusion.fuse import Clocks, Known, Passes
 from geoloc.fusion.sources import FoundClock, parts_of
 from geoloc.trajectory.trajectory import Poses
+from twin.matching.kept import Kept, digest
 from twin.matching.poles.poles import ObservedPole
 from twin.store.records import Corrections, Covariance, Estimate
 
@@ -31,6 +32,8 @@ class Driven:
         What its adjustment found; None where it was ingested by another method.
     car : str
         The same for drives with the same rig.
+    recorded : str
+        What tells its poses from any others.
     has_poses : bool
         Whether there is any pose of it.
     """
@@ -39,7 +42,13 @@ class Driven:
     read_poses: Callable[[], Poses]
     corrections: Corrections | None
     car: str
+    recorded: str
     has_poses: bool = True
+
+    @property
+    def content(self) -> bytes:
+        """What tells it from any other drive, as far as fusing goes."""
+        return repr((self.drive_id, self.recorded, self.car, self.corrections)).encode()
 
 
 class Measured(NamedTuple):
@@ -62,6 +71,7 @@ def with_fused_places(
     estimates: Sequence[Estimate],
     drives: Sequence[Driven],
     measured: Mapping[int, Measured] | None = None,
+    kept: Kept | None = None,
 ) -> Placed:
     """Place poles by the estimates of all drives that are tied together by poles that several of them saw.
 
@@ -76,8 +86,10 @@ def with_fused_places(
     drives : sequence of Driven
     measured : mapping of a pole's number → Measured, optional
         Places that tie drives down where they agree with one another; never the pole itself.
+    kept : Kept, optional
+        What earlier matches worked out for drives that are tied together.
     """
-    measured = measured or {}
+    measured, kept = measured or {}, kept or Kept()
     by_id = {drive.drive_id: drive for drive in drives}
     by_member = {member: estimate for estimate in estimates for member in estimate.members}
     seen = [_best_of_drives(pole, by_member, by_id) for pole in poles]
@@ -90,13 +102,11 @@ def with_fused_places(
         known = [measured.get(k, _NOWHERE) for k in of_group]
         if len(ids) < 2 and sum(one is not _NOWHERE for one in known) < LEAST:
             continue
-        passes, clocks = _group_of([seen[k] for k in of_group], [by_id[i] for i in ids])
-        places = np.array(known).reshape(-1, 3)
-        fused, used = fuse_with_agreeing(passes, clocks, Known(places[:, :2], places[:, 2]))
+        fused, used = _fused([seen[k] for k in of_group], [by_id[i] for i in ids], known, kept)
         if len(ids) < 2 and not used.any():
             continue
         tied_by |= {k for k, counts in zip(of_group, used, strict=True) if counts}
-        for k, (east, north), covariance in zip(of_group, fused.place_m, fused.covariance_m2, strict=True):
+        for k, (east, north), covariance in zip(of_group, *fused, strict=True):
             if math.isnan(east):  # its drives do not agree on it: it ties nothing, and stays
                 continue
             placed[k] = replace(
@@ -111,6 +121,34 @@ def with_fused_places(
 
 
 _NOWHERE = Measured(math.nan, math.nan, 1.0)
+
+
+def _fused(
+    seen: Sequence[Sequence[Estimate]], drives: Sequence[Driven], known: Sequence[Measured], kept: Kept
+) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
+    """Places and covariances of the poles of one group, and which known places count."""
+    places = np.array(known).reshape(-1, 3)
+    key = digest(*(drive.content for drive in drives), places.tobytes(), *_said(seen))
+    found = kept.get(_KIND, key)
+    if found is None:
+        passes, clocks = _group_of(seen, drives)
+        fused, used = fuse_with_agreeing(passes, clocks, Known(places[:, :2], places[:, 2]))
+        found = {"place_m": fused.place_m, "covariance_m2": fused.covariance_m2, "used": used}
+        kept.put(_KIND, key, found)
+    return (found["place_m"], found["covariance_m2"]), found["used"]
+
+
+_KIND = "fused"
+
+
+def _said(seen: Sequence[Sequence[Estimate]]) -> Iterator[bytes]:
+    """Everything that estimates of poles say where they stand."""
+    yield np.array([len(of_pole) for of_pole in seen]).tobytes()
+    every = [one for of_pole in seen for one in of_pole]
+    yield repr([(one.drive_id, tuple(one.budget)) for one in every]).encode()
+    yield np.array([one.last_ns for one in every]).tobytes()
+    yield np.array([(one.east_m, one.north_m) for one in every]).tobytes()
+    yield np.array([part for one in every for part in one.budget.values()]).tobytes()
 
 
 def _best_of_drives(

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin.matching.config import MatchConfig
+from twin.matching.kept import Kept
 from twin.matching.poles.many_drives import Driven, Measured, with_fused_places
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
@@ -22,6 +23,7 @@ def map_aided(
     estimates: Sequence[Estimate],
     drives: Sequence[Driven],
     config: MatchConfig,
+    kept: Kept,
 ) -> tuple[list[ObservedPole], str]:
     """Place poles by all drives and by NVDB's measured signs, and say in a sentence what that did.
 
@@ -29,7 +31,7 @@ def map_aided(
     to it.
     """
     measured = _measured(poles, sites, config)
-    placed, tied_by = with_fused_places(poles, estimates, drives, measured)
+    placed, tied_by = with_fused_places(poles, estimates, drives, measured, kept)
     if not tied_by:
         return list(poles), (
             f"Map-aided: nothing was moved. {len(measured)} signs of NVDB that were measured to "

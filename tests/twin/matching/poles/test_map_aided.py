@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 from fused_drives import CONFIG, EAST_M, NORTH_M, driven, estimate
 
+from twin.matching.kept import Kept
 from twin.matching.poles.map_aided import map_aided
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.sites import Plate, Site
@@ -29,7 +30,7 @@ def aided(sites: list[Site]) -> tuple[list[ObservedPole], str]:
         for k, north in enumerate(NORTHS_M)
     ]
     poles = observed_poles(rows, ["a"], CONFIG)
-    return map_aided(poles, sites, rows, [driven("a")], CONFIG)
+    return map_aided(poles, sites, rows, [driven("a")], CONFIG, Kept())
 
 
 def test_agreeing_signs_move_the_drive_and_a_sentence_says_so() -> None:
