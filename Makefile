@@ -91,7 +91,7 @@ notebooks: $(VENV)/.installed     ## runs the notebooks again and keeps what the
 soak: $(VENV)/.installed          ## a hundred syncs killed at random instants, a thousand histories of sending, and of annotating, a thousand examples of each property
 	TWIN_KILLS=100 $(BIN)/python -m pytest tests/twin/mirror/test_kill.py
 	TWIN_EXAMPLES=1000 $(BIN)/python -m pytest --numprocesses auto -m hypothesis
-	TWIN_HISTORIES=1000 $(BIN)/python -m pytest --numprocesses auto tests/twin/changesets/test_histories.py tests/twin/matching/test_renumbered.py
+	TWIN_HISTORIES=1000 $(BIN)/python -m pytest --numprocesses auto tests/twin/changesets/test_histories.py tests/twin/matching/test_renumbered.py tests/twin/matching/test_kept.py
 
 FUZZ := tests/fuzz/test_fuzz_tracks.py $(filter-out %_tracks.py,$(wildcard tests/fuzz/test_fuzz_*.py))
 .PHONY: $(FUZZ)

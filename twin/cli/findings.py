@@ -91,6 +91,13 @@ def match(
             help="Let signs that NVDB has measured to 10 cm tie drives to the ground, where they agree.",
         ),
     ] = False,
+    anew: Annotated[
+        bool,
+        typer.Option(
+            "--all",
+            help="Work everything out anew, and say whether what was kept of earlier matches agrees.",
+        ),
+    ] = False,
     exit_code: Annotated[
         bool, typer.Option("--exit-code", help="Exit with 1 if findings are open, 0 if none is.")
     ] = False,
@@ -110,13 +117,15 @@ def match(
     )
     with Store.open(store, create=False) as opened, steps(quiet=json_output) as progress:
         before = {change.change_id for change in latest_findings(opened.rows) if change.is_open}
-        report = run(opened, method=method, config=config, progress=progress)
+        report = run(opened, method=method, config=config, progress=progress, anew=anew)
         changes = latest_findings(opened.rows)
         shown = _news_of(report, changes)
         told = told_in(opened, shown[:MOST_SHOWN], lang)
     n_open = sum(change.is_open for change in changes)
     for warning in report.warnings:
         warn(warning)
+    if report.kept_agree is False:
+        warn(say(lang, "match.kept_differs"))
     if json_output:
         document = {"n_open": n_open, "changes": [change.as_json() for change in changes]}
         print_json({**asdict(report), **document})
@@ -150,6 +159,8 @@ def _print_match(report: MatchReport, n_open: int, lang: Lang) -> None:
             in_view=report.n_in_view,
         )
     )
+    if report.kept_agree:
+        note(say(lang, "match.kept_agrees"))
     if report.map_aided:
         note(report.map_aided)
     if report.n_outdated:

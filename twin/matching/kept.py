@@ -16,6 +16,7 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 from sqlalchemy.dialects import sqlite
 
+from twin import __version__
 from twin.store import schema
 from twin.store.store import Snapshot
 
@@ -23,8 +24,8 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 def digest(*parts: bytes) -> str:
-    """Return what tells one input from any other: 128 bits of the parts, told apart by their lengths."""
-    found = hashlib.blake2b(digest_size=16)
+    """Return what tells one input from any other, of this version of twin: 128 bits."""
+    found = hashlib.blake2b(f"{__version__} {np.__version__}".encode(), digest_size=16)
     for part in parts:
         found.update(len(part).to_bytes(8, "little"))
         found.update(part)

@@ -62,6 +62,9 @@ class MatchReport:
         What the match before did not find; None of the first one.
     warnings : tuple of str
         Drives that do not fit themselves, and complete ones that cannot show that a sign is missing.
+    kept_agree : bool or None
+        Whether what was kept of earlier matches gives the same findings; None where that was not asked for,
+        or the store changed meanwhile.
     """
 
     method: str
@@ -73,6 +76,7 @@ class MatchReport:
     map_aided: str
     news: News | None = None
     warnings: tuple[str, ...] = ()
+    kept_agree: bool | None = None
 
 
 def match(
@@ -81,8 +85,12 @@ def match(
     method: str | None = None,
     config: MatchConfig | None = None,
     progress: Callable[[str], None] | None = None,
+    anew: bool = False,
 ) -> MatchReport:
     """Compare every estimate of one method with the mirror, and replace the store's findings.
+
+    What earlier matches worked out of drives and places that nothing has touched is taken from the store
+    (:mod:`twin.matching.kept`): the findings are those of a match without it.
 
     Parameters
     ----------
@@ -90,6 +98,8 @@ def match(
     method : str, optional
         Default: the best that drives were ingested by, in the order of :class:`twin.store.kinds.Method`.
     config : MatchConfig, optional
+    anew : bool
+        Work everything out, and say whether what was kept agrees.
 
     Raises
     ------
@@ -103,9 +113,61 @@ def match(
     method = choose_method(store, method)
     if store.fact("mirror") is None:
         raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
+    found = _found(store, method, config, say, anew=anew)
+    kept_agree = None
+    if anew:
+        say("matching once more from what was kept")
+        again = _found(store, method, config, lambda _text: None, anew=False)
+        if again.observed.revision == found.observed.revision:
+            kept_agree = repr((again.findings, again.keys)) == repr((found.findings, found.keys))
+    observed, drives, findings = found.observed, found.drives, found.findings
+    settings = _settings(method, config, drives, observed.estimates) | {"road_network": observed.has_network}
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
+    run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
+    news = save_changes(
+        store, findings, found.keys, {**run, "revision": observed.revision}, observed.marks, found.kept
+    )
+    return MatchReport(
+        method=method,
+        verdicts=_counts(findings),
+        n_poles=found.n_current,
+        n_sites=found.n_sites,
+        n_in_view=found.n_in_view,
+        n_outdated=len(found.poles) - found.n_current,
+        map_aided=found.map_aided,
+        news=news,
+        kept_agree=kept_agree,
+        warnings=tuple(warning for drive in drives for warning in drive.warnings()),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What a match found, and what it rests on; ``n_current``: poles that no later drive missed."""
+
+    observed: _Observed
+    drives: list[Drive]
+    poles: list[ObservedPole]
+    findings: list[Finding]
+    n_current: int
+    n_sites: int
+    n_in_view: int
+    map_aided: str
+    kept: Kept
+
+    @property
+    def keys(self) -> dict[str, str]:
+        """Key of the pole that each estimate belongs to."""
+        return {member: pole.key for pole in self.poles for member in pole.members}
+
+
+def _found(
+    store: Store, method: str, config: MatchConfig, say: Callable[[str], None], *, anew: bool
+) -> _Found:
+    """Compare; nothing is written."""
     with store.snapshot() as view:
         say("grouping estimates into poles")
-        kept = Kept.of_store(view)
+        kept = Kept() if anew else Kept.of_store(view)
         observed = _observed(view, method, config, kept)
     poles = observed.poles
     sites = _sites(store, observed.points, observed.plates, config, has_network=observed.has_network)
@@ -130,21 +192,16 @@ def match(
         passed=seen.passed,
     )
     findings = _with_evidence(findings, current, drives)
-    keys = {member: pole.key for pole in poles for member in pole.members}
-    settings = _settings(method, config, drives, observed.estimates) | {"road_network": observed.has_network}
-    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
-    run = {"method": method, "at": utc_now(), "settings": settings, "config_sha256": digest}
-    news = save_changes(store, findings, keys, {**run, "revision": observed.revision}, observed.marks, kept)
-    return MatchReport(
-        method=method,
-        verdicts=_counts(findings),
-        n_poles=len(current),
+    return _Found(
+        observed=observed,
+        drives=drives,
+        poles=poles,
+        findings=findings,
+        n_current=len(current),
         n_sites=len(sites),
         n_in_view=int((seen.complete >= config.min_views).sum()),
-        n_outdated=len(poles) - len(current),
         map_aided=tied,
-        news=news,
-        warnings=tuple(warning for drive in drives for warning in drive.warnings()),
+        kept=kept,
     )
 
 

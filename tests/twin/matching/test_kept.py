@@ -1,0 +1,185 @@
+"""What is kept between matches: after any history the findings are those of a match of everything.
+
+``TWIN_HISTORIES=1000`` makes a longer run of it (``make soak``).
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sqlalchemy as sa
+
+from twin.decisions import decide, undo
+from twin.errors import TwinError
+from twin.matching import match
+from twin.matching.config import MatchConfig
+from twin.matching.kept import Kept
+from twin.store import schema
+from twin.store.kinds import Decision
+from twin.store.poses import blob_from_poses, poses_from_blob
+from twin.store.store import Row, Store
+
+HISTORIES = max(1, int(os.environ.get("TWIN_HISTORIES", "8")) // 4)
+STEPS = 7
+METHOD = "adjusted"
+DAY_NS = 86_400_000_000_000
+OF_DRIVES = (schema.drive, schema.drive_method, schema.estimate, schema.sighting)
+SETTINGS = (
+    MatchConfig(),
+    MatchConfig(view_range_m=12.0),
+    MatchConfig(map_aided=True, measured_m=2.0),
+    MatchConfig(min_views=12),
+)
+
+
+@dataclass
+class History:
+    """A store, and what happens to it."""
+
+    store: Store
+    draw: random.Random
+    config: MatchConfig = SETTINGS[0]
+    drives: int = 1
+
+    def ingest(self) -> None:
+        """A drive comes: as the first one, on another day, over a part of the road, a bit elsewhere."""
+        name, later_ns = f"drive{self.drives}", self.draw.randint(1, 400) * DAY_NS
+        self.drives += 1
+        first, moved_m = self._first(), [self.draw.gauss(0, 0.2) for _ in range(2)]
+        made: dict[sa.Table, list[Row]] = {}
+        objects = self.store.rows(sa.select(schema.estimate.c.object).distinct())
+        unseen = {row["object"] for row in objects if self.draw.random() < 0.15}
+        for table in OF_DRIVES:
+            rows = self.store.rows(sa.select(table).where(table.c.drive_id == first))
+            made[table] = [
+                self._later(row, name, later_ns, moved_m) for row in rows if row.get("object") not in unseen
+            ]
+        with self.store.transaction() as connection:
+            for table, rows in made.items():
+                connection.execute(sa.insert(table), rows)
+            self.store.touch(connection)
+
+    def _first(self) -> str:
+        rows = self.store.rows(sa.select(schema.drive.c.drive_id).order_by(schema.drive.c.started_ns))
+        return str(rows[0]["drive_id"])
+
+    def _later(self, row: Row, name: str, later_ns: int, moved_m: list[float]) -> Row:
+        own = {key: value.replace(row["drive_id"], name) for key, value in row.items() if key in _IDS}
+        own |= {key: value + later_ns for key, value in row.items() if key.endswith("_ns")}
+        if "poses" in row:
+            poses = poses_from_blob(row["poses"])
+            half = self.draw.choice([slice(None), slice(None, len(poses.epoch_ns) // 2)])
+            kept = {key: getattr(poses, key)[half] for key in poses.__slots__}
+            kept["epoch_ns"] = kept["epoch_ns"] + later_ns
+            own["poses"] = blob_from_poses(type(poses)(**kept))
+            own["annotations_complete"] = self.draw.random() < 0.8
+        if "cov_ee_m2" in row and row["east_m"] is not None:
+            own |= {key: row[key] + by for key, by in zip(("east_m", "north_m"), moved_m, strict=True)}
+        return {**row, **own}
+
+    def lose(self) -> None:
+        """All that is known of a drive goes."""
+        if len(self.store.rows(sa.select(schema.drive.c.drive_id))) > 1:
+            gone = self._first()
+            with self.store.transaction() as connection:
+                for table in OF_DRIVES:
+                    connection.execute(sa.delete(table).where(table.c.drive_id == gone))
+                self.store.touch(connection)
+
+    def sync(self) -> None:
+        """NVDB has moved a sign, taken one away, or changed a code."""
+        point, plate = schema.skiltpunkt, schema.skiltplate
+        (row,) = self.draw.sample(self.store.rows(sa.select(point.c.nvdb_id)), 1)
+        of_point = plate.c.point_id == row["nvdb_id"]
+        with self.store.transaction() as connection:
+            match self.draw.randrange(3):
+                case 0:
+                    by_m = self.draw.uniform(-3, 3)
+                    for table, which in ((point, point.c.nvdb_id == row["nvdb_id"]), (plate, of_point)):
+                        connection.execute(sa.update(table).where(which).values(east_m=table.c.east_m + by_m))
+                case 1:
+                    connection.execute(sa.delete(plate).where(of_point))
+                    connection.execute(sa.delete(point).where(point.c.nvdb_id == row["nvdb_id"]))
+                case _:
+                    connection.execute(sa.update(plate).where(of_point).values(skiltnummer="362.50"))
+            self.store.touch(connection)
+
+    def change_a_setting(self) -> None:
+        """Another range of view, help of the map, another number of views."""
+        self.config = self.draw.choice(SETTINGS)
+
+    def decide(self) -> None:
+        """Somebody decides about a finding."""
+        rows = self.store.rows(sa.select(schema.change.c.change_id).order_by(schema.change.c.change_id))
+        decide(self.store, [self.draw.choice(rows)["change_id"]], Decision.DISMISS, by="a")
+
+    def undo(self) -> None:
+        """Somebody takes the last decision back, if there is one."""
+        try:
+            undo(self.store, by="a")
+        except TwinError:
+            return
+
+
+_IDS = ("drive_id", "estimate_id", "name")
+
+
+def findings(store: Store) -> str:
+    """All that a match says, to the last bit."""
+    tables = [
+        sa.select(schema.change).order_by(schema.change.c.change_id),
+        sa.select(schema.pole_key).order_by(schema.pole_key.c.member),
+        sa.select(schema.known_mark).order_by(schema.known_mark.c.id),
+        sa.select(schema.decision.c.change_id, schema.decision.c.decision),
+    ]
+    return repr([store.rows(asked) for asked in tables])
+
+
+@pytest.mark.parametrize("seed", range(HISTORIES))
+def test_a_match_is_that_of_everything_after_any_history(
+    matched_store: Path, tmp_path: Path, seed: int
+) -> None:
+    """Drives that come and go, syncs, decisions and other settings: the same findings, bit for bit."""
+    path, other = tmp_path / "twin.db", tmp_path / "other.db"
+    shutil.copy(matched_store, path)
+    history = History(Store(path), random.Random(seed))
+    can = (history.ingest, history.lose, history.sync, history.change_a_setting, history.decide)
+    for number in range(STEPS):
+        step = history.ingest if number < 2 else history.draw.choice((*can, history.undo))
+        step()
+        history.store.close()  # which brings SQLite's log into the file
+        shutil.copy(path, other)
+        match(history.store, method=METHOD, config=history.config)
+        with Store.open(other) as fresh:
+            with fresh.transaction() as connection:
+                connection.execute(sa.delete(schema.kept_part))
+            match(fresh, method=METHOD, config=history.config)
+            assert findings(history.store) == findings(fresh), step.__name__
+            assert history.store.count(schema.kept_part) == fresh.count(schema.kept_part)
+    assert match(history.store, method=METHOD, config=history.config, anew=True).kept_agree is True
+
+
+def test_all_finds_a_kept_part_that_is_wrong(opened: Store) -> None:
+    """A match believes what was kept, only `--all` does not; and it puts it right."""
+    match(opened, method=METHOD)
+    right = findings(opened)
+    with opened.transaction() as connection:
+        kept = Kept.of_store(opened.view(connection))
+        for kind, key in connection.execute(sa.select(schema.kept_part.c.kind, schema.kept_part.c.key)):
+            if kind == "views":
+                part = dict(kept.get(kind, key) or {})
+                zero = np.zeros_like(part["views"])
+                kept.put(kind, key, {**part, "views": zero, "fronts": zero})
+        kept.save(connection)
+    match(opened, method=METHOD)
+    assert findings(opened) != right
+    assert match(opened, method=METHOD, anew=True).kept_agree is False
+    assert findings(opened) == right
+    match(opened, method=METHOD)
+    assert findings(opened) == right
