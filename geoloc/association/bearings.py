@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -92,7 +92,7 @@ class Bearings:
 
     def take(self, rows: IntArray | BoolArray) -> Bearings:
         """Those rows alone."""
-        return Bearings(**{f.name: getattr(self, f.name)[rows] for f in fields(Bearings)})
+        return Bearings(*(getattr(self, name)[rows] for name in self.__slots__))
 
 
 def bearings_from_sightings(

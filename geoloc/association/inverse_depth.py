@@ -10,7 +10,7 @@ doi:10.1109/TRO.2008.2003276; here with the directions as a plane instead of two
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -49,7 +49,7 @@ class Points:
 
     def take(self, rows: IntArray | BoolArray) -> Points:
         """Those points alone."""
-        return Points(**{f.name: getattr(self, f.name)[rows] for f in fields(Points)})
+        return Points(*(getattr(self, name)[rows] for name in self.__slots__))
 
     @property
     def place_m(self) -> FloatArray:

@@ -16,7 +16,8 @@ def track(seen: Bearings, rules: AssociationRules) -> IntArray:
 
     Each object is a point with a covariance (:class:`Points`). In each picture the sightings are assigned
     one-to-one to the objects of their kind and label by likelihood, "a new object" competing; then the
-    points of the objects that were seen take a Kalman step.
+    points of the objects that were seen take a Kalman step. What can never meet (:func:`_runs`) is followed
+    side by side, a picture of each at a time.
 
     Parameters
     ----------
@@ -32,22 +33,45 @@ def track(seen: Bearings, rules: AssociationRules) -> IntArray:
     points, label = first_points(seen), seen.label.copy()
     # Rows of `points` are taken by tracks as these begin: a track is the row of its first sighting.
     last_s = np.full(n, -np.inf)
+    run, step = _runs(seen, rules.memory_s)
+    now_s = np.empty(int(run.max(initial=-1)) + 1)
     active = np.empty(0, dtype=np.int64)
-    bounds = np.flatnonzero(np.diff(seen.frame, prepend=-1, append=-1))
-    for start, stop in pairwise(bounds.tolist()):
-        rows = np.arange(start, stop)
-        active = active[last_s[active] >= seen.time_s[start] - rules.memory_s]
-        pair, found = _partners(seen, rows, points, active, label, rules)
-        new, known = rows[pair < 0], rows[pair >= 0]
-        mine = active[pair[pair >= 0] % max(active.size, 1)]
+    order = np.lexsort((run, step))
+    for rows in np.split(order, np.flatnonzero(np.diff(step[order])) + 1):
+        now_s[:] = np.inf
+        now_s[run[rows]] = seen.time_s[rows]
+        active = active[last_s[active] >= now_s[run[active]] - rules.memory_s]
+        pair, track_of, found = _partners(seen, rows, run, points, active, label, rules)
+        new, known, pair = rows[pair < 0], rows[pair >= 0], pair[pair >= 0]
+        mine = track_of[pair]
         if known.size:
-            moved = updated(points.take(mine), found.take(pair[pair >= 0]))
+            moved = updated(points.take(mine), found.take(pair))
             points.state[mine], points.covariance[mine] = moved.state, moved.covariance
             label[mine] = np.where(label[mine] == 0, seen.label[known], label[mine])
         group[known], group[new] = mine, new
-        last_s[group[rows]] = seen.time_s[start]
+        last_s[group[rows]] = seen.time_s[rows]
         active = np.concatenate([active, new])
+        active = active[np.argsort(run[active], kind="stable")]
     return numbered(group)
+
+
+def _runs(seen: Bearings, memory_s: float) -> tuple[IntArray, IntArray]:
+    """Sightings that may come to share a track, by number, and the picture of each among those of its run.
+
+    Kinds never mix, nor do labels of a kind of which no sighting lacks one; and a pause that is longer than
+    tracks are remembered parts what lies before it from what comes after.
+    """
+    any_label = np.array([np.any(seen.label[seen.face == face] == 0) for face in (False, True)])
+    label = np.where(any_label[seen.face.astype(np.int64)], 0, seen.label)
+    order = np.lexsort((label, seen.face))
+    face, label, time_s, frame = seen.face[order], label[order], seen.time_s[order], seen.frame[order]
+    begins = np.ones(order.size, dtype=bool)
+    begins[1:] = (face[1:] != face[:-1]) | (label[1:] != label[:-1]) | (time_s[:-1] < time_s[1:] - memory_s)
+    picture = np.cumsum(begins | (np.diff(frame, prepend=-1) != 0))
+    run, step = np.empty_like(order), np.empty_like(order)
+    run[order] = np.cumsum(begins) - 1
+    step[order] = picture - picture[begins][run[order]]
+    return run, step
 
 
 def numbered(group: IntArray) -> IntArray:
@@ -100,21 +124,34 @@ def one_to_one(cost: FloatArray) -> IntArray:
 def _partners(
     seen: Bearings,
     rows: IntArray,
+    run: IntArray,
     points: Points,
     active: IntArray,
     label: IntArray,
     rules: AssociationRules,
-) -> tuple[IntArray, Innovations]:
-    """Pair that each sighting of one picture forms with a track, -1 for none, and the pairs, row by row."""
-    i, j = np.repeat(rows, active.size), np.tile(active, rows.size)
+) -> tuple[IntArray, IntArray, Innovations]:
+    """Pair that each sighting of one picture of each run forms with a track, -1 for none; tracks, by pair.
+
+    `rows` and `active` are in order of their runs.
+    """
+    low, high = (np.searchsorted(run[active], run[rows], side=side) for side in ("left", "right"))
+    size = high - low
+    ends = np.cumsum(size)
+    i = np.repeat(rows, size)
+    j = active[np.arange(i.size) + np.repeat(low - (ends - size), size)]
     there = points.take(j)
     found = innovations(seen.take(i), there)
-    if not active.size:
-        return np.full(rows.size, -1), found
+    partner = np.full(rows.size, -1, dtype=np.int64)
+    if not i.size:
+        return partner, j, found
     joined = may_join(seen.face[i], seen.label[i], seen.face[j], label[j])
-    cost = costs(found, there.covariance, joined, rules).reshape(rows.size, active.size)
-    column = one_to_one(cost)
-    return np.where(column >= 0, np.arange(rows.size) * active.size + column, -1), found
+    cost = costs(found, there.covariance, joined, rules)
+    bounds = np.append(np.flatnonzero(np.diff(run[rows], prepend=-1)), rows.size)
+    for first, last in pairwise(bounds.tolist()):
+        begins, of_each = ends[first] - size[first], size[first]
+        column = one_to_one(cost[begins : ends[last - 1]].reshape(last - first, of_each))
+        partner[first:last] = np.where(column >= 0, begins + np.arange(last - first) * of_each + column, -1)
+    return partner, j, found
 
 
 def may_join(face: BoolArray, label: IntArray, other_face: BoolArray, other_label: IntArray) -> BoolArray:
