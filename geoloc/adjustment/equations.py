@@ -24,8 +24,6 @@ class System:
         Of the normal matrix.
     normal : sparse (u, u)
     gradient : float64 (u,)
-    of_rays : sparse (u, u)
-        The rays' share of the normal matrix.
     jacobian : sparse (2n, u)
         Derivatives of the rays' residuals, weighed.
     """
@@ -33,7 +31,6 @@ class System:
     factor: Any
     normal: Any
     gradient: FloatArray
-    of_rays: Any
     jacobian: Any
 
     def taken_up(self) -> float:
@@ -45,7 +42,7 @@ class System:
         size = self.gradient.size
         if size <= 20 * _PROBES:
             every = np.eye(size)
-            return float(np.sum(every * self.factor.solve(self.of_rays @ every)))
+            return float(np.sum(every * self.factor.solve(self.jacobian.T @ (self.jacobian @ every))))
         probes = np.random.default_rng(0).choice([-1.0, 1.0], size=(self.jacobian.shape[0], _PROBES))
         seen = self.jacobian.T @ probes
         return float(np.sum(seen * self.factor.solve(seen)) / _PROBES)
@@ -77,7 +74,6 @@ class Equations:
         self.place[np.argsort(when, kind="stable")] = np.arange(when.size)
         shape = (prior.constant.size, when.size)
         self.fixed = csr_array((prior.value, (prior.row, self.place[prior.column])), shape=shape)
-        self._fixed_normal = self.fixed.T @ self.fixed
 
     def squares(self, x: FloatArray) -> FloatArray:
         """Squared normalised residual (n,) of each sighting."""
@@ -90,17 +86,17 @@ class Equations:
 
     def system(self, x: FloatArray, weight: FloatArray) -> System:
         """Normal equations at `x`, with sightings weighed by `weight` (n,)."""
+        from scipy.sparse import vstack
+
         rays = self.model.rays(x)
         both = np.sqrt(np.repeat(weight, 2))
         jacobian = self._matrix(Linear(rays.residual * both, rays.derivative * both[:, None], rays.column))
-        of_rays = jacobian.T @ jacobian
-        normal = of_rays + self._fixed_normal
-        gradient = jacobian.T @ (both * rays.residual) + self.fixed.T @ self.prior_residual(x)
-        for part in self._ground(x):
-            other = self._matrix(part)
-            normal = normal + other.T @ other
-            gradient = gradient + other.T @ part.residual
-        return System(factorised(normal), normal, gradient, of_rays, jacobian)
+        ground = self._ground(x)
+        # One product of all rows: sums of products of each kind would cost as much again.
+        rows = vstack([jacobian, self.fixed, *map(self._matrix, ground)], format="csr")
+        residual = [both * rays.residual, self.prior_residual(x), *(part.residual for part in ground)]
+        normal = rows.T @ rows
+        return System(factorised(normal), normal, rows.T @ np.concatenate(residual), jacobian)
 
     def ground(self, x: FloatArray) -> list[Any]:
         """Sparse derivatives of what is known of the ground."""
