@@ -7,6 +7,7 @@ import numpy as np
 from geoloc.arrays import BoolArray, IntArray, TextArray
 from geoloc.association.bearings import AssociationRules, Bearings
 from geoloc.association.faces_and_strays import faces_on_feet
+from geoloc.association.inverse_depth import Triangulation
 from geoloc.association.merging import merge
 from geoloc.association.tracking import numbered
 
@@ -45,11 +46,12 @@ def join_tracks(
         def allowed(group: IntArray, pairs: IntArray, mine: IntArray = mine) -> BoolArray:
             return objects.may_join(mine, group, pairs)
 
-        group, _ = merge(seen.take(rows), objects.of[mine], rules, 0.0, allowed)
+        mine_seen = seen.take(rows)
+        group, _ = merge(mine_seen, objects.of[mine], rules, 0.0, Triangulation(mine_seen), allowed)
         objects.join(mine, group)
     # Feet and faces of one object are two groups here.
     group = numbered(np.where(known, 2 * objects.of[number] + seen.face, -1))
-    over = faces_on_feet(seen, group, on_pole, rules)
+    over = faces_on_feet(seen, group, on_pole, rules, Triangulation(seen))
     for face_group in np.unique(group[over != group]).tolist():
         row = int(np.argmax(group == face_group))
         pair = number[[row, int(np.argmax(group == over[row]))]]

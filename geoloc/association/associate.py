@@ -14,6 +14,7 @@ from geoloc.association.across_cameras import join_tracks
 from geoloc.association.bearings import AssociationRules, bearings_from_sightings
 from geoloc.association.faces_and_strays import faces_on_feet, strays
 from geoloc.association.id_contradictions import IdFinding, contradictions
+from geoloc.association.inverse_depth import Triangulation
 from geoloc.association.merging import refine
 from geoloc.association.tracking import numbered, track
 from geoloc.locate.observations import Observations
@@ -124,10 +125,11 @@ def associate(
     object_index = np.full(label.size, -1, dtype=np.int64)
     if not seen.row.size:
         return Association(object_index, (), reason)
-    group, merged, split = refine(seen, track(seen, rules), rules)
-    slips = strays(seen, group, rules)
+    fitted = Triangulation(seen)
+    group, merged, split = refine(seen, track(seen, rules), rules, fitted)
+    slips = strays(seen, group, rules, fitted)
     group[slips] = -1
-    group = numbered(faces_on_feet(seen, numbered(group), _on_pole(names), rules))
+    group = numbered(faces_on_feet(seen, numbered(group), _on_pole(names), rules, fitted))
     object_index[seen.row] = group
     reason[seen.row[slips]] = Reason.SLIP
     return Association(object_index, _objects(group, label[seen.row], merged, split), reason)

@@ -90,7 +90,7 @@ class Bearings:
     sigma_rad: FloatArray
     sigma_m: FloatArray
 
-    def take(self, rows: IntArray | BoolArray) -> Bearings:
+    def take(self, rows: IntArray | BoolArray | slice) -> Bearings:
         """Those rows alone."""
         return Bearings(*(getattr(self, name)[rows] for name in self.__slots__))
 

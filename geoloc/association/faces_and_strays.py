@@ -6,7 +6,7 @@ import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.association.bearings import AssociationRules, Bearings
-from geoloc.association.inverse_depth import Points, fit_points, innovations, mahalanobis2
+from geoloc.association.inverse_depth import Points, Triangulation, innovations, mahalanobis2
 from geoloc.association.merging import faces_of, labels_of
 from geoloc.association.tracking import may_join
 
@@ -21,7 +21,9 @@ _DUE_S = 0.6
 _FEW = 4
 
 
-def faces_on_feet(seen: Bearings, group: IntArray, on_pole: BoolArray, rules: AssociationRules) -> IntArray:
+def faces_on_feet(
+    seen: Bearings, group: IntArray, on_pole: BoolArray, rules: AssociationRules, fitted: Triangulation
+) -> IntArray:
     """Give objects of faces the number of the foot over which they stand.
 
     Parameters
@@ -29,13 +31,15 @@ def faces_on_feet(seen: Bearings, group: IntArray, on_pole: BoolArray, rules: As
     group : int64 (n,)
     on_pole : bool (labels, labels)
         Whether a face of the one label (row) may hang on a pole of the other (column).
+    fitted : Triangulation
+        Of `seen`.
 
     Returns
     -------
     int64 (n,)
     """
     size = int(group.max(initial=-1)) + 1
-    points = fit_points(seen, group, size)
+    points = fitted.points(group)
     face, label = faces_of(seen, group, size), labels_of(seen, group, size)
     faces, feet = np.flatnonzero(face & ~points.vague), np.flatnonzero(~face & ~points.vague)
     over = np.arange(size)
@@ -56,7 +60,7 @@ def faces_on_feet(seen: Bearings, group: IntArray, on_pole: BoolArray, rules: As
     return np.where(group >= 0, over[group], -1)
 
 
-def strays(seen: Bearings, group: IntArray, rules: AssociationRules) -> list[int]:
+def strays(seen: Bearings, group: IntArray, rules: AssociationRules, fitted: Triangulation) -> list[int]:
     """Find sightings that miss an object which was due in their picture and is not there.
 
     Only those that stand alone or in a few count, and only if that holds for all of the few: slips of the
@@ -69,7 +73,7 @@ def strays(seen: Bearings, group: IntArray, rules: AssociationRules) -> list[int
     """
     size = int(group.max(initial=-1)) + 1
     count = np.bincount(group[group >= 0], minlength=size)
-    points = fit_points(seen, group, size)
+    points = fitted.points(group)
     face, label = faces_of(seen, group, size), labels_of(seen, group, size)
     trusted = (count > _FEW) & ~points.vague
     slips: list[int] = []

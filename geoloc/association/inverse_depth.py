@@ -193,6 +193,22 @@ def fit_points(seen: Bearings, group: IntArray, size: int) -> Points:
     return points
 
 
+class Triangulation:
+    """Points of groups of the same sightings; the last ones are kept, as steps in turn ask for the same."""
+
+    def __init__(self, seen: Bearings) -> None:
+        self._seen = seen
+        self._group: IntArray | None = None
+        self._points = first_points(seen.take(slice(0)))
+
+    def points(self, group: IntArray) -> Points:
+        """Points of groups 0, 1, … (n,), each with at least one sighting; negative: none."""
+        if self._group is None or not np.array_equal(group, self._group):
+            self._group = group.copy()
+            self._points = fit_points(self._seen, group, int(group.max(initial=-1)) + 1)
+        return self._points
+
+
 def in_axes_of(points: Points, others: Points, place_sigma_m: float) -> tuple[FloatArray, FloatArray]:
     """Express the place of each of `others` in the state of each of `points`.
 

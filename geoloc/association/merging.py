@@ -8,8 +8,15 @@ import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.association.bearings import AssociationRules, Bearings
-from geoloc.association.inverse_depth import Points, fit_points, in_axes_of, innovations, mahalanobis2
-from geoloc.association.tracking import costs, may_join, numbered, one_to_one, track
+from geoloc.association.inverse_depth import (
+    Points,
+    Triangulation,
+    fit_points,
+    in_axes_of,
+    innovations,
+    mahalanobis2,
+)
+from geoloc.association.tracking import costs, may_join, numbered, one_to_one, ranges, track
 
 # χ² with three degrees of freedom, 99.9 %.
 _SAME_PLACE = 16.3
@@ -31,7 +38,9 @@ _MAY_LOSE = 0.1
 _MAY_SHARE = 0.05
 
 
-def refine(seen: Bearings, group: IntArray, rules: AssociationRules) -> tuple[IntArray, BoolArray, BoolArray]:
+def refine(
+    seen: Bearings, group: IntArray, rules: AssociationRules, fitted: Triangulation
+) -> tuple[IntArray, BoolArray, BoolArray]:
     """Correct tracks with the knowledge of the whole drive.
 
     Until nothing changes, at most four times: merge tracks that are one object; give each sighting to the
@@ -41,6 +50,8 @@ def refine(seen: Bearings, group: IntArray, rules: AssociationRules) -> tuple[In
     ----------
     group : int64 (n,)
         From `track`.
+    fitted : Triangulation
+        Of `seen`.
 
     Returns
     -------
@@ -51,9 +62,9 @@ def refine(seen: Bearings, group: IntArray, rules: AssociationRules) -> tuple[In
     merged, split = np.zeros(group.size, dtype=bool), np.zeros(group.size, dtype=bool)
     for _ in range(_ROUNDS):
         before = group
-        group, joined = merge(seen, group, rules, _MAY_SHARE)
+        group, joined = merge(seen, group, rules, _MAY_SHARE, fitted)
         merged |= joined
-        group = _reassigned(seen, group, rules)
+        group = _reassigned(seen, group, rules, fitted)
         loose = group < 0
         if loose.any():
             group = group.copy()
@@ -62,7 +73,7 @@ def refine(seen: Bearings, group: IntArray, rules: AssociationRules) -> tuple[In
         group = numbered(group)
         if np.array_equal(group, before):
             break
-    group, joined = merge(seen, group, rules, 0.0)
+    group, joined = merge(seen, group, rules, 0.0, fitted)
     return numbered(group), merged | joined, split
 
 
@@ -71,6 +82,7 @@ def merge(
     group: IntArray,
     rules: AssociationRules,
     shared: float,
+    fitted: Triangulation,
     allowed: Callable[[IntArray, IntArray], BoolArray] | None = None,
 ) -> tuple[IntArray, BoolArray]:
     """Merge tracks that stand at one place and do not appear in one picture.
@@ -80,6 +92,8 @@ def merge(
     shared : float
         In this share of the rarer one's pictures both may appear: a slip of the hand in a long track is no
         proof that two tracks are two objects.
+    fitted : Triangulation
+        Of `seen`.
     allowed : callable, optional
         Of the groups (n,) and pairs of them (k, 2): which pairs (k,) may be merged. Default: all.
 
@@ -93,7 +107,7 @@ def merge(
     while True:
         group = numbered(group)
         size = int(group.max(initial=-1)) + 1
-        points = fit_points(seen, group, size)
+        points = fitted.points(group)
         pairs = _same_place(seen, group, points, rules, shared)
         pairs = pairs if allowed is None else pairs[allowed(group, pairs)]
         order = np.argsort(group, kind="stable")
@@ -207,10 +221,10 @@ def _explained(seen: Bearings, points: Points, rules: AssociationRules) -> BoolA
     return np.asarray(d2 <= rules.gate)
 
 
-def _reassigned(seen: Bearings, group: IntArray, rules: AssociationRules) -> IntArray:
+def _reassigned(seen: Bearings, group: IntArray, rules: AssociationRules, fitted: Triangulation) -> IntArray:
     """Give each sighting to the object that it fits best, one-to-one in each picture; -1 for none."""
     size = int(group.max(initial=-1)) + 1
-    points = fit_points(seen, group, size)
+    points = fitted.points(group)
     row, other = _candidates(seen, group, points)
     label, face = labels_of(seen, group, size), faces_of(seen, group, size)
     joined = may_join(seen.face[row], seen.label[row], face[other], label[other])
@@ -257,8 +271,10 @@ def _candidates(seen: Bearings, group: IntArray, points: Points) -> tuple[IntArr
     near = cKDTree(place).query_ball_point(seen.centre_m[first], _REACH_M, return_sorted=True)
     in_frame = np.diff(np.append(first, seen.row.size))
     lists = [np.array(objects, dtype=np.int64) for objects in near]
-    row = np.repeat(np.arange(seen.row.size), np.repeat([part.size for part in lists], in_frame))
-    other = np.concatenate([np.tile(part, n) for part, n in zip(lists, in_frame, strict=True)])
+    size = np.array([part.size for part in lists])
+    begins, of_each = (np.repeat(column, in_frame) for column in (np.cumsum(size) - size, size))
+    row = np.repeat(np.arange(seen.row.size), of_each)
+    other = np.concatenate(lists)[ranges(begins, of_each)]
     offset = place[other] - seen.centre_m[row]
     along = np.einsum("ij,ij->i", offset, seen.ray[row])
     towards = along >= np.cos(_MAX_OFF_RAD) * np.linalg.norm(offset, axis=1)

@@ -83,6 +83,12 @@ def numbered(group: IntArray) -> IntArray:
     return np.asarray(rank[inverse])
 
 
+def ranges(first: IntArray, size: IntArray) -> IntArray:
+    """Numbers ``first`` … ``first + size - 1`` of each row, one row after the other."""
+    before = np.cumsum(size) - size
+    return np.asarray(np.arange(int(size.sum())) + np.repeat(first - before, size))
+
+
 def costs(
     found: Innovations, covariance: FloatArray, joined: BoolArray, rules: AssociationRules
 ) -> FloatArray:
@@ -137,8 +143,7 @@ def _partners(
     low, high = (np.searchsorted(run[active], run[rows], side=side) for side in ("left", "right"))
     size = high - low
     ends = np.cumsum(size)
-    i = np.repeat(rows, size)
-    j = active[np.arange(i.size) + np.repeat(low - (ends - size), size)]
+    i, j = np.repeat(rows, size), active[ranges(low, size)]
     there = points.take(j)
     found = innovations(seen.take(i), there)
     partner = np.full(rows.size, -1, dtype=np.int64)
