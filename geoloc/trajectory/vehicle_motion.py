@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from geoloc.arrays import FloatArray, IntArray
 
-__all__ = ["Estimate", "MotionFound", "MotionSeries", "VehicleMotion"]
+__all__ = ["MotionFound", "MotionSeries", "MotionValue", "VehicleMotion"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +59,7 @@ class VehicleMotion:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class MotionValue:
     """What was found, and one sigma."""
 
     value: float
@@ -72,15 +72,15 @@ class MotionFound:
 
     Attributes
     ----------
-    wheel_scale : Estimate or None
+    wheel_scale : MotionValue or None
         Speed of the wheels over the true one, in the mean over the drive.
-    gyro_bias_radps : Estimate or None
+    gyro_bias_radps : MotionValue or None
         Of the turn rate, in the mean over the drive.
-    gyro_scale : Estimate or None
+    gyro_scale : MotionValue or None
         Turn rate over the true one.
-    wheel_lag_s, gyro_lag_s : Estimate or None
+    wheel_lag_s, gyro_lag_s : MotionValue or None
         How much later than the measurement the stamps are.
-    steering_offset_rad : Estimate or None
+    steering_offset_rad : MotionValue or None
         Angle that is read where the car goes straight.
     speed_sigma_mps, turn_rate_sigma_radps, wheel_angle_sigma_rad : float or None
         One sigma of a sample, where the series states none: from the series itself.
@@ -90,12 +90,12 @@ class MotionFound:
         Time for which there were no fixes, and poses are given all the same.
     """
 
-    wheel_scale: Estimate | None = None
-    gyro_bias_radps: Estimate | None = None
-    gyro_scale: Estimate | None = None
-    wheel_lag_s: Estimate | None = None
-    gyro_lag_s: Estimate | None = None
-    steering_offset_rad: Estimate | None = None
+    wheel_scale: MotionValue | None = None
+    gyro_bias_radps: MotionValue | None = None
+    gyro_scale: MotionValue | None = None
+    wheel_lag_s: MotionValue | None = None
+    gyro_lag_s: MotionValue | None = None
+    steering_offset_rad: MotionValue | None = None
     speed_sigma_mps: float | None = None
     turn_rate_sigma_radps: float | None = None
     wheel_angle_sigma_rad: float | None = None

@@ -17,7 +17,7 @@ from geoloc.trajectory.smoother.odometry import (
     wandering_states,
 )
 from geoloc.trajectory.smoother.plane import SLIP_RAD_PER_MPS2, PlaneTrack
-from geoloc.trajectory.vehicle_motion import Estimate, MotionFound
+from geoloc.trajectory.vehicle_motion import MotionFound, MotionValue
 
 # Without fixes for longer than this, the car's own motion has bridged something.
 _BRIDGED_S = 1.0
@@ -31,19 +31,19 @@ def motion_found(
     first_constant = track.constants.size - 2 - len(names)
     first_state = track.state.shape[1] - len(states)
 
-    def constant(which: Unknown, mean: float = 0.0, more: float = 0.0) -> Estimate | None:
+    def constant(which: Unknown, mean: float = 0.0, more: float = 0.0) -> MotionValue | None:
         if which not in names:
             return None
         at = first_constant + names.index(which)
         sigma = float(np.sqrt(track.constants_covariance[at, at]))
-        return Estimate(mean + float(track.constants[at]), float(np.hypot(sigma, more)))
+        return MotionValue(mean + float(track.constants[at]), float(np.hypot(sigma, more)))
 
-    def state(which: WanderingState, mean: float, unit: float) -> Estimate | None:
+    def state(which: WanderingState, mean: float, unit: float) -> MotionValue | None:
         if which not in states:
             return None
         at = first_state + states.index(which)
         sigma = float(np.sqrt(np.mean(track.covariance[:, at, at])))
-        return Estimate(float(mean + unit * np.mean(track.state[:, at])), float(unit * sigma))
+        return MotionValue(float(mean + unit * np.mean(track.state[:, at])), float(unit * sigma))
 
     # A lag looks like a slip of as much over the speed.
     slip_s = 0.0 if shows_slip(readings) else SLIP_RAD_PER_MPS2[1] * float(np.mean(np.abs(track.forward_mps)))
