@@ -13,6 +13,8 @@ from geoloc.earth.geodesy import enu_offset, geographic_from_enu
 from geoloc.locate.accuracy import nees
 from geoloc.locate.records import Located
 
+SIGMAS_95 = 2.4477468306808166
+"""Half axis of the 95 % ellipse of a two-dimensional normal, in sigmas: √(-2 ln 0.05)."""
 # χ² with two degrees of freedom, 99.9 %.
 _GATE = -2.0 * np.log(0.001)
 _MAX_ROUNDS = 10
@@ -135,6 +137,28 @@ def ellipse(covariance_m2: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArra
     # -1e-17 % 180 is 180.0 in floating point.
     azimuth = np.where(azimuth >= 180.0, 0.0, azimuth)
     return np.sqrt(centre + radius), np.sqrt(np.maximum(centre - radius, 0.0)), azimuth
+
+
+def ring95_m(covariance_m2: ArrayLike, count: int) -> FloatArray:
+    """Corners of the 95 % ellipse about a position, anticlockwise.
+
+    Parameters
+    ----------
+    covariance_m2 : array_like (..., 2, 2)
+        East, north.
+    count : int
+
+    Returns
+    -------
+    float64 (..., count, 2)
+        East and north of the position; the first is not repeated.
+    """
+    major, minor, azimuth_deg = (axis[..., None] for axis in ellipse(covariance_m2))
+    azimuth, turn = np.radians(azimuth_deg), np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    along, across = SIGMAS_95 * major * np.cos(turn), SIGMAS_95 * minor * np.sin(turn)
+    east = along * np.sin(azimuth) - across * np.cos(azimuth)
+    north = along * np.cos(azimuth) + across * np.sin(azimuth)
+    return np.stack([east, north], axis=-1)
 
 
 def cep95_m(covariance_m2: ArrayLike) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, metres_per_degree, rotation_enu_from_rig
-from geoloc.locate.combine import ellipse
+from geoloc.locate.combine import ring95_m
 from geoloc.locate.visibility import points_in_rig, seen_by
 from geoloc.rig.rig import RigCamera
 from geoloc.trajectory.interpolation import bracket, linear
@@ -28,7 +28,6 @@ CORE_LOW_M, CORE_HIGH_M, CORE_HALF_WIDTH_M = 2.0, 2.8, 0.35
 WIDE_LOW_M, WIDE_HIGH_M, WIDE_HALF_WIDTH_M = -0.5, 4.2, 2.6
 _FACE_UP_M = 2.4
 """Height of a face's middle above its foot, where only the face was seen."""
-_SIGMAS_95 = 2.4477468306808166
 _PER_SIDE = 6
 _ELLIPSE_POINTS = 48
 _RIG_RIGHT = np.array([0.0, -1.0, 0.0])
@@ -242,12 +241,8 @@ def _rectangle(
 def ellipse_places(place: Place, covariance_m2: Covariance) -> list[Place]:
     """Give places around the 95 % ellipse of a position, at its height."""
     ee, en, nn = covariance_m2
-    major, minor, azimuth = (float(v) for v in ellipse(np.array([[ee, en], [en, nn]])))
-    turn, angle = np.radians(azimuth), np.linspace(0, 2 * np.pi, _ELLIPSE_POINTS, endpoint=False)
-    along, across = _SIGMAS_95 * major * np.cos(angle), _SIGMAS_95 * minor * np.sin(angle)
-    east = place.east_m + along * np.sin(turn) + across * np.cos(turn)
-    north = place.north_m + along * np.cos(turn) - across * np.sin(turn)
-    return [Place(e, n, place.height_m) for e, n in zip(east.tolist(), north.tolist(), strict=True)]
+    ring = ring95_m([[ee, en], [en, nn]], _ELLIPSE_POINTS)
+    return [Place(place.east_m + e, place.north_m + n, place.height_m) for e, n in ring.tolist()]
 
 
 def _step_m(poses: Poses, a: IntArray, b: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -47,7 +47,3 @@ MARK: dict[str, Mark] = {mark.verdict: mark for mark in MARKS}
 ESTIMATE_COLOUR = "#1b2a41"
 NVDB_COLOUR = "#5e4fa2"
 DRIVE_COLOUR = "#5b7083"
-
-
-SIGMAS_95 = 2.4477468306808166
-"""Half axis of the 95 % ellipse of a two-dimensional Gaussian, in sigmas: sqrt(-2 ln 0.05)."""

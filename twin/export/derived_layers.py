@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
-from twin.export.appearance import SIGMAS_95
+from geoloc.locate.combine import SIGMAS_95
 from twin.export.layers import COLUMNS, EPSG_UTM33, GIVEN, ExportLayers
 
 if TYPE_CHECKING:

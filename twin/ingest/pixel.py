@@ -12,7 +12,7 @@ from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
 from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.earth.heights import nn2000_from_ellipsoidal
-from geoloc.locate.combine import ellipse
+from geoloc.locate.combine import SIGMAS_95, ellipse
 from geoloc.reasons import Reason, sentence_of
 from twin.drives.drive import Annotation, Annotations, Drive
 from twin.drives.folder.notes import Progress
@@ -23,7 +23,6 @@ from twin.ingest.budget import budget_of
 from twin.ingest.locate import in_euref89, locate_annotations, trajectory_of
 from twin.ingest.rows import finite
 
-_SIGMAS_95 = 2.4477468306808166
 _NO_BOX = (float("nan"),) * 4
 
 
@@ -134,8 +133,8 @@ def locate_pixel(
         height_m=float(located.height_m[0]),
         height_nn2000_m=float(heights.height_m),
         covariance_m2=utm33_covariance_from_enu(located.covariance_m2, *(np.array([x]) for x in place))[0],
-        major95_m=_SIGMAS_95 * major,
-        minor95_m=_SIGMAS_95 * minor,
+        major95_m=SIGMAS_95 * major,
+        minor95_m=SIGMAS_95 * minor,
         azimuth_deg=azimuth,
         range_m=float(located.range_m[0]),
         speed_mps=float(poses.speed_mps[0]),

@@ -12,7 +12,7 @@ import numpy as np
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
-from geoloc.locate.combine import ellipse
+from geoloc.locate.combine import ellipse, ring95_m
 from twin.errors import ExportRefusedError
 from twin.objects.compare import Compared, Comparison
 from twin.objects.locate import DriveObjects, GroundObject
@@ -30,7 +30,6 @@ CORNERS = "corners.geojson"
 EPSG_WGS84 = 4326
 _LAYERS = {"point": "points", "line": "lines", "area": "areas"}
 _GPKG_TYPES = {"points": "Point", "lines": "MultiLineString", "areas": "Polygon"}
-_CHI2_95 = 5.991464547107979
 _CORNERS = 64
 """Of an ellipse's polygon."""
 _DEGREES, _METRES = 9, 3
@@ -126,8 +125,6 @@ def _corners(objects: Sequence[GroundObject]) -> tuple[gpd.GeoDataFrame, gpd.Geo
     import geopandas as gpd
     import shapely
 
-    turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
-    circle = np.sqrt(_CHI2_95) * np.stack([np.cos(turn), np.sin(turn)])
     rows, points, rings = [], [], []
     for one in objects:
         outline, grid = one.outline, _grid(one)
@@ -157,8 +154,7 @@ def _corners(objects: Sequence[GroundObject]) -> tuple[gpd.GeoDataFrame, gpd.Geo
                 }
             )
             points.append(shapely.Point(grid[k]))
-            axes = np.linalg.cholesky(covariance + 1e-12 * np.eye(2))
-            rings.append(shapely.Polygon((axes @ circle).T + grid[k, :2]))
+            rings.append(shapely.Polygon(ring95_m(covariance, _CORNERS) + grid[k, :2]))
     corners = gpd.GeoDataFrame(rows, geometry=points, crs=EPSG_UTM33)
     named = corners[["object", "label", "number", "sigma_major_m", "sigma_minor_m"]]
     return corners, gpd.GeoDataFrame(named, geometry=rings, crs=EPSG_UTM33)

@@ -16,10 +16,9 @@ import sqlalchemy as sa
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from geoloc.earth.heights import nn2000_from_ellipsoidal
-from geoloc.locate.combine import ellipse
+from geoloc.locate.combine import SIGMAS_95, ellipse
 from geoloc.rig.rig import Rig, rig_from_document
 from twin.errors import ConfigError, StoreError
-from twin.export.appearance import SIGMAS_95
 from twin.ingest.rows import finite
 from twin.matching.config import MatchConfig
 from twin.matching.sites import Site, sites_from_mirror

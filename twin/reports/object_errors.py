@@ -12,7 +12,7 @@ import sqlalchemy as sa
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import grid_convergence_deg, utm33_from_geographic
 from geoloc.locate.accuracy import nees
-from geoloc.locate.combine import ellipse
+from geoloc.locate.combine import SIGMAS_95, ellipse
 from twin.reports.pairing import Placed
 from twin.reports.truth import Truth
 from twin.store import schema
@@ -20,7 +20,7 @@ from twin.store.poses import poses_from_blob
 from twin.store.store import Store
 from twin.tables import csv_bytes
 
-INSIDE_95 = -2.0 * math.log(0.05)
+INSIDE_95 = SIGMAS_95**2
 """95 % of χ² with two degrees of freedom."""
 
 

@@ -10,8 +10,7 @@ import shapely
 import sqlalchemy as sa
 
 from geoloc.arrays import FloatArray
-from geoloc.locate.combine import cep95_m, ellipse
-from twin.export.appearance import SIGMAS_95
+from geoloc.locate.combine import cep95_m, ring95_m
 from twin.review.drives import DriveShown, degrees_from_utm33, glances_at, glances_towards, track_near
 from twin.review.index import NEAR_M, Index
 from twin.review.records import Feature, FeatureCollection, Geometry, Properties
@@ -90,13 +89,9 @@ def _matrix(covariance_m2: tuple[float, float, float]) -> FloatArray:
 
 
 def _ellipse(finding: Finding, covariance_m2: tuple[float, float, float]) -> Feature:
-    major, minor, azimuth_deg = (float(value) for value in ellipse(_matrix(covariance_m2)))
-    turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS + 1)
-    azimuth = np.radians(azimuth_deg)
-    along, across = SIGMAS_95 * major * np.cos(turn), SIGMAS_95 * minor * np.sin(turn)
-    east = finding.east_m + along * np.sin(azimuth) - across * np.cos(azimuth)
-    north = finding.north_m + along * np.cos(azimuth) + across * np.sin(azimuth)
-    ring = degrees_from_utm33(np.stack([east, north], axis=1))
+    place = np.array([finding.east_m, finding.north_m])
+    corners = place + ring95_m(_matrix(covariance_m2), _CORNERS)
+    ring = degrees_from_utm33(np.vstack([corners, corners[:1]]))
     return Feature(Geometry("Polygon", [ring]), Properties(kind="ellipse"))
 
 

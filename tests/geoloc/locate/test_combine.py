@@ -7,7 +7,7 @@ import pytest
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu
-from geoloc.locate.combine import cep95_m, combine, ellipse
+from geoloc.locate.combine import cep95_m, combine, ellipse, ring95_m
 from geoloc.locate.records import Located
 
 LAT0, LON0 = 63.4149, 10.3991
@@ -189,6 +189,16 @@ def test_cep95_of_a_circle_and_of_a_line_are_the_known_ones() -> None:
     )
     assert np.isnan(cep95_m(np.full((2, 2), np.nan)))
     assert cep95_m(np.zeros((2, 2))) == 0.0
+
+
+def test_corners_of_the_ellipse_lie_where_the_density_ends_95_percent() -> None:
+    """Each has the squared Mahalanobis distance -2 ln 0.05, and they go round anticlockwise."""
+    covariance = np.array([[[1.0, 0.55], [0.55, 0.4]], [[0.04, -0.01], [-0.01, 0.3]]])
+    ring = ring95_m(covariance, 16)
+    square = np.einsum("eki,eij,ekj->ek", ring, np.linalg.inv(covariance), ring)
+    np.testing.assert_allclose(square, -2.0 * np.log(0.05), rtol=1e-9)
+    following = np.roll(ring, -1, axis=1)
+    assert (ring[..., 0] * following[..., 1] > ring[..., 1] * following[..., 0]).all()
 
 
 def test_cep95_holds_95_percent_of_draws() -> None:

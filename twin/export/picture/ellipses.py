@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
-from twin.export.appearance import ESTIMATE_COLOUR, MARK, SIGMAS_95
+from geoloc.locate.combine import SIGMAS_95
+from twin.export.appearance import ESTIMATE_COLOUR, MARK
 from twin.export.picture.map_frame import Window, east_north, frame_map
 
 if TYPE_CHECKING:

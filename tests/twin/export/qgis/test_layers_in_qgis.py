@@ -17,8 +17,9 @@ import shapely
 from checkout import ROOT
 from pyproj import Proj
 
+from geoloc.locate.combine import SIGMAS_95
 from twin.export import COLUMNS, ExportLayers, export_all
-from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARK, MARKS, NVDB_COLOUR, SIGMAS_95
+from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARK, MARKS, NVDB_COLOUR
 from twin.export.folder import UTM33, WGS84
 from twin.export.layers import EPSG_UTM33
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import math
 import re
 
 import numpy as np
 import pytest
 from defusedxml.ElementTree import fromstring
 
-from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARKS, NVDB_COLOUR, SIGMAS_95
+from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARKS, NVDB_COLOUR
 from twin.export.layers import COLUMNS
 from twin.export.qgis.qml import style
 from twin.store.kinds import Decision, Verdict
@@ -209,11 +208,6 @@ def test_map_tip_has_no_english_left_in_norwegian(layer: str) -> None:
         "ellipse",
     }
     assert in_both == set()
-
-
-def test_sigmas_95_is_the_root_of_chi_square() -> None:
-    """The 95 % quantile of chi-square with two degrees of freedom is -2 ln 0.05."""
-    assert pytest.approx(math.sqrt(-2 * math.log(0.05)), abs=1e-15) == SIGMAS_95
 
 
 @pytest.mark.parametrize("layer", sorted(COLUMNS))
