@@ -284,20 +284,17 @@ def mirror_near(view: Snapshot, places: FloatArray, config: MatchConfig) -> tupl
     point, plate = schema.skiltpunkt, schema.skiltplate
     size = max(config.mirrored_m, 1.0)
     cells = _cells_about(places, size)
-    parents = sa.select(plate.c.point_id).where(_in_cells(plate, cells, size))
-    near = sa.or_(_in_cells(point, cells, size), point.c.nvdb_id.in_(parents))
-    points = view.rows(sa.select(*_columns(point)).where(near))
-    ids = [row["nvdb_id"] for row in points]
-    children = [child for row in points for child in row["plate_ids"]]
-    plates = view.rows(
-        sa.select(*_columns(plate)).where(
-            sa.or_(
-                _in_cells(plate, cells, size),
-                plate.c.point_id.in_(_values(ids)),
-                plate.c.nvdb_id.in_(_values(children)),
-            )
-        )
+    of_points = _ids_in_cells(point, cells, size)
+    parents = sa.select(plate.c.point_id).where(plate.c.nvdb_id.in_(_ids_in_cells(plate, cells, size)))
+    asked = sa.select(*_columns(point)).where(point.c.nvdb_id.in_(of_points.union(parents)))
+    points = view.rows(asked.order_by(point.c.nvdb_id))
+    children = _values([child for row in points for child in row["plate_ids"]])
+    of_plates = _ids_in_cells(plate, cells, size).union(
+        children,
+        sa.select(plate.c.nvdb_id).where(plate.c.point_id.in_(_values([r["nvdb_id"] for r in points]))),
     )
+    asked = sa.select(*_columns(plate)).where(plate.c.nvdb_id.in_(of_plates))
+    plates = view.rows(asked.order_by(plate.c.nvdb_id))
     return points, plates
 
 
@@ -324,10 +321,31 @@ def _cells_about(places: FloatArray, size: float) -> list[int]:
     return [int(number) for number in np.unique(np.concatenate(about))]
 
 
-def _in_cells(table: sa.Table, cells: list[int], size: float) -> sa.ColumnElement[bool]:
-    """Whether a row lies in one of the cells; SQL's CAST cuts towards zero, as `numpy.trunc` does."""
+def _ids_in_cells(table: sa.Table, cells: list[int], size: float) -> sa.Select[tuple[int]]:
+    """Ids of the rows that lie in one of the cells; SQL's CAST cuts towards zero, as `numpy.trunc` does.
+
+    First by strips of eastings, which an index has: a country's mirror is not read for a few places.
+    """
+    strip = sa.func.json_each(json.dumps(_strips(cells, size))).table_valued("value").alias("strip")
+    west, east = (sa.cast(sa.func.json_extract(strip.c.value, end), sa.Float) for end in ("$[0]", "$[1]"))
     column, row = (sa.cast(table.c[name] / size, sa.Integer) for name in ("east_m", "north_m"))
-    return (column * _ROW + row).in_(_values(cells))
+    return (
+        sa.select(table.c.nvdb_id)
+        .select_from(strip.join(table, table.c.east_m.between(west, east)))
+        .where((column * _ROW + row).in_(_values(cells)))
+    )
+
+
+def _strips(cells: list[int], size: float) -> list[tuple[float, float]]:
+    """From which to which easting [m] columns of cells reach, one strip where they touch."""
+    strips: list[tuple[float, float]] = []
+    # Of a number, row and column cannot be told apart near the axes: a column more on each side holds all.
+    for column in sorted({number // _ROW + side for number in cells for side in (-1, 0, 1)}):
+        west, east = column * size, (column + 1) * size
+        if strips and strips[-1][1] >= west:
+            west = strips.pop()[0]
+        strips.append((west, east))
+    return strips
 
 
 def _values(numbers: list[int]) -> sa.Select[tuple[int]]:

@@ -323,6 +323,8 @@ def _swap(connection: sa.Connection, tables: schema.MirrorTables) -> None:
     aside, visible = tables.aside.name, tables.visible.name
     connection.exec_driver_sql(f"DROP TABLE {visible}")
     connection.exec_driver_sql(f"ALTER TABLE {aside} RENAME TO {visible}")
+    for index in sorted(tables.visible.indexes, key=lambda one: str(one.name)):
+        connection.execute(sa.schema.CreateIndex(index))
     connection.execute(sa.schema.CreateTable(tables.aside))
 
 

@@ -177,6 +177,9 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
             "CREATE TABLE kept_part (kind VARCHAR NOT NULL, key VARCHAR NOT NULL, arrays BLOB NOT NULL, "
             "PRIMARY KEY (kind, key))"
         ),
+        "CREATE INDEX ix_skiltpunkt_east_m ON skiltpunkt (east_m)",
+        "CREATE INDEX ix_skiltplate_east_m ON skiltplate (east_m)",
+        "CREATE INDEX ix_skiltplate_point_id ON skiltplate (point_id)",
     ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

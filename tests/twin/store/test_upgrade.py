@@ -26,6 +26,9 @@ _VIEW_BEFORE_12 = (
 )
 SINCE_11 = ("crop", "crop_gap", "crop_log")
 SINCE_15 = ("kept_part",)
+_WITHOUT_INDEXES_OF_15 = (
+    "DROP INDEX ix_skiltpunkt_east_m; DROP INDEX ix_skiltplate_east_m; DROP INDEX ix_skiltplate_point_id"
+)
 
 
 def older(path: Path, version: int = 4) -> Path:
@@ -33,6 +36,7 @@ def older(path: Path, version: int = 4) -> Path:
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
         _older_log(raw, version)
+        raw.executescript(_WITHOUT_INDEXES_OF_15)
         if version < 14:
             raw.execute("ALTER TABLE crop_gap DROP COLUMN why")
         for table in ("sighting", "sighting_kept") if version < 11 else ():
@@ -94,6 +98,7 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
         *SINCE_10,
         *SINCE_11,
         *SINCE_15,
+        *("skiltpunkt", "skiltplate"),
     ],
 )
 def test_upgraded_store_has_the_tables_of_a_new_one(tmp_path: Path, table: str) -> None:
