@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pypdfium2
 import pytest
@@ -62,6 +63,17 @@ def test_boards_are_read_at_the_size_that_they_say(
     turned = -1.0 if (places[-1] - places[0])[1] * (stated[-1] - stated[0])[1] < 0.0 else 1.0
     off = (places - places.mean(axis=0)) - turned * (stated - stated.mean(axis=0))
     assert np.abs(off).max() < 0.02
+
+
+def test_apriltags_of_boards_have_their_makers_way_up(twin: Twin, tmp_path: Path) -> None:
+    """A board of AprilTags is read by their own dictionary, not by one that is turned."""
+    text = "charuco:5x7:0.03:0.022:DICT_APRILTAG_36h11"
+    assert twin("calibrate", "print-board", text, "--out", tmp_path / "board.pdf").code == 0
+    grey, _ = shown(tmp_path / "board.pdf")
+    board = board_from_text(text)
+    _, ids, _, _ = cv2.aruco.CharucoDetector(board.aruco()).detectBoard(grey)
+    assert ids is not None
+    assert len(ids) == board.n_corners
 
 
 def test_tags_are_the_official_ones_the_right_way_up_and_size(twin: Twin, tmp_path: Path) -> None:

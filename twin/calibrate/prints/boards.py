@@ -73,8 +73,7 @@ def _boxes(board: Board) -> list[Box]:
     import cv2
 
     printed = board.aruco()
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
-    cells = dictionary.markerSize + 2
+    dictionary, cells = printed.getDictionary(), board.marker_cells
     places = {
         int(n): np.asarray(p)[:, :2] for n, p in zip(printed.getIds(), printed.getObjPoints(), strict=True)
     }

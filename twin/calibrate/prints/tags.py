@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoloc.arrays import BoolArray
+from geoloc.calibration.extrinsics.tag_family import FAMILY, bits_of, dictionary_of
 from twin.calibrate.prints.boards import cell_boxes
 from twin.calibrate.prints.sheet import (
     RULER_STRIP_MM,
@@ -24,8 +25,6 @@ from twin.errors import ConfigError
 LAST_TAG = 586
 _CELLS = 8
 """Across the black square; the white margin is one more all around."""
-_CODE_0 = 0xD5D628584
-"""Bits of tag 0 in AprilTag's own ``tag36h11.c``: row by row from the top left, white is 1."""
 _HEAD_MM = 14.0
 
 
@@ -70,22 +69,8 @@ def ids_from_text(text: str) -> list[int]:
 
 
 def official_tag(number: int) -> BoolArray:
-    """Black cells (8, 8) of a tag with its border, top row first, as AprilTag's makers print it.
-
-    OpenCV's dictionary holds the same tags turned; which way it has them is asked of tag 0.
-    """
-    bits = np.array([_CODE_0 >> (35 - n) & 1 for n in range(36)]).reshape(6, 6) == 0
-    turns = next(
-        turn for turn in range(4) if np.array_equal(np.rot90(_opencv_tag(0), turn)[1:-1, 1:-1], bits)
-    )
-    return np.rot90(_opencv_tag(number), turns)
-
-
-def _opencv_tag(number: int) -> BoolArray:
-    import cv2
-
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    return np.asarray(cv2.aruco.generateImageMarker(dictionary, number, _CELLS, borderBits=1) < 128)
+    """Black cells (8, 8) of a tag with its border, top row first, as AprilTag's makers print it."""
+    return np.pad(bits_of(dictionary_of(FAMILY), number) == 0, 1, constant_values=True)
 
 
 def _sheet(number: int, size_mm: float, page: str | None) -> Sheet:
