@@ -14,12 +14,11 @@ import numpy as np
 from geoloc.arrays import BoolArray, FloatArray
 from geoloc.errors import TrajectoryError
 from geoloc.trajectory.heading import moving
-from geoloc.trajectory.motion_readings import MotionReadings, Reading
+from geoloc.trajectory.motion_readings import ANGLE, SPEED, TURN, MotionReadings, Reading
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.odometry import steered_radps
 from geoloc.trajectory.smoother.plane import PlaneTrack
 
-_SPEED, _TURN, _ANGLE = "The speed of the wheels", "The turn rate", "The steering angle"
 _DEGREES = float(np.degrees(1.0))
 _RATIO = 15.0 * _DEGREES
 # Factor → what it looks like, and what to do.
@@ -54,7 +53,7 @@ _SCALE_OF_SPEED, _SCALE_OF_TURN, _SCALE_OF_ANGLE = (0.8, 1.25), (0.7, 1.4), (0.5
 _FAST_MPS, _FEWEST = 3.0, 20
 _ROLLS_MPS = 0.05
 _MEAN_OVER_S, _CHORD_S = 1.0, 2.0
-# Clocks that differ by more than this are not told apart from a drive that has not been made.
+# Clocks that differ by more than this are not looked for: the series may be of another drive.
 _SEARCH_S, _SEARCH_STEP_S = 5.0, 0.2
 _ONLY_SO_MANY = 300
 _FOLLOWS = 0.8
@@ -95,9 +94,9 @@ def check_readings(readings: MotionReadings, knots: KnotFixes, best: PlaneTrack)
     TrajectoryError
     """
     for one, what in (
-        (readings.speed, _SPEED),
-        (readings.turn_rate, _TURN),
-        (readings.wheel_angle, _ANGLE),
+        (readings.speed, SPEED),
+        (readings.turn_rate, TURN),
+        (readings.wheel_angle, ANGLE),
     ):
         if one is not None:
             _check_times(one, knots, what)
@@ -107,10 +106,10 @@ def check_readings(readings: MotionReadings, knots: KnotFixes, best: PlaneTrack)
     if sample.turn_rad.size < _FEWEST or sample.turn_rad.std() < _TURNS_SHOW * sample.turn_sigma_rad:
         return False
     if readings.turn_rate is not None:
-        _check_turns(readings.turn_rate, sample, _TURN, _OF_TURN, _SCALE_OF_TURN)
+        _check_turns(readings.turn_rate, sample, TURN, _OF_TURN, _SCALE_OF_TURN)
     if readings.wheel_angle is not None and readings.speed is not None:
         steered = _steered(readings, readings.wheel_angle, readings.speed)
-        _check_turns(steered, sample, _ANGLE, _OF_ANGLE, _SCALE_OF_ANGLE)
+        _check_turns(steered, sample, ANGLE, _OF_ANGLE, _SCALE_OF_ANGLE)
     return True
 
 
@@ -161,18 +160,18 @@ def _check_speed(one: Reading, sample: _Sample) -> None:
     rolls = covered & (np.abs(here) > _ROLLS_MPS)
     if rolls.sum() < _FEWEST:
         raise TrajectoryError(
-            f"{_SPEED} stays 0 where the antennas move: leave it out, or give the right series."
+            f"{SPEED} stays 0 where the antennas move: leave it out, or give the right series."
         )
     # Where they do not roll a ferry may carry the car.
     factor = float(np.median(here[rolls] / sample.speed_mps[rolls]))
-    _check_factor(factor, _SPEED, "that of the antennas", _OF_SPEED, _SCALE_OF_SPEED)
+    _check_factor(factor, SPEED, "that of the antennas", _OF_SPEED, _SCALE_OF_SPEED)
 
     def misfit(late_s: float) -> float:
         there, known = mean(late_s)
         off = there / factor - sample.speed_mps
         return float(np.sqrt(np.mean(off[known] ** 2))) if known.sum() >= _FEWEST else np.inf
 
-    _check_clock(one, _SPEED, misfit, float(sample.speed_mps.std()))
+    _check_clock(one, SPEED, misfit, float(sample.speed_mps.std()))
 
 
 def _check_turns(

@@ -12,6 +12,8 @@ from geoloc.errors import TrajectoryError
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.vehicle_motion import MotionSeries, VehicleMotion
 
+SPEED, TURN, ANGLE = "The speed of the wheels", "The turn rate", "The steering angle"
+"""What messages call the series."""
 SPARSEST_S = 2.0
 """Samples further apart than this say nothing of what lies between them."""
 LONGEST_BRIDGE_S = 120.0
@@ -21,6 +23,8 @@ _STEP_S = 0.2
 # What shows as one step of a counter, not as rounding of a conversion.
 _LEAST_STEP = 1e-6
 _LONGEST_HELD_S = 2.0
+# The lag is found only later, and is another by less than this.
+_LAG_MARGIN_S = 0.5
 _MAD = 1.4826
 # A parabola through five even points leaves 18/35 of the variance of the one in the middle.
 _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
@@ -132,9 +136,9 @@ class MotionReadings:
         one = {
             name: None if series is None else Reading.of(series, first_ns, what)
             for name, series, what in (
-                ("speed", motion.speed, "The speed of the wheels"),
-                ("turn_rate", motion.turn_rate, "The turn rate"),
-                ("wheel_angle", motion.wheel_angle, "The steering angle"),
+                ("speed", motion.speed, SPEED),
+                ("turn_rate", motion.turn_rate, TURN),
+                ("wheel_angle", motion.wheel_angle, ANGLE),
             )
         }
         return cls(**one, wheelbase_m=motion.wheelbase_m)
@@ -154,10 +158,6 @@ class MotionReadings:
             for one in (self.speed, turning)
         ]
         return np.asarray(parts[0] & parts[1])
-
-
-# The lag is found only later, and is another by less than this.
-_LAG_MARGIN_S = 0.5
 
 
 def followed_epochs(knot_ns: IntArray, motion: VehicleMotion) -> IntArray:
@@ -211,8 +211,8 @@ def _check(series: MotionSeries, what: str) -> None:
     bad = ~np.isfinite(series.values)
     if bad.any():
         raise TrajectoryError(
-            f"{what}: {int(bad.sum())} of {n} samples are NaN (first: number {int(np.argmax(bad)) + 1}): "
-            "drop them."
+            f"{what}: {int(bad.sum())} of {n} samples are no finite numbers (first: number "
+            f"{int(np.argmax(bad)) + 1}): drop them."
         )
 
 

@@ -131,8 +131,7 @@ def wandering_states(readings: MotionReadings) -> list[WanderingState]:
 
 def unknown_names(readings: MotionReadings) -> list[Unknown]:
     """Constants that these series bring along, in their order."""
-    level = np.zeros(1)
-    return list(unknowns(MotionOnRoad(readings, level, level, level, level, (0.0, 0.0), level, level)))
+    return list(unknowns(readings))
 
 
 def shows_slip(readings: MotionReadings) -> bool:
@@ -140,16 +139,24 @@ def shows_slip(readings: MotionReadings) -> bool:
     return readings.turn_rate is not None and readings.turn_rate.lag_sigma_s <= _LAG_KNOWN_S
 
 
-def unknowns(motion: MotionOnRoad) -> dict[Unknown, tuple[float, float]]:
-    """Constants that these series bring along, each with what is expected beforehand and one sigma."""
-    readings = motion.readings
+def unknowns(
+    readings: MotionReadings, lasting: tuple[float, float] = (0.0, 0.0)
+) -> dict[Unknown, tuple[float, float]]:
+    """Constants that these series bring along, each with what is expected beforehand and one sigma.
+
+    Parameters
+    ----------
+    readings : MotionReadings
+    lasting : (float, float)
+        As in `MotionOnRoad`.
+    """
     found: dict[Unknown, tuple[float, float]] = {}
     if readings.speed:
         found[Unknown.WHEEL_LAG] = readings.speed.lag_s, readings.speed.lag_sigma_s
     if readings.turn_rate:
         found[Unknown.GYRO_SCALE] = 0.0, GYRO_SCALE_SIGMA
         found[Unknown.GYRO_LAG] = readings.turn_rate.lag_s, readings.turn_rate.lag_sigma_s
-        for which, sigma in zip((Unknown.LEAN, Unknown.LEAN_IN_BENDS), motion.lasting, strict=True):
+        for which, sigma in zip((Unknown.LEAN, Unknown.LEAN_IN_BENDS), lasting, strict=True):
             found[which] = 0.0, max(sigma, 1e-6)
     if readings.wheel_angle:
         found[Unknown.STEERING_OFFSET] = 0.0, STEERING_OFFSET_SIGMA_RAD
@@ -195,8 +202,8 @@ class Odometry:
     def __init__(self, fixes: KnotFixes, motion: MotionOnRoad, first_state: int, first_constant: int) -> None:
         self.fixes, self.readings, self.motion = fixes, motion.readings, motion
         self.at_state = {one: first_state + i for i, one in enumerate(wandering_states(motion.readings))}
-        self.expected = unknowns(motion)
-        self.at_constant = {one: first_constant + i for i, one in enumerate(self.expected)}
+        names = unknown_names(motion.readings)
+        self.at_constant = {one: first_constant + i for i, one in enumerate(names)}
         self.pitch_sigma = _middle(motion.pitch_sigma_rad)
         self.level = np.cos(_middle(motion.pitch_rad)) * (1.0 - 0.5 * self.pitch_sigma**2)
         self.roll_rad, self.lateral_mps2 = _middle(motion.roll_rad), _middle(motion.lateral_mps2)
@@ -371,7 +378,9 @@ class Odometry:
         measured = np.diff(one.integral(self.fixes.t_s + self._constant(constants, Unknown.GYRO_LAG)))
         return sides[0], sides[1], by_constants, measured - scale * about_own - bias * h
 
-    def _steering(self, one: Reading, state: FloatArray, constants: FloatArray) -> _Rows:
+    def _steering(
+        self, one: Reading, state: FloatArray, constants: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Jacobian, that of the constants, residual and sigma (infinite: says nothing) of steering angles."""
         forward, rate = self._ahead(state)[0], state[:, YAW_RATE]
         t_s = self.fixes.t_s + self._constant(constants, Unknown.STEERING_LAG)

@@ -232,7 +232,7 @@ class _Fit:
         told = 0 if self.headings is None else len(self.headings.antennas)
         self.size = 6 if drift_mps is None else OWN + 2 * levers_m.shape[1] + told
         modes = 2 * len(self.modes)
-        own = {} if motion is None else unknowns(motion)
+        own = {} if motion is None else unknowns(motion.readings, motion.lasting)
         mean = [one[0] for one in own.values()]
         self.prior = np.concatenate([np.zeros(modes + told), mean, [SLIP_RAD_PER_MPS2[0], axle_m[0]]])
         sigma = [max(lever_sigma_m, 1e-6)] * modes + [MOUNTED_RAD] * told + [one[1] for one in own.values()]

@@ -82,10 +82,10 @@ def test_equations_have_the_derivatives_they_state() -> None:
     fit = Odometry(knots, on_road, first, 0)
     state = rng.normal(0.0, 0.3, (300, first + len(wandering_states(readings))))
     state[:, 2] += 8.0
-    constants = rng.normal(0.0, 0.02, len(unknowns(on_road)))
+    constants = rng.normal(0.0, 0.02, len(unknowns(readings)))
     step = 1e-6
     assert (readings.speed, readings.turn_rate) == tuple(link.one for link in fit.links)
-    lags = [i for i, name in enumerate(unknowns(on_road)) if name.endswith("lag")]
+    lags = [i for i, name in enumerate(unknowns(readings)) if name.endswith("lag")]
     assert len(lags) == 3  # how readings change with these is taken from the state: they tremble
     for link in fit.links:
         here, there, by_constants, residual = link.rows(link.one, state, constants)
