@@ -158,8 +158,7 @@ def locate_annotations(
     epoch = stamp + drive.camera_offset_ns
     sightings = Sightings(camera=camera, pixel_px=notes.pixel_px[index])
     poses = widened(trajectory.poses_at(epoch), datum_sigma_m)
-    # `adjust` adds by itself how late the positions may be.
-    late = replace(budget, time_ms=float(np.hypot(budget.time_ms, 1e3 * trajectory.late_sigma_s)))
+    late = with_lateness(budget, trajectory)
     if method == "paper":
         # The paper pairs host stamps, late as they are: that is part of what it is measured by.
         located = locate_paper(
@@ -264,6 +263,11 @@ def widened(poses: Poses, datum_sigma_m: tuple[float, float]) -> Poses:
         sigma_horizontal_m=np.hypot(poses.sigma_horizontal_m, horizontal),
         sigma_vertical_m=np.hypot(poses.sigma_vertical_m, up),
     )
+
+
+def with_lateness(budget: ErrorBudget, trajectory: Trajectory) -> ErrorBudget:
+    """Add how late the positions may be to the clock's sigma; `adjust` adds it by itself."""
+    return replace(budget, time_ms=float(np.hypot(budget.time_ms, 1e3 * trajectory.late_sigma_s)))
 
 
 def _frame_stamps(drive: Drive, camera: TextArray, frame: IntArray) -> IntArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,7 @@ from twin.drives.drive import Annotation, Drive
 from twin.drives.read import read_drive
 from twin.errors import DriveError
 from twin.ingest.budget import budget_of
-from twin.ingest.locate import in_euref89, trajectory_of, view_poses, widened
+from twin.ingest.locate import in_euref89, trajectory_of, view_poses, widened, with_lateness
 from twin.objects.same import Reading, same_objects
 
 _BORDER = 0.01
@@ -147,7 +147,7 @@ def locate_objects(
     budget = budget_of(drive, None, errors or {})
     drive, datum_sigma_m = in_euref89(drive)
     trajectory = trajectory_of(drive)
-    budget = replace(budget, time_ms=float(np.hypot(budget.time_ms, 1e3 * trajectory.late_sigma_s)))
+    budget = with_lateness(budget, trajectory)
     rows, offset_ns = drive.on_ground, drive.camera_offset_ns
     epoch_ns = np.array([drive.frame_epoch_ns[row.camera][row.frame] + offset_ns for row in rows])
     poses = widened(trajectory.poses_at(epoch_ns), datum_sigma_m)

@@ -140,12 +140,12 @@ def _named(image: Image, lines: FrameLines, size: float) -> Image:
         text = f"{shown.what.name}  {shown.range_m:.1f} m"
         write(shown.pixel_px, text, ESTIMATE, normal, -26)
     for radius, ring in lines.rings_px:
-        if (lowest := _rightmost(ring)) is not None:
-            write(lowest, f"{radius:g} m", GUIDE, small, -20)
+        if (middle := _middle(ring)) is not None:
+            write(middle, f"{radius:g} m", GUIDE, small, -20)
     return np.asarray(picture)
 
 
-def _rightmost(line: FloatArray) -> FloatArray | None:
+def _middle(line: FloatArray) -> FloatArray | None:
     """The middle of what is seen of a line."""
     seen = line[np.isfinite(line).all(axis=1)]
     return seen[len(seen) // 2] if len(seen) else None

@@ -6,11 +6,10 @@ import json
 import zlib
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import sqlalchemy as sa
-from scipy.spatial.transform import Rotation
 
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.rig.rig import Rig, RigCamera, rig_from_document
@@ -84,7 +83,7 @@ class DriveScene:
     rig : Rig
         As stored: pictures are looked for by it. What an adjustment found is in `camera`.
     poses : Poses
-        Of the trajectory, one every 0.3 m.
+        Of the trajectory, thinned as `twin.ingest.locate.view_poses` does.
     corrections : Corrections or None
         What the adjustment found out; None for other methods.
     clicks : mapping of (camera, frame) to sequence of Click
@@ -116,8 +115,9 @@ class DriveScene:
         turn = None if self.corrections is None else self.corrections.boresight_deg.get(name)
         if turn is None:
             return camera
-        angles = np.radians([turn.pitch.value, turn.yaw.value, turn.roll.value])
-        return replace(camera, rig_R_camera=camera.rig_R_camera @ Rotation.from_rotvec(angles).as_matrix())
+        from geoloc.calibration.verify_mounting import turned
+
+        return turned(camera, turn.pitch.value, turn.yaw.value, turn.roll.value)
 
     def row_epochs(self, camera: RigCamera, epoch_ns: int, row_px: FloatArray) -> IntArray:
         """Give the epochs at which rows of a picture were exposed, by the clock and shutter found."""

@@ -14,7 +14,7 @@ import sqlalchemy as sa
 from scipy.spatial.transform import Rotation
 
 from geoloc.arrays import FloatArray
-from geoloc.calibration.verify_mounting import mounting_part
+from geoloc.calibration.verify_mounting import mounting_part, turned
 from geoloc.locate.error_budget import ErrorBudget
 from geoloc.rig.rig import Rig, rig_from_document
 from twin.calibrate.mounting_files import write_corrected_rig
@@ -265,8 +265,7 @@ def _moves(history: CameraHistory) -> list[str]:
 
 def _apply(newest: _StoredDrive, cameras: Sequence[CameraHistory], path: Path) -> Path:
     rotations = {
-        history.camera: newest.rig.camera(history.camera).rig_R_camera
-        @ Rotation.from_rotvec(np.radians(history.mounting_deg)).as_matrix()
+        history.camera: turned(newest.rig.camera(history.camera), *history.mounting_deg).rig_R_camera
         for history in cameras
     }
     return write_corrected_rig(path, newest.document, rotations, newest.rig.source)
