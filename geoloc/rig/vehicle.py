@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-_MOST_M = {"wheelbase_m": (0.5, 20.0), "wheel_radius_m": (0.1, 2.0), "size_m": (0.5, 30.0)}
+_LIMITS_M = {"wheelbase_m": (0.5, 20.0), "wheel_radius_m": (0.1, 2.0), "size_m": (0.5, 30.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,5 +70,5 @@ def _number(value: object) -> float:
 
 
 def _within(value: float, key: str) -> float | None:
-    least, most = _MOST_M[key]
+    least, most = _LIMITS_M[key]
     return value if least <= value <= most else None

@@ -53,7 +53,7 @@ def paper_readings(drive: Drive, asked: Mapping[str, str]) -> PaperReadings:
     ConfigError
         No such key or value, or a camera whose name has no nominal field of view.
     """
-    unknown = [key for key in asked if key not in _KEYS and key[:4] != _FOV_OF]
+    unknown = [key for key in asked if key not in _KEYS and not key.startswith(_FOV_OF)]
     if unknown:
         raise ConfigError(
             f"--paper knows no {unknown[0]:.80}: its keys are distance, fov, fov.CAMERA, start and antenna "
@@ -61,7 +61,11 @@ def paper_readings(drive: Drive, asked: Mapping[str, str]) -> PaperReadings:
         )
     distance = _one_of("distance", asked.get("distance", Distance.REAR_AXLE), tuple(Distance))
     lens = _one_of("fov", asked.get("fov", _LENSES[0]), _LENSES)
-    stated = {key[len(_FOV_OF) :]: _degrees(key, value) for key, value in asked.items() if key[:4] == _FOV_OF}
+    stated = {
+        key.removeprefix(_FOV_OF): _degrees(key, value)
+        for key, value in asked.items()
+        if key.startswith(_FOV_OF)
+    }
     if strangers := sorted(set(stated) - set(drive.rig.cameras)):
         raise ConfigError(
             f"--paper {_FOV_OF}{strangers[0]:.80}: the rig has no such camera; it has "
