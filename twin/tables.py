@@ -11,6 +11,7 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, fields
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _DELIMITERS = ";\t,"
@@ -113,6 +114,31 @@ def csv_bytes(columns: Sequence[str], rows: Iterable[Mapping[str, object]], *, e
         cells = [row[name] for name in columns]
         out.writerow([_for_excel(cell) for cell in cells] if excel else cells)
     return text.getvalue().encode("utf-8-sig" if excel else "utf-8")
+
+
+def record_row(record: object) -> dict[str, object]:
+    """Values of a record (a dataclass) by the names of its fields, numbers to four decimals."""
+    values = asdict(record)  # type: ignore[call-overload]
+    return {name: round(value, 4) if isinstance(value, float) else value for name, value in values.items()}
+
+
+def records_csv(kind: type[object], records: Iterable[object], *, excel: bool = False) -> bytes:
+    """Write a line a record under the names of its fields; None becomes an empty cell.
+
+    Parameters
+    ----------
+    kind : type
+        The records' dataclass: it has the names where there is no record.
+    records : iterable of dataclass
+    excel : bool
+        As `csv_bytes` takes it.
+    """
+    return csv_bytes(field_names(kind), map(record_row, records), excel=excel)
+
+
+def field_names(kind: type[object]) -> list[str]:
+    """Names of a dataclass's fields, as the columns of its records."""
+    return [field.name for field in fields(kind)]  # type: ignore[arg-type]
 
 
 def _for_excel(cell: object) -> object:

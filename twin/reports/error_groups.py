@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from math import inf
 
@@ -11,7 +11,7 @@ from geoloc.locate.accuracy import RANGE_EDGES_M, error_stats
 from twin.errors import ConfigError
 from twin.reports.object_errors import ObjectError
 from twin.reports.sighting_errors import SightingError
-from twin.tables import csv_bytes
+from twin.tables import records_csv
 
 GROUPS = ("camera", "speed", "range")
 SPEED_EDGES_KMH = (0.0, 1.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, inf)
@@ -99,11 +99,7 @@ def groups_csv(groups: Sequence[GroupErrors], *, excel: bool = False) -> bytes:
     excel : bool
         As :func:`twin.tables.csv_bytes` takes it.
     """
-    rows = [
-        {name: round(v, 4) if isinstance(v, float) else v for name, v in asdict(one).items()}
-        for one in groups
-    ]
-    return csv_bytes([field.name for field in fields(GroupErrors)], rows, excel=excel)
+    return records_csv(GroupErrors, groups, excel=excel)
 
 
 def _band(value: float | None, edges: Sequence[float]) -> _Band | None:

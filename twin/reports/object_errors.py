@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import sqlalchemy as sa
@@ -18,7 +18,7 @@ from twin.reports.truth import Truth
 from twin.store import schema
 from twin.store.poses import poses_from_blob
 from twin.store.store import Store
-from twin.tables import csv_bytes
+from twin.tables import records_csv
 
 INSIDE_95 = SIGMAS_95**2
 """95 % of χ² with two degrees of freedom."""
@@ -176,11 +176,7 @@ def csv_of(errors: Sequence[ObjectError], *, excel: bool = False) -> bytes:
     excel : bool
         As :func:`twin.tables.csv_bytes` takes it.
     """
-    rows = [
-        {name: round(v, 4) if isinstance(v, float) else v for name, v in asdict(one).items()}
-        for one in errors
-    ]
-    return csv_bytes([field.name for field in fields(ObjectError)], rows, excel=excel)
+    return records_csv(ObjectError, errors, excel=excel)
 
 
 def _object_error(placed: Placed, truth: Truth, way: Way) -> ObjectError:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from twin.errors import RefusedError
@@ -14,7 +14,7 @@ from twin.reports.sighting_errors import SightingError
 from twin.reproduce.drawn import figure
 from twin.reproduce.experiments import BandRow, Experiment, Reproduction, SignRow, StandingRow, TrendRow
 from twin.store.atomic_files import replacing
-from twin.tables import csv_bytes
+from twin.tables import csv_bytes, field_names, record_row, records_csv
 
 PICTURES = (".png", ".pdf")
 
@@ -75,23 +75,14 @@ def _tables(result: Reproduction) -> dict[str, bytes]:
         "by_distance.csv": (BandRow, result.bands),
         "trends.csv": (TrendRow, result.trends),
     }
-    contents = {
-        name: csv_bytes([field.name for field in fields(kind)], map(_row, rows))  # type: ignore[arg-type]
-        for name, (kind, rows) in tables.items()
-        if rows
-    }
+    contents = {name: records_csv(kind, rows) for name, (kind, rows) in tables.items() if rows}
     for name, kind, errors in (
         ("sightings.csv", SightingError, [(one.name, one.sightings) for one in result.experiments]),
         ("objects.csv", ObjectError, [(one.name, one.objects) for one in result.experiments]),
     ):
-        rows = ({"experiment": which, **_row(each)} for which, all_of in errors for each in all_of)
-        contents[name] = csv_bytes(["experiment", *(field.name for field in fields(kind))], rows)
+        rows = ({"experiment": which, **record_row(each)} for which, all_of in errors for each in all_of)
+        contents[name] = csv_bytes(["experiment", *field_names(kind)], rows)
     return contents
-
-
-def _row(one: object) -> Mapping[str, object]:
-    values = asdict(one)  # type: ignore[call-overload]
-    return {name: round(value, 4) if isinstance(value, float) else value for name, value in values.items()}
 
 
 def _figures(experiments: Iterable[Experiment]) -> dict[str, bytes]:
