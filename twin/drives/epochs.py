@@ -59,19 +59,19 @@ def clock_hint(frames_ns: tuple[int, int], track_ns: tuple[int, int]) -> str:
     frames_ns, track_ns : (int, int)
         First and last epoch of each.
     """
-    shift_s, said = _usual_shift(frames_ns, track_ns)
+    shift_s, said = usual_shift(frames_ns, track_ns)
     cure = f"then give camera_offset_ms = {1000 * shift_s}"
     return f"They would fit if one clock is off by {said}: {cure}." if said else ""
 
 
 def stamps_hint(frames_ns: tuple[int, int], track_ns: tuple[int, int], where: str) -> str:
     """Say the same of one camera among others, whose file of times is `where`."""
-    shift_s, said = _usual_shift(frames_ns, track_ns)
+    shift_s, said = usual_shift(frames_ns, track_ns)
     cure = f"then add {shift_s:+d} s to the times in {where}"
     return f"They would fit if their clock is off by {said}: {cure}." if said else ""
 
 
-def _usual_shift(frames_ns: tuple[int, int], track_ns: tuple[int, int]) -> tuple[int, str]:
+def usual_shift(frames_ns: tuple[int, int], track_ns: tuple[int, int]) -> tuple[int, str]:
     """Seconds to add so that the frames fit the track, and why; "" if none of the usual ones does."""
     usual = [(sign * 18, "18 s, as GPS time is from UTC") for sign in (-1, 1)]
     hours = [sign * hour for hour in range(1, 15) for sign in (-1, 1)]

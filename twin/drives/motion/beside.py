@@ -34,17 +34,21 @@ class MotionFile(NamedTuple):
 
     Attributes
     ----------
-    kind : str
-        In the list of files.
+    what : str
     cure : str
         What to do, one clause; "" where it is only of use beside another file.
     is_readable : bool
         Whether twin reads it once ``drive.toml`` names it.
     """
 
-    kind: str
+    what: str
     cure: str
     is_readable: bool
+
+    @property
+    def kind(self) -> str:
+        """In the list of files."""
+        return self.what if self.is_readable else f"{self.what}, not read"
 
 
 _RAW_CURE = (
@@ -62,7 +66,7 @@ _FILES: tuple[tuple[Callable[[str, str, bytes], bool], MotionFile], ...] = (
     ),
     (
         lambda _name, suffix, head: head.startswith(b"MDF ") or suffix in (".mf4", ".mdf"),
-        MotionFile("measurements (MDF), not read", "export it as ASC, BLF or CSV", is_readable=False),
+        MotionFile("measurements (MDF)", "export it as ASC, BLF or CSV", is_readable=False),
     ),
     (
         lambda _name, _suffix, head: is_framedata(head),
@@ -79,7 +83,7 @@ _FILES: tuple[tuple[Callable[[str, str, bytes], bool], MotionFile], ...] = (
     (
         lambda name, _suffix, _head: _OPENPILOT.fullmatch(name) is not None,
         MotionFile(
-            "log of openpilot, not read",
+            "log of openpilot",
             "export carState and the gyro as a table (CSV), or as the folders of comma2k19",
             is_readable=False,
         ),
@@ -98,7 +102,7 @@ def motion_file(name: str, head: bytes) -> MotionFile | None:
 
 def raw_recording(of: str) -> MotionFile:
     """What a raw recording of DriveWorks is."""
-    return MotionFile(f"DriveWorks' own recording of {of}, not read", _RAW_CURE, is_readable=False)
+    return MotionFile(f"DriveWorks' own recording of {of}", _RAW_CURE, is_readable=False)
 
 
 def _is_log(suffix: str, head: bytes) -> bool:
@@ -138,10 +142,8 @@ def motion_beside(folder: DriveFolder, rig_text: str, settings: MotionSettings) 
 def _sentence(name: str, its: MotionFile) -> str:
     named = f"under [motion] in {SETTINGS_FILE} {_HELP}"
     if its.is_readable:
-        return f"{name} is not used ({its.kind}): to use it, {its.cure} {named}."
-    return (
-        f"{name} cannot be read ({its.kind.removesuffix(', not read')}): {its.cure}, and name that {named}."
-    )
+        return f"{name} is not used ({its.what}): to use it, {its.cure} {named}."
+    return f"{name} cannot be read ({its.what}): {its.cure}, and name that {named}."
 
 
 def _recordings(folder: DriveFolder) -> Iterator[tuple[str, str]]:

@@ -13,7 +13,7 @@ from geoloc.arrays import IntArray
 from geoloc.rig.vehicle import Vehicle, vehicle_of_document
 from geoloc.trajectory.trajectory import GnssFixes
 from geoloc.trajectory.vehicle_motion import MotionSeries, VehicleMotion
-from twin.drives.epochs import clock_hint, utc_text
+from twin.drives.epochs import usual_shift, utc_text
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.motion_settings import MotionSettings, MotionSource, Quantity
 from twin.drives.folder.notes import DriveDoubt, ReadingNotes
@@ -212,8 +212,10 @@ def _overlaps(epoch_ns: IntArray, span_ns: tuple[int, int]) -> bool:
 def _outside(epoch_ns: IntArray, span_ns: tuple[int, int], source: MotionSource) -> DriveError:
     """What was measured wholly before or after the fixes."""
     first, last = int(epoch_ns[0]), int(epoch_ns[-1])
-    hint = clock_hint((first, last), span_ns)
-    told = hint.partition(":")[0] if hint else "Correct the times, or name the recording of this drive"
+    _, mistake = usual_shift((first, last), span_ns)
+    told = "Correct the times, or name the recording of this drive"
+    if mistake:
+        told = f"They would fit if one clock is off by {mistake}"
     return DriveError(
         f"{source.file} ({utc_text(first)} to {utc_text(last)}) lies outside the fixes"
         f" ({utc_text(span_ns[0])} to {utc_text(span_ns[1])}). {told}: see time_unit, time_zero and"
