@@ -24,7 +24,7 @@ from geoloc.rig.poses import (
     SensorPose,
     sensor_pose,
 )
-from geoloc.rig.rig import looks_like_rig
+from geoloc.rig.rig import looks_like_rig, no_rig
 from geoloc.rig.sensor_entry import SensorEntry
 
 
@@ -134,7 +134,7 @@ def with_unknown_poses(document: Mapping[str, Any]) -> dict[str, Any]:
 def _copied(document: Mapping[str, Any], camera: str, source: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """A deep copy of the document, and the camera's entry in it."""
     if not looks_like_rig(document):
-        raise CalibrationError(f"{source} is no rig file: it has no list of sensors under rig.sensors.")
+        raise no_rig(source)
     changed: dict[str, Any] = copy.deepcopy(dict(document))
     sensors = changed["rig"]["sensors"]
     for sensor in sensors:

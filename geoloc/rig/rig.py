@@ -139,6 +139,11 @@ def looks_like_rig(document: object) -> bool:
     return isinstance(rig, Mapping) and isinstance(rig.get("sensors"), list)
 
 
+def no_rig(source: str) -> CalibrationError:
+    """Build the error that says of a document that it is no rig."""
+    return CalibrationError(f"{source} is no rig file: it has no list of sensors under rig.sensors.")
+
+
 def read_rig(path: Path) -> Rig:
     """Read a DriveWorks rig file.
 
@@ -194,7 +199,7 @@ def rig_from_document(document: Mapping[str, Any], source: str) -> Rig:
     NVIDIA DriveWorks 4.0, "Rig Configuration" and "Coordinate Systems".
     """
     if not looks_like_rig(document):
-        raise CalibrationError(f"{source} is no rig file: it has no list of sensors under rig.sensors.")
+        raise no_rig(source)
     cameras: dict[str, RigCamera] = {}
     antennas: dict[str, Antenna] = {}
     unsupported: dict[str, str] = {}

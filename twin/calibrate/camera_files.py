@@ -13,7 +13,7 @@ from geoloc.calibration_files import kalibr_text, mrcal_text, ocamcalib_text, op
 from geoloc.cameras import CameraModel
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import WINDSHIELD_KEYS, is_behind_windshield, model_properties, with_model
-from geoloc.rig.rig import looks_like_rig, rig_from_document
+from geoloc.rig.rig import looks_like_rig, no_rig, rig_from_document
 from geoloc.rig.sensor_entry import SensorEntry
 
 RIG_NAME = "rig.json"
@@ -108,7 +108,7 @@ def check_has_camera(
     CalibrationError
     """
     if not looks_like_rig(document):
-        raise CalibrationError(f"{source} is no rig file: it has no list of sensors under rig.sensors.")
+        raise no_rig(source)
     names = cameras_of(document)
     if name not in names and not add:
         raise CalibrationError(

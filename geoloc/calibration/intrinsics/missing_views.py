@@ -51,7 +51,6 @@ class ShownView:
 
     Attributes
     ----------
-    name : str
     tilt_deg : float
         Between the board's normal and the line of sight.
     tilt : Tilt or None
@@ -59,16 +58,12 @@ class ShownView:
     reach : Reach
     turned : bool
         By a quarter turn, more or less, about its own normal.
-    place_px : float64 (2,)
-        The board's middle, as far as it is seen.
     """
 
-    name: str
     tilt_deg: float
     tilt: Tilt | None
     reach: Reach
     turned: bool
-    place_px: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,12 +178,10 @@ def _shown(view: View, rotation: FloatArray, middle_m: FloatArray, width_px: int
     part = float(np.ptp(view.pixel_px, axis=0).max()) / width_px
     reach = Reach.NEAR if part >= _NEAR_PART else Reach.MIDDLING if part >= _MIDDLING_PART else Reach.FAR
     return ShownView(
-        name=view.name,
         tilt_deg=angle,
         tilt=edge if _LEAST_TILT_DEG <= angle <= _MOST_TILT_DEG else None,
         reach=reach,
         turned=bool(abs(rotation[1, 0]) > abs(rotation[0, 0])),
-        place_px=view.pixel_px.mean(axis=0),
     )
 
 

@@ -17,7 +17,14 @@ from geoloc.calibration_files import CalibratedCamera, read_cameras
 from geoloc.errors import CalibrationError
 from geoloc.rig.intrinsics import model_properties, with_model
 from geoloc.rig.poses import NOMINAL, POSE_KEYS, PoseKind, with_pose_kind
-from geoloc.rig.rig import Rig, lens_properties, looks_like_rig, rig_from_document, without_template_masks
+from geoloc.rig.rig import (
+    Rig,
+    lens_properties,
+    looks_like_rig,
+    no_rig,
+    rig_from_document,
+    without_template_masks,
+)
 from geoloc.rig.sensor_entry import mask_document
 from twin.drives.folder.drive_toml import SETTINGS_FILE, CameraSettings, DriveSettings
 from twin.drives.folder.files import DriveFolder
@@ -106,7 +113,7 @@ def _document(text: str, name: str) -> Mapping[str, Any]:
     except (ValueError, RecursionError) as error:
         raise DriveError(f"{name} is not JSON ({error}): export the rig file again.") from error
     if not looks_like_rig(document):
-        raise DriveError(f"{name} is no rig file: it has no list of sensors under rig.sensors.")
+        raise DriveError(str(no_rig(name)))
     return document  # type: ignore[no-any-return]  # looks_like_rig asks for a mapping
 
 
