@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from geoloc.adjustment.build_model import Placed
-from geoloc.adjustment.scene import bodies_at
 from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
-from geoloc.earth.geodesy import enu_offset
+from geoloc.earth.geodesy import enu_offset, rotation_enu_from_rig
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.trajectory import Trajectory
@@ -69,17 +68,18 @@ def _miss(
 
     A mean square of angles; infinite where too few rays have one.
     """
-    body, poses = bodies_at(trajectory, epoch_ns)
+    poses = trajectory.poses_at(epoch_ns)
     there = poses.valid
     if np.count_nonzero(there) < _MOST * there.size:
         return np.inf, there
-    rotation, point = body.enu_R_rig[there], point[there]
+    rotation = rotation_enu_from_rig(poses.heading_deg, poses.pitch_deg, poses.roll_deg)[there]
+    point = point[there]
     away = np.einsum("nij,nj->ni", rotation, ray[there])
     home = np.full((point.max() + 1, 2), np.nan)
-    home[point] = np.stack([body.latitude_deg, body.longitude_deg], axis=1)[there]
-    latitude, longitude = body.latitude_deg[there], body.longitude_deg[there]
+    home[point] = np.stack([poses.latitude_deg, poses.longitude_deg], axis=1)[there]
+    latitude, longitude = poses.latitude_deg[there], poses.longitude_deg[there]
     east, north = enu_offset(home[point, 0], home[point, 1], latitude, longitude)
-    eye = np.stack([east, north, body.height_m[there]], axis=1)
+    eye = np.stack([east, north, poses.height_m[there]], axis=1)
     eye = eye + np.einsum("nij,nj->ni", rotation, arm_m[there])
     across = np.eye(3) - away[:, :, None] * away[:, None, :]
     normal, right = np.zeros((len(home), 3, 3)), np.zeros((len(home), 3))
