@@ -54,9 +54,10 @@ bench: $(VENV)/.installed         ## errors and ellipses on simulated drives aga
 	$(BIN)/python benchmarks/annotate.py
 	$(BIN)/python benchmarks/ground_objects.py
 
-bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, on one core
+bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, an ingest step by step, on one core
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/locate.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/adjust.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/ingest.py
 
 bench-start: $(VENV)/.installed   ## how long each command takes until it says something, against the bars
 	$(BIN)/python benchmarks/start.py
