@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start pictures notebooks soak fuzz clean
+.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet pictures notebooks soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -72,6 +72,9 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 	$(BIN)/python benchmarks/calibration.py
 	$(BIN)/python benchmarks/calibration_diff.py
 	$(BIN)/python benchmarks/extrinsics.py
+
+bench-fleet: $(VENV)/.installed   ## matching after one more drive, by how many the store has: time and memory, ten minutes
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fleet.py
 
 bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium
 	$(BIN)/python benchmarks/review.py

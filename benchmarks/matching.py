@@ -43,14 +43,14 @@ def _tile_origin(tile: int) -> np.ndarray[Any, Any]:
     return np.array([tile % 16 * side, tile // 16 * side])
 
 
-def fill_mirror(store: Store, world: World, n_plates: int) -> None:
+def fill_mirror(store: Store, world: World, n_plates: int, first_id: int = 0) -> None:
     """Put plates into the store, one tile after the other."""
     number, tile = 0, 0
     while number < n_plates:
         shifted = world.recorded + _tile_origin(tile)
         points, plates = [], []
         for k in np.flatnonzero(world.known).tolist():
-            nvdb_id = tile * TILE + k + 1
+            nvdb_id = first_id + tile * TILE + k + 1
             own = {**_OBJECT, "east_m": float(shifted[k, 0]), "north_m": float(shifted[k, 1])}
             ids = [10 * nvdb_id + i for i in range(len(world.nvdb_codes[k]))]
             points.append({"nvdb_id": nvdb_id, "plate_ids": ids, **own})

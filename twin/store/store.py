@@ -52,7 +52,9 @@ class Snapshot:
 
     def rows(self, statement: sa.Select[Any]) -> list[Row]:
         """Run a query and return its rows as mappings."""
-        return [dict(row) for row in self._connection.execute(statement).mappings()]
+        result = self._connection.execute(statement)
+        names = list(result.keys())
+        return [dict(zip(names, row, strict=True)) for row in result]
 
     def fact(self, key: str) -> dict[str, Any] | None:
         """As :meth:`Store.fact`, of this state."""
