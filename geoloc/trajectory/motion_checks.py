@@ -52,6 +52,8 @@ _ALIKE = 1.35
 _SCALE_OF_SPEED, _SCALE_OF_TURN, _SCALE_OF_ANGLE = (0.8, 1.25), (0.7, 1.4), (0.5, 2.0)
 _FAST_MPS, _FEWEST = 3.0, 20
 _ROLLS_MPS = 0.05
+# Twice what tyres hold on dry asphalt, and what a step of a coarse log may hide.
+_BRAKES_MPS2, _SHORTEST_S = 20.0, 0.1
 _MEAN_OVER_S, _CHORD_S = 1.0, 2.0
 # Clocks that differ by more than this are not looked for: the series may be of another drive.
 _SEARCH_S, _SEARCH_STEP_S = 5.0, 0.2
@@ -100,6 +102,8 @@ def check_readings(readings: MotionReadings, knots: KnotFixes, best: PlaneTrack)
     ):
         if one is not None:
             _check_times(one, knots, what)
+    if readings.speed is not None:
+        _check_dropouts(readings.speed, knots)
     sample = _sample(knots, best)
     if readings.speed is not None and sample.t_s.size >= _FEWEST:
         _check_speed(readings.speed, sample)
@@ -121,6 +125,28 @@ def _check_times(one: Reading, knots: KnotFixes, what: str) -> None:
         raise TrajectoryError(
             f"{what}: its samples lie from {first_s:.0f} to {last_s:.0f} s after the first fix, and the last "
             f"fix {end_of_fixes_s:.0f} s after it: give it stamps of the fixes' clock (UTC), or leave it out."
+        )
+
+
+def _check_dropouts(one: Reading, knots: KnotFixes) -> None:
+    """Refuse speeds that fall to 0 at once in a gap: a sensor that is lost writes 0, and that holds the car.
+
+    Where there are fixes, these say otherwise and the wheels lose their weight.
+    """
+    step_s = np.diff(one.t_s)
+    fell = (np.abs(one.values[:-1]) > _FAST_MPS) & (np.abs(one.values[1:]) < _ROLLS_MPS)
+    fell &= np.abs(np.diff(one.values)) > _BRAKES_MPS2 * np.maximum(step_s, _SHORTEST_S)
+    known_s = knots.t_s[knots.seen.any(axis=1)]
+    at_s = one.t_s[1:] - one.lag_s
+    near = np.clip(np.searchsorted(known_s, at_s), 1, known_s.size - 1)
+    fell &= np.minimum(np.abs(at_s - known_s[near - 1]), np.abs(at_s - known_s[near])) > _MEAN_OVER_S
+    if fell.any():
+        at = int(np.flatnonzero(fell)[0])
+        after_s = one.t_s[at + 1] - one.lag_s - knots.t_s[0]
+        raise TrajectoryError(
+            f"{SPEED} falls from {abs(one.values[at]):.1f} m/s to 0 within {step_s[at]:.2f} s where there are"
+            f" no fixes, {after_s:.0f} s after the first one: no car stops like that, and a lost sensor writes"
+            " 0. Take these rows out."
         )
 
 

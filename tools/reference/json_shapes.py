@@ -222,7 +222,7 @@ SHAPES: Mapping[str, Any] = {
     "locate": _shape(
         "PixelPosition",
         PixelPosition,
-        height_m=(float | None, "ellipsoidal, metres; of --method paper that of the fix"),
+        height_m=(float | None, "ellipsoidal, metres; null of --method paper, which gives none"),
         height_nn2000_m=(float | None, "NN2000, metres; null without HREF2018B"),
         covariance_m2=(list[list[float]], "grid east and grid north"),
     ),

@@ -156,7 +156,9 @@ def _print_finding(shown: FindingShown, told: Told) -> None:
 
 
 def _print_position(e: EstimateExplained, lang: Lang) -> None:
-    height = say(lang, "show.ellipsoidal", height=e.height_m, sigma=_sigma(e, lang))
+    height = None
+    if math.isfinite(e.height_m):
+        height = say(lang, "show.ellipsoidal", height=e.height_m, sigma=_sigma(e, lang))
     if math.isfinite(e.height_nn2000_m):
         height = f"{height}, {_number(e.height_nn2000_m, '.2f', lang)} m NN2000"
     first = dt.datetime.fromtimestamp(e.frames.epoch_ns.min() / 1e9, tz=dt.UTC)

@@ -24,6 +24,7 @@ from twin import __version__
 from twin.drives.annotations.gather import only
 from twin.drives.annotations.key_frames import never_measured
 from twin.drives.drive import Drive
+from twin.drives.folder.notes import DriveDoubt
 from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.objects.identify import has_tracks_to_join, id_warnings, with_objects
 from twin.drives.plausibility import (
@@ -49,6 +50,9 @@ from twin.store.store import Row, Store
 
 if TYPE_CHECKING:
     from twin.drives.detection.run import DetectorOptions
+
+_TYRES_WEAR = 0.05
+"""Wheels and the constants of their sensors are better known than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +195,7 @@ def ingest_drive(
         *clock_doubts(drive, budget, sighted.adjusted),
         *lens_doubts(sighted.adjusted),
         *_pose_doubts(trajectory, sighted),
+        *_motion_doubts(trajectory.motion),
         *id_doubts,
         *(misfit.sentence for misfit in misfits),
         *annotation_warnings(drive, int((sighted.reasons == "").sum()), placed),
@@ -251,6 +256,19 @@ def _pose_doubts(trajectory: Trajectory, sighted: SightedObjects) -> tuple[Doubt
     if adjusted is None or adjusted.pose_sigmas is None:
         return pose_sigma_doubts(trajectory.estimated)
     return pose_sigma_doubts(adjusted.pose_sigmas, adjusted=True)
+
+
+def _motion_doubts(motion: MotionFound | None) -> tuple[Doubt, ...]:
+    """Say that wheels are further off than tyres wear: a constant added to the speed looks like a scale."""
+    scale = None if motion is None else motion.wheel_scale
+    if scale is None or abs(scale.value - 1.0) < _TYRES_WEAR:
+        return ()
+    told = (
+        f"The car's speed is {scale.value:.3f} times that of the fixes, more than tyres explain: a constant"
+        " was added to it, or it is the speedometer's. Where it bridges a gap places may be off by metres: give"
+        " the speed of the wheels under [motion], or none."
+    )
+    return (Doubt(DriveDoubt.TRACK, told),)
 
 
 def _check_method(method: str, detector: DetectorOptions | None, paper: Mapping[str, str]) -> None:

@@ -22,6 +22,7 @@ from twin.errors import ConfigError, DriveError
 from twin.ingest.budget import budget_of
 from twin.ingest.locate import in_euref89, locate_annotations, trajectory_of
 from twin.ingest.rows import finite
+from twin.store.kinds import Method
 
 _NO_BOX = (float("nan"),) * 4
 
@@ -123,14 +124,16 @@ def locate_pixel(
     place = located.latitude_deg[0], located.longitude_deg[0]
     east, north = utm33_from_geographic(*place)
     major, minor, azimuth = (float(value[0]) for value in ellipse(located.covariance_m2))
-    heights = nn2000_from_ellipsoidal(*place, located.height_m[0])
+    # The paper gives no height: its rows carry that of the antenna.
+    height_m = float("nan") if method == Method.PAPER else float(located.height_m[0])
+    heights = nn2000_from_ellipsoidal(*place, height_m)
     return PixelPosition(
         epoch_ns=int(sighted.epoch_ns[0]),
         east_m=float(east),
         north_m=float(north),
         latitude_deg=float(place[0]),
         longitude_deg=float(place[1]),
-        height_m=float(located.height_m[0]),
+        height_m=height_m,
         height_nn2000_m=float(heights.height_m),
         covariance_m2=utm33_covariance_from_enu(located.covariance_m2, *(np.array([x]) for x in place))[0],
         major95_m=SIGMAS_95 * major,

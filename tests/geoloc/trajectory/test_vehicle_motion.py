@@ -198,6 +198,17 @@ def test_wrong_unit_sign_or_clock_is_named(name: str, factor: float, late_s: flo
         smoothed(one_antenna(), wrong)
 
 
+def test_speed_that_falls_to_zero_at_once_is_refused() -> None:
+    """A sensor that is lost writes 0: as if the car stood."""
+    _, motion, _ = recorded()
+    assert motion.speed is not None
+    lost = motion.speed.values.copy()
+    seconds = (motion.speed.epoch_ns - motion.speed.epoch_ns[0]) / 1e9
+    lost[(seconds > 20.0) & (seconds < 25.0)] = 0.0
+    with pytest.raises(TrajectoryError, match="to 0 within"):
+        smoothed(one_antenna((15.0, 35.0)), replace(motion, speed=replace(motion.speed, values=lost)))
+
+
 def test_turn_rate_of_something_else_is_refused() -> None:
     """Noise, or a rate about another axis, does not follow the course."""
     _, motion, _ = recorded()

@@ -164,6 +164,11 @@ def test_yard_is_written_with_its_layout_and_tags(twin: Twin, tmp_path: Path) ->
     with pypdfium2.PdfDocument(tmp_path / "yard" / "plan.pdf") as document:
         text = document[1].get_textpage().get_text_bounded()
     assert all(name in text for name in ("seen by", "C1_front60Single", "measured", "floor"))
+    measured = (tmp_path / "yard" / "layout.toml").read_text() + "# 4 mm\n"
+    (tmp_path / "yard" / "layout.toml").write_text(measured)
+    again = twin("calibrate", "print-yard", rig, "--size", "0.3", "--out", tmp_path / "yard")
+    assert again.code == 5
+    assert (tmp_path / "yard" / "layout.toml").read_text() == measured, "what somebody measured stays"
     empty = twin("calibrate", "print-yard", with_unplaced(rig), "--out", tmp_path / "none")
     assert empty.code == 2
     assert "does not say where a camera sits" in empty.err

@@ -12,6 +12,7 @@ from twin.calibrate.extrinsics.given_rig import read_given_rig
 from twin.calibrate.prints.sheet import PAGES_MM, Sheet, new_sheet, pdf_pages, write_text
 from twin.calibrate.prints.tags import tags_pdf
 from twin.calibrate.prints.yard_places import PlannedTag, planned_tags
+from twin.errors import RefusedError
 from twin.store.atomic_files import replacing
 from twin.store.folders import make_folder
 
@@ -67,6 +68,11 @@ def write_yard_plan(rig: Path, out: Path, size_m: float, page: str | None = None
         LAYOUT_NAME: layout_text(tags, size_m).encode(),
     }
     folder = make_folder(out)
+    if (folder / LAYOUT_NAME).exists():
+        raise RefusedError(
+            f"{folder / LAYOUT_NAME} is there already, and may hold what somebody measured: name another"
+            " folder by --out, or move it away."
+        )
     with replacing(folder, list(files)) as staging:
         for name, content in files.items():
             (staging / name).write_bytes(content)
