@@ -145,8 +145,8 @@ def _check_dropouts(one: Reading, knots: KnotFixes) -> None:
         after_s = one.t_s[at + 1] - one.lag_s - knots.t_s[0]
         raise TrajectoryError(
             f"{SPEED} falls from {abs(one.values[at]):.1f} m/s to 0 within {step_s[at]:.2f} s where there are"
-            f" no fixes, {after_s:.0f} s after the first one: no car stops like that, and a lost sensor writes"
-            " 0. Take these rows out."
+            f" no fixes, {after_s:.0f} s after the first one: no car stops like that, and a lost sensor"
+            " writes 0. Take these rows out."
         )
 
 

@@ -265,8 +265,8 @@ def _motion_doubts(motion: MotionFound | None) -> tuple[Doubt, ...]:
         return ()
     told = (
         f"The car's speed is {scale.value:.3f} times that of the fixes, more than tyres explain: a constant"
-        " was added to it, or it is the speedometer's. Where it bridges a gap places may be off by metres: give"
-        " the speed of the wheels under [motion], or none."
+        " was added to it, or it is the speedometer's. Where it bridges a gap places may be off by metres:"
+        " give the speed of the wheels under [motion], or none."
     )
     return (Doubt(DriveDoubt.TRACK, told),)
 
