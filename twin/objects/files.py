@@ -14,7 +14,7 @@ from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
 from geoloc.locate.combine import ellipse, ring95_m
 from twin.errors import ExportRefusedError
-from twin.objects.compare import Compared, Comparison
+from twin.objects.against_nvdb import Compared, Comparison
 from twin.objects.locate import DriveObjects, GroundObject
 from twin.objects.nvdb import EPSG_UTM33
 from twin.objects.rows import ComparedRow, ObjectRow, rounded

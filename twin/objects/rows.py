@@ -8,7 +8,7 @@ import numpy as np
 
 from geoloc.locate.combine import ellipse
 from geoloc.locate.outlines import Measure
-from twin.objects.compare import Compared
+from twin.objects.against_nvdb import Compared
 from twin.objects.locate import GroundObject
 
 _DECIMALS = 4

@@ -375,11 +375,18 @@ def test_simulator_borrows_nothing_from_the_estimator() -> None:
         "geoloc.arrays",
         "geoloc.rig.rig",
         "geoloc.trajectory.trajectory",
+        "geoloc.trajectory.poses",
+        "geoloc.trajectory.vehicle_motion",
+        "geoloc.calibration.extrinsics.tag_family",
     }
     # Records alone, and none of the formulas beside them.
     assert imported["geoloc.calibration.extrinsics.observations"] == {"Pose", "Tag", "TagPicture"}
     assert imported["geoloc.cameras.base"] == {"CameraModel"}
     assert imported["geoloc.trajectory.trajectory"] == {"GnssFixes", "PoseTrack"}
+    assert imported["geoloc.trajectory.poses"] == {"GnssFixes"}
+    assert imported["geoloc.trajectory.vehicle_motion"] == {"MotionSeries", "VehicleMotion"}
+    # What is painted on the tags; tests of the detector paint the official code themselves.
+    assert imported["geoloc.calibration.extrinsics.tag_family"] == {"FAMILY", "dictionary_of"}
     assert imported["geoloc.earth.geodesy"] == {"utm33_from_geographic", "rotation_from_rpy"}
 
 
