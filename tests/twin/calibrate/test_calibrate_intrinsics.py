@@ -315,6 +315,16 @@ def test_wrong_options_are_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_calibration_that_replaces_another_says_so(twin: Twin, example: Path, tmp_path: Path) -> None:
+    """It may have been one half of a comparison."""
+    (tmp_path / EXAMPLE_CAMERA).mkdir()
+    (tmp_path / EXAMPLE_CAMERA / "report.json").write_text("{}")
+    options = ["--board", EXAMPLE_BOARD, "--camera", EXAMPLE_CAMERA, "--model", "ftheta", "--out", tmp_path]
+    answer = twin("calibrate", "intrinsics", example / "pictures", *options)
+    assert answer.code == 0
+    assert "held another calibration" in answer.err
+
+
 def test_board_of_another_dictionary_is_not_found(twin: Twin, example: Path, tmp_path: Path) -> None:
     """However hard it is looked for: two pictures are enough to say so."""
     (tmp_path / "two").mkdir()
