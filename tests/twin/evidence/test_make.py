@@ -141,11 +141,11 @@ def test_killed_run_leaves_no_row_without_its_file(filmed: Any) -> None:
     filmed.only(MOVED, MISSING)
     with Store.open(filmed.store) as store:
         for n_files in (1, 5):
-            process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-            while process.poll() is None and len(files(store)) < n_files:
-                time.sleep(0.005)
-            process.send_signal(signal.SIGKILL)
-            process.wait()
+            with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+                # Names alone: a file still under its temporary name may be renamed before it could be read.
+                while process.poll() is None and len(list(evidence_folder(store).glob("*/*"))) < n_files:
+                    time.sleep(0.005)
+                process.send_signal(signal.SIGKILL)
             check_whole(store)
         assert make_evidence(store).n_with_crops == 2
         check_whole(store)
