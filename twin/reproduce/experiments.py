@@ -51,8 +51,7 @@ class Experiment:
     @cached_property
     def stands(self) -> bool:
         """Whether the car stood while it saw most of the objects."""
-        speeds = [kmh(one) for one in self.sightings]
-        return bool(speeds) and float(np.nanmedian(speeds)) < STANDS_KMH
+        return stands(self.sightings)
 
     @cached_property
     def slow_below_kmh(self) -> float | None:
@@ -126,6 +125,12 @@ class Points:
 def kmh(one: Error) -> float:
     """Speed of the car, NaN where unknown."""
     return float("nan") if one.speed_mps is None else 3.6 * one.speed_mps
+
+
+def stands(sightings: Sequence[SightingError]) -> bool:
+    """Tell whether the car stood while it saw most of the objects."""
+    speeds = [kmh(one) for one in sightings]
+    return bool(speeds) and float(np.nanmedian(speeds)) < STANDS_KMH
 
 
 @dataclass(frozen=True, slots=True)

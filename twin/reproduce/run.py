@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -13,7 +12,7 @@ from twin.errors import ConfigError, TruthError
 from twin.ingest.ingest import ingest_drive
 from twin.reports.evaluation import WITHIN_M, Evaluation, evaluate
 from twin.reports.truth import Truth, read_truth
-from twin.reproduce.experiments import METHODS, Experiment, Reproduction, reproduction
+from twin.reproduce.experiments import METHODS, Experiment, Reproduction, reproduction, stands
 from twin.samples.simulation import TRUTH, simulate
 from twin.store.kinds import Method
 from twin.store.store import Store
@@ -49,7 +48,8 @@ def reproduce(
 ) -> Reproduction:
     """Locate the objects of recorded trips by every method, and work out the paper's tables of their errors.
 
-    Trips past the same surveyed objects are one experiment: slow and fast, as the paper drives.
+    Trips past the same surveyed objects are one experiment: slow and fast, as the paper drives; trips that
+    stood are one of their own.
 
     Parameters
     ----------
@@ -161,13 +161,13 @@ def _of_drives(evaluation: Evaluation, drives: Iterable[str]) -> set[str]:
 
 
 def _past_the_same_objects(evaluation: Evaluation, names: Mapping[str, str]) -> list[list[str]]:
-    """Drives in groups that share objects, in the order of the trips."""
-    groups: list[tuple[list[str], set[str]]] = []
-    seen: dict[str, set[str]] = defaultdict(set)
+    """Drives in groups that share objects, in the order of the trips; those that stood by themselves."""
+    groups: list[tuple[list[str], set[tuple[bool, str]]]] = []
     for drive in names:
-        seen[drive] = _of_drives(evaluation, [drive])
-        mine = [group for group in groups if group[1] & seen[drive]]
+        stood = stands([one for one in evaluation.each_sighting if one.drive_id == drive])
+        seen = {(stood, truth) for truth in _of_drives(evaluation, [drive])}
+        mine = [group for group in groups if group[1] & seen]
         joined = [one for drives, _ in mine for one in drives], set().union(*(objects for _, objects in mine))
         groups = [group for group in groups if group not in mine]
-        groups.append(([*joined[0], drive], joined[1] | seen[drive]))
+        groups.append(([*joined[0], drive], joined[1] | seen))
     return [drives for drives, _ in groups]

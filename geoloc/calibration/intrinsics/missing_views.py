@@ -45,6 +45,14 @@ class Reach(StrEnum):
     """Less: its corners tell little of the lens."""
 
 
+class Count(StrEnum):
+    """What else is counted of the views."""
+
+    TURNED = "turned"
+    """By a quarter turn."""
+    ALL = "all"
+
+
 @dataclass(frozen=True, slots=True)
 class ShownView:
     """What one view shows.
@@ -99,24 +107,27 @@ class ShownViews:
         How many views cover a place of each ninth, on average.
     covered : int64 (rows, columns)
         How many views cover each cell of `map_pixels`.
-    lacking : mapping of str to int
-        Kind of view → how many are missing: ``zone 0`` to ``zone 8``, tilts, reaches, ``turned``, ``views``.
+    lacking : mapping of Tilt, Reach or Count to int
+        Kind of view → how many are missing.
+    lacking_zones : mapping of int to int
+        Ninth of the picture, row by row from the top left → how many views are missing there.
     """
 
     views: tuple[ShownView, ...]
     n_alike: int
     zone_views: FloatArray
     covered: IntArray
-    lacking: Counter[str]
+    lacking: Counter[Tilt | Reach | Count]
+    lacking_zones: Counter[int]
 
     @property
     def n_missing(self) -> int:
         """How many views more are needed: one view can make up for several lacks."""
-        zones = sum(n for kind, n in self.lacking.items() if kind.startswith("zone"))
+        zones = self.lacking_zones.total()
         tilts = sum(self.lacking[tilt] for tilt in Tilt)
         reaches = sum(self.lacking[reach] for reach in Reach)
         # A board lies over two ninths or so, and is tilted one way.
-        return max(-(-zones // 2), tilts, reaches, self.lacking["turned"], self.lacking["views"])
+        return max(-(-zones // 2), tilts, reaches, self.lacking[Count.TURNED], self.lacking[Count.ALL])
 
     def next_views(self, n: int) -> tuple[NextView, ...]:
         """Give the n views that help most, each as if those before it had been taken."""
@@ -126,11 +137,11 @@ class ShownViews:
             tilt = max(Tilt, key=lambda t: left[t])
             reach = max(Reach, key=lambda r: left[r])
             view = NextView(
-                zone, tilt if left[tilt] > 0 else None, reach if left[reach] > 0 else None, left["turned"] > 0
+                zone, tilt if left[tilt] > 0 else None, reach if left[reach] > 0 else None, left[Count.TURNED] > 0
             )
             found.append(view)
             zones[zone] += 1
-            left -= Counter({tilt: 1, reach: 1, "turned": 1})
+            left -= Counter({tilt: 1, reach: 1, Count.TURNED: 1})
         return tuple(found)
 
 
@@ -163,7 +174,9 @@ def shown_views(views: Sequence[View], width_px: int, height_px: int) -> ShownVi
             for band in np.array_split(covered, _ZONES)
         ]
     )
-    return ShownViews(tuple(shown), len(copies), zone_views, covered, _lacking(shown, zone_views))
+    return ShownViews(
+        tuple(shown), len(copies), zone_views, covered, _lacking(shown), _lacking_zones(zone_views)
+    )
 
 
 def _shown(view: View, rotation: FloatArray, middle_m: FloatArray, width_px: int) -> ShownView:
@@ -185,13 +198,15 @@ def _shown(view: View, rotation: FloatArray, middle_m: FloatArray, width_px: int
     )
 
 
-def _lacking(shown: Sequence[ShownView], zone_views: FloatArray) -> Counter[str]:
-    wanted: Counter[str] = Counter({f"zone {n}": _ZONE_VIEWS for n in range(_ZONES**2)})
-    wanted.update(dict.fromkeys(Tilt, _TILTED_VIEWS))
+def _lacking(shown: Sequence[ShownView]) -> Counter[Tilt | Reach | Count]:
+    wanted: Counter[Tilt | Reach | Count] = Counter(dict.fromkeys(Tilt, _TILTED_VIEWS))
     wanted.update({Reach.NEAR: _NEAR_VIEWS, Reach.MIDDLING: _MIDDLING_VIEWS})
-    wanted.update({"turned": _TURNED_VIEWS, "views": WANTED_VIEWS})
-    seen: Counter[str] = Counter({f"zone {n}": int(v) for n, v in enumerate(zone_views.ravel().tolist())})
-    seen.update(s.tilt for s in shown if s.tilt is not None)
+    wanted.update({Count.TURNED: _TURNED_VIEWS, Count.ALL: WANTED_VIEWS})
+    seen: Counter[Tilt | Reach | Count] = Counter(s.tilt for s in shown if s.tilt is not None)
     seen.update(s.reach for s in shown)
-    seen["turned"], seen["views"] = sum(s.turned for s in shown), len(shown)
+    seen.update({Count.TURNED: sum(s.turned for s in shown), Count.ALL: len(shown)})
     return wanted - seen
+
+
+def _lacking_zones(zone_views: FloatArray) -> Counter[int]:
+    return Counter({zone: max(_ZONE_VIEWS - int(n), 0) for zone, n in enumerate(zone_views.ravel().tolist())})

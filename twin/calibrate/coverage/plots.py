@@ -48,7 +48,7 @@ def coverage_figure(shown: ShownViews, report: CoverageReport, size_px: tuple[in
         picture.axvline(line * width / 3.0, color="white", lw=1.0)
         picture.axhline(line * height / 3.0, color="white", lw=1.0)
     for number, boards in enumerate(shown.zone_views.ravel().tolist()):
-        few = shown.lacking[f"zone {number}"] > 0
+        few = shown.lacking_zones[number] > 0
         picture.text(
             (number % 3 + 0.5) * width / 3.0,
             (number // 3 + 0.5) * height / 3.0,
