@@ -173,7 +173,7 @@ def inspect_drive(path: Path | str, *, progress: Progress | None = None) -> Insp
         notes.warn(DriveDoubt.PICTURES, *size_contradictions(pictures, to_annotate, known))
     if not parts.refusals:
         parts.tried(lambda: _tell_of_track(read_drive(path), notes))
-    missing = _missing(settings, rig, annotated, stamps)
+    missing = _missing(stated, rig, annotated, stamps)
     missing += motion_beside(folder, rig_text, settings.motion)
     notes.say("looking at every file")
     return Inspection(
@@ -320,19 +320,20 @@ def _sensors(
 
 
 def _missing(
-    settings: DriveSettings,
+    settings: DriveSettings | None,
     rig: Rig | None,
     annotated: AnnotationsRead | None,
     stamps: Mapping[str, tuple[IntArray, str]],
 ) -> list[str]:
-    """What the drive can do without, and what that costs."""
+    """What the drive can do without, and what that costs; settings that cannot be read lack nothing."""
     sentences = []
     without = [name for name in (rig.cameras if rig else ()) if name not in stamps]
     if without:
         sentences.append(
             f"No frame times for {', '.join(without)}: pictures of these cameras cannot be used."
         )
-    if annotated is not None and len(annotated.annotations.frame) and not settings.annotations_complete:
+    annotates = annotated is not None and len(annotated.annotations.frame) > 0
+    if annotates and settings is not None and not settings.annotations_complete:
         sentences.append(
             f"{SETTINGS_FILE} does not say annotations_complete = true, so this drive cannot show that a sign"
             " is missing."

@@ -25,6 +25,7 @@ from twin.drives.track.formats.table import track_format
 from twin.errors import DriveError
 
 UNKNOWN = "not recognised"
+AS_STATED = f"read as {SETTINGS_FILE} says"
 EMPTY = "empty"
 _NAMED = {SETTINGS_FILE: "settings of the drive", LABELS_FILE: "what labels mean"}
 _VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".avi", ".webm", ".h264", ".264", ".h265", ".265", ".hevc", ".ts")
@@ -52,7 +53,7 @@ class FileSeen:
         Files that this line stands for.
     size_bytes : int
     kind : str
-        In words; `UNKNOWN` where nothing here reads it.
+        In words; `UNKNOWN` where nothing here reads it, `AS_STATED` where only the settings say what it is.
     used : bool
         Whether the drive was read from it.
     """
@@ -84,6 +85,8 @@ def recognised(folder: DriveFolder, named: Collection[str] = ()) -> tuple[FileSe
         groups: dict[tuple[str, str], list[str]] = {}
         for name in names:
             kind = kind_of(folder, name)
+            if kind == UNKNOWN and name in used:
+                kind = AS_STATED
             suffix = PurePosixPath(name).suffix.lower()
             groups.setdefault((kind, suffix if kind in _GROUPED else name), []).append(name)
         for (kind, suffix), members in groups.items():

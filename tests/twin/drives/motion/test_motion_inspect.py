@@ -29,6 +29,8 @@ def test_motion_is_a_sensor_with_its_rate_unit_and_fit(whole: MovingCar, twin: T
     drive_toml(whole)
     document = twin("inspect", whole.trip, "--json").json
     assert document["ready"]
+    (table,) = (file for file in document["files"] if file["name"] == "can.csv")
+    assert (table["kind"], table["used"]) == ("read as drive.toml says", True)
     by_name = {one["name"]: one for one in document["sensors"] if one["kind"] == "motion"}
     assert set(by_name) == {"speed", "turn_rate", "wheel_angle"}
     assert by_name["speed"]["rate_hz"] == pytest.approx(30.0, abs=0.1)
@@ -50,6 +52,15 @@ def test_wrong_unit_is_refused_by_inspect(whole: MovingCar, twin: Twin) -> None:
     answer = twin("inspect", whole.trip)
     assert answer.code == 4
     assert 'speed_unit = "km/h"' in " ".join(answer.err.split())
+
+
+def test_settings_that_cannot_be_read_are_not_told_to_lack_a_key(whole: MovingCar, twin: Twin) -> None:
+    """A misspelt key of the motion is the one thing said; annotations may well be said to be complete."""
+    (whole.trip / "drive.toml").write_text('annotations_complete = true\n[motion]\nspede = "can.csv"\n')
+    answer = twin("inspect", whole.trip)
+    assert answer.code == 4
+    assert "spede" in answer.err + answer.out
+    assert "does not say annotations_complete" not in answer.err + answer.out
 
 
 def test_what_is_not_used_or_cannot_be_read_is_named_with_the_cure(whole: MovingCar, twin: Twin) -> None:
