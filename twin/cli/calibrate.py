@@ -118,13 +118,11 @@ def intrinsics(
             distances_m=distances_m,
             progress=progress,
         )
-    earlier = out / camera / "report.json"
-    is_replaced = earlier.exists()
-    files = write_calibration(calibration, out, camera, rig, add=add, windshield=screen)
-    if is_replaced:
+    files, earlier = write_calibration(calibration, out, camera, rig, add=add, windshield=screen)
+    if earlier is not None:
         warn(
-            f"{earlier} held another calibration of {camera}, which this one replaced: to compare two (twin"
-            " calibrate diff) give each a folder of its own by --out."
+            f"{out} held another calibration of {camera}: its files are in {earlier.name} now. To compare the"
+            " two (twin calibrate diff) give each a folder of its own by --out."
         )
     report = intrinsics_report(calibration, camera)
     if json_output:

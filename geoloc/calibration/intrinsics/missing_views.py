@@ -136,8 +136,9 @@ class ShownViews:
             zone = int(zones.argmin())
             tilt = max(Tilt, key=lambda t: left[t])
             reach = max(Reach, key=lambda r: left[r])
+            wants_turned = left[Count.TURNED] > 0
             view = NextView(
-                zone, tilt if left[tilt] > 0 else None, reach if left[reach] > 0 else None, left[Count.TURNED] > 0
+                zone, tilt if left[tilt] > 0 else None, reach if left[reach] > 0 else None, wants_turned
             )
             found.append(view)
             zones[zone] += 1

@@ -316,13 +316,15 @@ def test_wrong_options_are_one_sentence(
 
 
 def test_a_calibration_that_replaces_another_says_so(twin: Twin, example: Path, tmp_path: Path) -> None:
-    """It may have been one half of a comparison."""
+    """It may have been one half of a comparison: its files are kept beside."""
     (tmp_path / EXAMPLE_CAMERA).mkdir()
     (tmp_path / EXAMPLE_CAMERA / "report.json").write_text("{}")
+    (tmp_path / f"{EXAMPLE_CAMERA}.1").mkdir()
     options = ["--board", EXAMPLE_BOARD, "--camera", EXAMPLE_CAMERA, "--model", "ftheta", "--out", tmp_path]
     answer = twin("calibrate", "intrinsics", example / "pictures", *options)
     assert answer.code == 0
-    assert "held another calibration" in answer.err
+    assert f"its files are in {EXAMPLE_CAMERA}.2 now" in " ".join(answer.err.split())
+    assert (tmp_path / f"{EXAMPLE_CAMERA}.2" / "report.json").read_text() == "{}"
 
 
 def test_board_of_another_dictionary_is_not_found(twin: Twin, example: Path, tmp_path: Path) -> None:

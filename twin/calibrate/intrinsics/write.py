@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,6 +30,8 @@ from twin.figures import png
 from twin.store.atomic_files import replace_file, replacing
 from twin.store.folders import make_folder
 
+_REPORT = "report.json"
+
 
 def write_calibration(
     calibrated: Calibrated,
@@ -38,8 +41,10 @@ def write_calibration(
     *,
     add: bool = False,
     windshield: str | None = None,
-) -> list[Path]:
+) -> tuple[list[Path], Path | None]:
     """Write the rig, and the camera's files, report and pictures in a folder of its own.
+
+    Files of an earlier calibration of this camera are set aside, in a folder beside.
 
     Parameters
     ----------
@@ -59,8 +64,10 @@ def write_calibration(
 
     Returns
     -------
-    list of Path
+    files : list of Path
         The rig first.
+    earlier : Path or None
+        Where the files of an earlier calibration of this camera are now.
 
     Raises
     ------
@@ -74,11 +81,20 @@ def write_calibration(
     files = _contents(calibrated, camera)
     folder = make_folder(out)
     own = folder / file_name(camera)
+    earlier = _set_aside(own)
     with replacing(own, list(files)) as staging:
         for name, content in files.items():
             (staging / name).write_bytes(content)
     replace_file(folder / RIG_NAME, text.encode())
-    return [folder / RIG_NAME, *(own / name for name in files)]
+    return [folder / RIG_NAME, *(own / name for name in files)], earlier
+
+
+def _set_aside(own: Path) -> Path | None:
+    """Give the folder of an earlier calibration another name; None where there is none."""
+    if not (own / _REPORT).exists():
+        return None
+    free = (own.with_name(f"{own.name}.{n}") for n in itertools.count(1))
+    return own.rename(next(path for path in free if not path.exists()))
 
 
 def check_rig(
@@ -156,7 +172,7 @@ def _contents(calibrated: Calibrated, camera: str) -> dict[str, bytes]:
     document = report.document({RIG_NAME: report.model, **models})
     texts = {
         **{name: text for name, (text, _) in others.items()},
-        "report.json": json.dumps(document, indent=2, ensure_ascii=False) + "\n",
+        _REPORT: json.dumps(document, indent=2, ensure_ascii=False) + "\n",
         "report.md": report_markdown(report, list(pictures)),
     }
     return {**{name: text.encode() for name, text in texts.items()}, **pictures}
