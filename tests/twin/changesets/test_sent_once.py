@@ -52,11 +52,10 @@ class Sender:
 
 
 @pytest.fixture
-def sender(twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack) -> Sender:
+def sender(twin: Twin, new_sign: tuple[Path, Path], stack: ExitStack) -> Sender:
     """Everything is ready to be sent."""
-    out = tmp_path / "out"
-    assert twin("export", out).code == 0
-    return Sender(twin, new_sign, skriv(stack, new_sign), out)
+    store, out = new_sign
+    return Sender(twin, store, skriv(stack, store), out)
 
 
 @pytest.mark.parametrize("spelling", ["{}/", "{}//", "HTTP://127.0.0.1:{port}", "http://localhost:{port}"])
@@ -87,15 +86,15 @@ def test_target_of_an_address_is_the_api_and_not_its_spelling() -> None:
 
 
 def test_what_went_to_one_api_did_not_go_to_another(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack
+    twin: Twin, new_sign: tuple[Path, Path], stack: ExitStack
 ) -> None:
     """First the test environment, then NVDB, from one folder."""
-    trial, real, out = skriv(stack, new_sign), skriv(stack, new_sign), tmp_path / "out"
-    assert twin("export", out, "--api-url", real.url).code == 0
+    store, out = new_sign
+    trial, real = skriv(stack, store), skriv(stack, store)
     assert twin("submit", out, "--go", "--api-url", trial.url).code == 0
     assert twin("export", out, "--api-url", real.url).code == 0
     assert twin("submit", out, "--go", "--api-url", real.url).code == 0
-    assert [new_signs(server, new_sign) for server in (trial, real)] == [1, 1]
+    assert [new_signs(server, store) for server in (trial, real)] == [1, 1]
 
 
 def test_export_to_another_folder_is_not_sent_again(sender: Sender, twin: Twin, tmp_path: Path) -> None:
@@ -337,12 +336,12 @@ def test_carried_out_is_held_until_the_mirror_shows_it(sender: Sender) -> None:
 
 @pytest.mark.parametrize("state", ["carried out", "under way", "not started"])
 def test_receipt_of_an_earlier_version_is_taken_over(
-    twin: Twin, new_sign: Path, tmp_path: Path, stack: ExitStack, state: str
+    twin: Twin, new_sign: tuple[Path, Path], stack: ExitStack, state: str
 ) -> None:
     """It sent the set and left `kvittering.json` beside it: what was sent then is not sent again."""
     on_the_way = ("BEHANDLES", "BEHANDLES") if state == "under way" else ()
-    server, out = skriv(stack, new_sign, on_the_way=on_the_way), tmp_path / "out"
-    assert twin("export", out).code == 0
+    store, out = new_sign
+    server = skriv(stack, store, on_the_way=on_the_way)
     set_id = earlier_version_sends(stack, server.url, out, start=state != "not started")
     if state == "under way":
         assert twin("export", out, "--api-url", server.url).code == 5
@@ -353,7 +352,7 @@ def test_receipt_of_an_earlier_version_is_taken_over(
         assert "`twin export` it again" in answer.err
         assert twin("export", out, "--api-url", server.url).code == 0
         assert twin("submit", out, "--go", "--api-url", server.url).code == 0
-    assert new_signs(server, new_sign) == 1
+    assert new_signs(server, store) == 1
     assert posts(server) == (2 if state == "not started" else 1)
     assert [path for _, path in server.requests if path.endswith(f"{set_id}/kanseller")] == (
         [f"/rest/v3/endringssett/{set_id}/kanseller"] if state == "not started" else []
