@@ -7,7 +7,10 @@ import os
 import sys
 
 import pytest
+import sqlalchemy as sa
 from hypothesis import settings
+from sqlalchemy.dialects.sqlite.pysqlite import SQLiteDialect_pysqlite
+from sqlalchemy.util import LRUCache
 
 # Before NumPy is loaded: matrices are small here, and the threads of several workers on the same cores wait
 # for one another, up to eight times as long.
@@ -25,6 +28,19 @@ sys.dont_write_bytecode = False
 EXAMPLES = int(os.environ.get("TWIN_EXAMPLES", "25"))
 settings.register_profile("twin", deadline=None, derandomize=True, database=None, max_examples=EXAMPLES)
 settings.load_profile("twin")
+
+# A statement is compiled for a dialect, and every store that is opened has one of its own. Those of SQLite
+# are all alike here: what is compiled for one serves the others, a tenth of what a short command costs.
+_COMPILED: LRUCache[object, object] = LRUCache(2000)
+SQLiteDialect_pysqlite.__hash__ = lambda self: hash(type(self))  # type: ignore[method-assign]
+SQLiteDialect_pysqlite.__eq__ = lambda self, other: type(self) is type(other)  # type: ignore[method-assign]
+
+
+@sa.event.listens_for(sa.Engine, "engine_connect")
+def _share_compiled_statements(connection: sa.Connection) -> None:
+    if connection.dialect.name == "sqlite":
+        connection.execution_options(compiled_cache=_COMPILED)
+
 
 # What takes longest comes first: a long file that begins last would leave the other cores idle (`make test`
 # gives each core whole files, for what their tests share).
