@@ -9,6 +9,7 @@ edit the file, or load it in QGIS and save it there. A test holds colours, shape
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
@@ -37,6 +38,12 @@ def style(layer: str, *, verdicts: Collection[str], lang: Lang = Lang.EN) -> str
     lang : Lang, optional
         Of what people read: names of columns, legends and choices.
     """
+    return _style(layer, frozenset(verdicts), lang)
+
+
+@cache
+def _style(layer: str, verdicts: frozenset[str], lang: Lang) -> str:
+    """Make it once: an export writes it into two files."""
     from defusedxml.ElementTree import fromstring
 
     root = fromstring(files("twin.export.qgis").joinpath("saved_styles", f"{layer}.qml").read_text("utf-8"))
