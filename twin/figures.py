@@ -17,6 +17,7 @@ def png(figure: Figure) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)
+    _lay_out(figure)
     image = io.BytesIO()
     figure.savefig(image, format="png", metadata={"Software": None})
     return image.getvalue()
@@ -46,6 +47,14 @@ def pdf(figure: Figure) -> bytes:
     with mpl.rc_context({"pdf.fonttype": 42}):
         figure.savefig(page, format="pdf", metadata={"CreationDate": None, "Creator": None, "Producer": None})
     return page.getvalue()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Put titles and scales where they have room: savefig does the same, and draws everything for it."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 FORMATS = {".png": png, ".svg": svg, ".pdf": pdf}
