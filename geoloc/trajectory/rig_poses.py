@@ -28,19 +28,16 @@ from geoloc.trajectory.motion_readings import MotionReadings
 from geoloc.trajectory.poses import GnssFixes, Poses
 from geoloc.trajectory.smoother.found import motion_found
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes, knot_fixes
-from geoloc.trajectory.smoother.odometry import MotionOnRoad
 from geoloc.trajectory.smoother.plane import (
     AXLE_KNOWN_M,
     PlaneTrack,
-    smoothed_plane,
 )
 from geoloc.trajectory.smoother.reckoning import reckoned, turned_rad
 from geoloc.trajectory.smoother.state import OWN
 from geoloc.trajectory.smoother.tilt import TiltTrack, smoothed_tilt
+from geoloc.trajectory.track_and_tilt import LEVER_SIGMA_M, CarOfDrive, of_one_antenna, track_and_tilt
 from geoloc.trajectory.vehicle_motion import MotionFound, VehicleMotion
 
-LEVER_SIGMA_M = 0.02
-"""A tape measure on a car body: an antenna against the others, an axis."""
 # Found from the drive itself: only a start.
 _FOUND_LEVER_SIGMA_M = 0.3
 # Where antennas of unknown place sit ahead of the rear axle: in the middle of a roof.
@@ -57,10 +54,6 @@ _PITCH_SIGMA_DEG = 2.5
 _CHECK_SIGMA_M = 0.05
 _MIN_COURSE_STEP_M = 0.1
 _FAST_MPS = 3.0
-# Speeds of wheels say that a velocity is no noise.
-_WHEEL_SIGMA_MPS = 0.05
-# A lean in bends does not tremble as accelerations do.
-_SMOOTHED_S = 2.0
 # Lever arms lean with a tilt that is only known after the first pass.
 _ITERATIONS = (8, 4)
 
@@ -84,8 +77,8 @@ class Fitted(NamedTuple):
     Attributes
     ----------
     knots : KnotFixes
-    arms_m : float64 (m, 3)
-        Lever arms, found from the drive if none was given.
+    car : CarOfDrive
+        Its lever arms are found from the drive if none was given.
     track : PlaneTrack
     tilt : TiltTrack
     pair : bool
@@ -95,7 +88,7 @@ class Fitted(NamedTuple):
     """
 
     knots: KnotFixes
-    arms_m: FloatArray
+    car: CarOfDrive
     track: PlaneTrack
     tilt: TiltTrack
     pair: bool
@@ -126,7 +119,7 @@ def fitted(
         If the antennas stand elsewhere than the lever arms say, or swapped.
     """
     knots = knot_fixes(fixes, knot_ns, max_gap_s)
-    alone = [_of_one_antenna(knots, i) for i in range(len(fixes))]
+    alone = [of_one_antenna(knots, i) for i in range(len(fixes))]
     arms, arm_sigma, axle_m = np.stack(levers), LEVER_SIGMA_M, AXLE_KNOWN_M
     if len(fixes) > 1 and not arms.any():
         arms, arm_sigma, axle_m = _found_levers(alone), _FOUND_LEVER_SIGMA_M, _ROOF_M
@@ -141,46 +134,13 @@ def fitted(
     readings = None if motion is None else MotionReadings.of(motion, int(knot_ns[0]))
     turns_show = readings is not None and check_readings(readings, knots, _surest(alone))
     track = _start(knots, alone, arms, line, readings)
-    drift = np.min([one.velocity_sigma_mps for one in alone], axis=0)
-    if readings is not None and readings.speed is not None:
-        t_s = knots.t_s + readings.speed.lag_s
-        drift = np.where(readings.speed.covers(t_s, t_s), np.minimum(drift, _WHEEL_SIGMA_MPS), drift)
+    car = CarOfDrive(arms, arm_sigma, axle_m, readings)
+    drift = car.drift_mps(knots, alone)
     tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
     for iterations in _ITERATIONS:
-        tilted = rotation_enu_from_rig(90.0, tilt.pitch_deg, tilt.roll_deg) @ arms.T
-        track = smoothed_plane(
-            knots,
-            tilted[:, :2].swapaxes(1, 2),
-            arm_sigma,
-            track,
-            drift_mps=drift,
-            axle_m=axle_m,
-            motion=_on_road(readings, tilt, knots.running_mean(track.lateral_mps2, _SMOOTHED_S), arms[:, 2]),
-            iterations=iterations,
-        )
-        tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
+        track, tilt = track_and_tilt(knots, car, drift, track, tilt, iterations)
     found = None if readings is None else motion_found(readings, knots, track, turns_show=turns_show)
-    return Fitted(knots, arms, track, tilt, pair is not None, found)
-
-
-def _on_road(
-    readings: MotionReadings | None, tilt: TiltTrack, lateral_mps2: FloatArray, above_m: FloatArray
-) -> MotionOnRoad | None:
-    if readings is None:
-        return None
-    lasting = tilt.lasting_roll
-    by_bends = lasting.sigma_deg_per_mps2 * lateral_mps2
-    own = np.sqrt(np.maximum(tilt.roll_sigma_deg**2 - lasting.sigma_deg**2 - by_bends**2, 0.0))
-    return MotionOnRoad(
-        readings,
-        np.radians(tilt.pitch_deg),
-        np.radians(tilt.roll_deg),
-        np.radians(tilt.pitch_sigma_deg),
-        np.radians(own),
-        (float(np.radians(lasting.sigma_deg)), float(np.radians(lasting.sigma_deg_per_mps2))),
-        lateral_mps2,
-        above_m,
-    )
+    return Fitted(knots, car, track, tilt, pair is not None, found)
 
 
 def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_s: float) -> Poses:
@@ -221,15 +181,6 @@ def raw_poses(fixes: Sequence[GnssFixes], levers: Sequence[FloatArray], max_gap_
         valid=known,
         reason=np.where(known, "", Reason.STANDING),
     )
-
-
-def _of_one_antenna(knots: KnotFixes, antenna: int) -> PlaneTrack:
-    """Smooth one antenna as a point that has no heading."""
-    own = knots.only(antenna)
-    state = np.zeros((knots.t_s.size, 6))
-    state[:, :2] = knots.path_m
-    begin = PlaneTrack(state, np.zeros(0), np.zeros(0), np.zeros(0), own.seen.astype(np.float64))
-    return smoothed_plane(own, np.zeros((knots.t_s.size, 1, 2)), 0.0, begin, iterations=6)
 
 
 def _between(alone: Sequence[PlaneTrack], first: int, second: int) -> tuple[FloatArray, FloatArray]:
@@ -327,7 +278,7 @@ def rig_poses(knot_ns: IntArray, fit: Fitted) -> Poses:
 
     Rows without a heading are NaN: the lever arm cannot be taken off.
     """
-    knots, arms_m, track, tilt, pair, _ = fit
+    knots, car, track, tilt, pair, _ = fit
     still = Reason.STANDING_PAIR if pair else Reason.STANDING
     lat, lon = knots.geographic(track.position_m)
     speed = np.hypot(track.velocity_mps[:, 0], track.velocity_mps[:, 1])
@@ -337,7 +288,7 @@ def rig_poses(knot_ns: IntArray, fit: Fitted) -> Poses:
     roll_sigma = np.hypot(tilt.roll_sigma_deg, _ROLL_FLOOR_DEG)
     plane_sigma = knots.with_what_all_share(track.position_sigma_m)
     up_sigma = knots.with_what_all_share(tilt.height_sigma_m, is_height=True)
-    _, aside_m, above_m = arms_m.mean(axis=0)
+    _, aside_m, above_m = car.arms_m.mean(axis=0)
     lean = lean_m(float(above_m), roll_sigma, pitch_sigma)
     columns = {
         "latitude_deg": lat,

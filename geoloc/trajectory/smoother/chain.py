@@ -7,6 +7,8 @@ the factor by the recursion of a Rauch–Tung–Striebel smoother.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from geoloc.arrays import FloatArray
@@ -40,6 +42,35 @@ def robust_weight(off: FloatArray, median: float, power: int) -> tuple[FloatArra
     return np.minimum(1.0, gate / np.maximum(off, gate)) ** power, scale
 
 
+class Known(NamedTuple):
+    """What is known of one knot's state and of the constants together: a normal distribution.
+
+    Attributes
+    ----------
+    mean : float64 (size + constants,)
+    information : float64 (size + constants, size + constants)
+        Inverse of the covariance.
+    """
+
+    mean: FloatArray
+    information: FloatArray
+
+
+class Window(NamedTuple):
+    """Where a part of a drive begins and what of it is left behind: for a smoother that follows a drive.
+
+    Attributes
+    ----------
+    before : Known or None
+        What all knots before the first tell of it; None where the drive begins with it.
+    leave : int
+        `Known` is worked out for this knot from all before it: the next window begins there.
+    """
+
+    before: Known | None
+    leave: int
+
+
 class Links:
     """What ties each state to the next: ``by_here @ here - by_next @ next`` is 0 but for noise.
 
@@ -59,9 +90,13 @@ class Links:
 
 
 class Chain:
-    """Normal equations of `knots` states of `size` unknowns and of `constants` shared unknowns."""
+    """Normal equations of `knots` states of `size` unknowns and of `constants` shared unknowns.
 
-    def __init__(self, knots: int, size: int, constants: int) -> None:
+    With `until`, only what is observed before that knot counts, and links that lead to it.
+    """
+
+    def __init__(self, knots: int, size: int, constants: int, until: int | None = None) -> None:
+        self._until = until
         self._diagonal = np.zeros((knots, size, size))
         self._next = np.zeros((max(knots - 1, 0), size, size))
         self._border = np.zeros((knots, size, constants))
@@ -83,6 +118,8 @@ class Chain:
             `weight` is one over the variance; 0 leaves an observation out.
         by_constants : float64 (n, q, constants), optional
         """
+        if self._until is not None:
+            weight = np.where(np.arange(len(weight))[:, None] < self._until, weight, 0.0)
         weighted = jacobian.swapaxes(1, 2) * weight[:, None, :]
         self._diagonal += weighted @ jacobian
         self._right += (weighted @ residual[:, :, None])[:, :, 0]
@@ -95,11 +132,12 @@ class Chain:
         """Add the links between neighbours, at a state ``(n, size)``."""
         residual = np.einsum("nij,nj->ni", links.by_here, state[:-1])
         residual -= np.einsum("nij,nj->ni", links.by_next, state[1:])
-        self._diagonal[:-1] += links.here
-        self._diagonal[1:] += links.there
-        self._next += links.across
-        self._right[:-1] -= np.einsum("nij,ni->nj", links.by_here_weighted, residual)
-        self._right[1:] += np.einsum("nij,ni->nj", links.by_next_weighted, residual)
+        some = slice(self._until)
+        self._diagonal[:-1][some] += links.here[some]
+        self._diagonal[1:][some] += links.there[some]
+        self._next[some] += links.across[some]
+        self._right[:-1][some] -= np.einsum("nij,ni->nj", links.by_here_weighted, residual)[some]
+        self._right[1:][some] += np.einsum("nij,ni->nj", links.by_next_weighted, residual)[some]
 
     def across(
         self,
@@ -119,6 +157,8 @@ class Chain:
         residual, weight : float64 (n - 1,)
             As in `observe`.
         """
+        if self._until is not None:
+            weight = np.where(np.arange(len(weight)) < self._until, weight, 0.0)
         here, there = weight[:, None] * by_here, weight[:, None] * by_next
         self._diagonal[:-1] += here[:, :, None] * by_here[:, None, :]
         self._diagonal[1:] += there[:, :, None] * by_next[:, None, :]
@@ -135,6 +175,36 @@ class Chain:
         """Add what is known beforehand of the constants."""
         self._corner += np.diag(sigma**-2.0)
         self._right_constants += residual / sigma**2
+
+    def expect_first(self, residual: FloatArray, information: FloatArray) -> None:
+        """Add what is known beforehand of the first state and of the constants together, in that order."""
+        size, right = self._right.shape[1], information @ residual
+        self._diagonal[0] += information[:size, :size]
+        self._border[0] += information[:size, size:]
+        self._corner += information[size:, size:]
+        self._right[0] += right[:size]
+        self._right_constants += right[size:]
+
+    def known_at(self, knot: int, state: FloatArray, constants: FloatArray) -> Known:
+        """What all before tells of a knot and of the constants, at the state ``(n, size)`` of the equations.
+
+        Of a chain that counts until that knot.
+        """
+        block, border, right = self._diagonal[0], self._border[0], self._right[0]
+        corner, right_constants = self._corner.copy(), self._right_constants.copy()
+        for k in range(knot):
+            onward = self._next[k]
+            solved = np.linalg.solve(block, np.column_stack([onward, border, right]))
+            by_next, by_constants, plain = np.split(solved, [len(onward), solved.shape[1] - 1], axis=1)
+            corner -= border.T @ by_constants
+            right_constants -= border.T @ plain[:, 0]
+            block = self._diagonal[k + 1] - onward.T @ by_next
+            border = self._border[k + 1] - onward.T @ by_constants
+            right = self._right[k + 1] - onward.T @ plain[:, 0]
+        information = np.block([[block, border], [border.T, corner]])
+        information = 0.5 * (information + information.T)
+        step = np.linalg.solve(information, np.concatenate([right, right_constants]))
+        return Known(np.concatenate([state[knot], constants]) + step, information)
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
         """Return the corrections of the states ``(n, size)`` and of the constants."""

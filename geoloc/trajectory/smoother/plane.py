@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.trajectory.smoother.chain import MEDIAN_2D, Chain, Links, robust_weight
+from geoloc.trajectory.smoother.chain import MEDIAN_2D, Chain, Known, Links, Window, robust_weight
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.odometry import MotionOnRoad, Odometry, shows_slip, unknowns
 from geoloc.trajectory.smoother.receiver_motion import MOUNTED_RAD, Headings, Velocities
@@ -89,6 +89,8 @@ class PlaneTrack:
         m/s²), and how far the rig's origin is ahead of the rear axle (m).
     weight : float64 (n, m)
         1 for a fix that fits, towards 0 for one that does not, and 0 for none.
+    onward : Known or None
+        For the window after this one (`chain.Window`).
     """
 
     state: FloatArray
@@ -96,6 +98,7 @@ class PlaneTrack:
     constants: FloatArray
     constants_covariance: FloatArray
     weight: FloatArray
+    onward: Known | None = None
 
     @property
     def position_m(self) -> FloatArray:
@@ -173,6 +176,7 @@ def smoothed_plane(
     axle_m: tuple[float, float] = AXLE_KNOWN_M,
     motion: MotionOnRoad | None = None,
     iterations: int = 8,
+    window: Window | None = None,
 ) -> PlaneTrack:
     """Fit the track.
 
@@ -192,8 +196,11 @@ def smoothed_plane(
         How far ahead of the rear axle the origin is, and one sigma of that, where lever arms are unknown.
     motion : MotionOnRoad, optional
         Only with `drift_mps`.
+    window : Window, optional
+        The knots are part of a drive that is followed.
     """
     fit = _Fit(fixes, levers_m, lever_sigma_m, drift_mps, axle_m, motion, start)
+    fit.before = None if window is None else window.before
     state, constants, weight = fit.state.copy(), fit.constants.copy(), start.weight
     for i in range(iterations):
         chain = fit.equations(state, constants, weight)
@@ -209,7 +216,11 @@ def smoothed_plane(
         by_slip = chain.by_constants()[:, :, -2]
         covariance = covariance + SLIP_RAD_PER_MPS2[1] ** 2 * by_slip[:, :, None] * by_slip[:, None, :]
         shared[-2, -2] += SLIP_RAD_PER_MPS2[1] ** 2
-    return PlaneTrack(state, covariance, constants, shared, weight)
+    onward = None
+    if window is not None:
+        left = fit.equations(state, constants, weight, until=window.leave)
+        onward = left.known_at(window.leave, state, constants)
+    return PlaneTrack(state, covariance, constants, shared, weight, onward)
 
 
 class _Fit:
@@ -249,16 +260,24 @@ class _Fit:
         self.constants = start.constants if start.constants.size else self.prior
         self.state = np.pad(start.state, ((0, 0), (0, self.size - start.state.shape[1])))
         self.links = self._links(self.state)
+        self.before: Known | None = None
         if self.headings is not None:  # a point's velocity is not known to begin with
             self.headings.weigh(self.state, self.constants, power=1)
             self.velocities.weigh(self.state, self._sits(self.constants), power=1)
         if self.odometry is not None:
             self.odometry.weigh(self.state, self.constants, power=1)
 
-    def equations(self, state: FloatArray, constants: FloatArray, weight: FloatArray) -> Chain:
+    def equations(
+        self, state: FloatArray, constants: FloatArray, weight: FloatArray, until: int | None = None
+    ) -> Chain:
         """Normal equations at a state."""
-        chain = Chain(len(state), self.size, constants.size)
-        chain.expect_constants(self.prior - constants, self.prior_sigma)
+        chain = Chain(len(state), self.size, constants.size, until)
+        if self.before is None:
+            chain.expect_constants(self.prior - constants, self.prior_sigma)
+        else:
+            off = self.before.mean - np.concatenate([state[0], constants])
+            off[YAW] = (off[YAW] + np.pi) % (2.0 * np.pi) - np.pi
+            chain.expect_first(off, self.before.information)
         self._start(chain, state)
         chain.tie(self.links, state)
         for antenna in range(self.levers_m.shape[1]):
@@ -337,8 +356,9 @@ class _Fit:
         residual[:, POSITION] += self.fixes.path_m
         residual[:, YAW:YAW_RATE] = 0.0
         weight = np.where(self.fixes.first[:, None], sigma**-2.0, 0.0)
-        weight[1:, YAW:YAW_RATE] *= 1e-2
-        weight[1:, OWN:] = 0.0
+        goes_on = slice(0 if self.before is not None else 1, None)
+        weight[goes_on, YAW:YAW_RATE] *= 1e-2
+        weight[goes_on, OWN:] = 0.0
         unit = np.broadcast_to(np.eye(self.size), (len(state), self.size, self.size))
         chain.observe(unit, residual, weight, None)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from geoloc.arrays import FloatArray
 from geoloc.trajectory.poses import LastingRoll
-from geoloc.trajectory.smoother.chain import MEDIAN_1D, Chain, Links, robust_weight
+from geoloc.trajectory.smoother.chain import MEDIAN_1D, Chain, Known, Links, Window, robust_weight
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.plane import antenna_modes
 from geoloc.trajectory.smoother.receiver_motion import VELOCITY_EVERY_S
@@ -63,6 +63,8 @@ class TiltTrack:
     roll_deg: FloatArray
     roll_sigma_deg: FloatArray
     lasting_roll: LastingRoll
+    onward: Known | None = None
+    """For the window after this one (`chain.Window`)."""
 
 
 def smoothed_tilt(
@@ -71,6 +73,7 @@ def smoothed_tilt(
     lever_sigma_m: float,
     forward_mps: FloatArray,
     lateral_mps2: FloatArray,
+    window: Window | None = None,
 ) -> TiltTrack:
     """Fit heights, climb and crossfall.
 
@@ -84,8 +87,11 @@ def smoothed_tilt(
         Speed along the heading, negative where the car reverses.
     lateral_mps2 : float64 (n,)
         Acceleration to the left.
+    window : Window, optional
+        The knots are part of a drive that is followed.
     """
     fit = _Fit(fixes, levers_m, forward_mps, fixes.running_mean(lateral_mps2, _SMOOTHED_S))
+    fit.before = None if window is None else window.before
     state = np.zeros((len(forward_mps), _OWN + len(levers_m)))
     state[:, 0] = np.where(fixes.seen, fixes.height_m - levers_m[:, 2], 0.0).sum(axis=1) / np.maximum(
         fixes.seen.sum(axis=1), 1
@@ -99,6 +105,10 @@ def smoothed_tilt(
         previous, weight = weight, fit.weights(state, constants, power=1 if i < _ITERATIONS // 2 else 2)
         if np.abs(weight - previous).max() < 0.02:
             break
+    onward = None
+    if window is not None:
+        left = fit.equations(state, constants, weight, lever_sigma_m, until=window.leave)
+        onward = left.known_at(window.leave, state, constants)
     covariance, shared = chain.covariances()
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     # The roll is the state's and the constants' own: how it moves with each of these.
@@ -117,6 +127,7 @@ def smoothed_tilt(
         roll_deg=np.degrees(np.arctan(_CROSSFALL + fit.of_the_drive @ constants[-2:] + state[:, 2])),
         roll_sigma_deg=np.degrees(lean_sigma),
         lasting_roll=LastingRoll(*np.degrees(np.sqrt(np.diagonal(part @ shared @ part.T))).tolist()),
+        onward=onward,
     )
 
 
@@ -180,14 +191,24 @@ class _Fit:
         self.rising = np.isfinite(fixes.velocity_mps[:, :, 2])
         self.scale = np.ones(len(levers_m))
         self.links = self._links()
+        self.before: Known | None = None
 
     def equations(
-        self, state: FloatArray, constants: FloatArray, weight: FloatArray, lever_sigma_m: float
+        self,
+        state: FloatArray,
+        constants: FloatArray,
+        weight: FloatArray,
+        lever_sigma_m: float,
+        until: int | None = None,
     ) -> Chain:
-        chain = Chain(len(state), self.size, constants.size)
-        levers = np.full(len(self.modes), max(lever_sigma_m, 1e-6))
-        sigma = np.append(levers, [_LASTING_LEAN, _LEAN_IN_BENDS])
-        chain.expect_constants(-constants, sigma)
+        chain = Chain(len(state), self.size, constants.size, until)
+        if self.before is None:
+            levers = np.full(len(self.modes), max(lever_sigma_m, 1e-6))
+            sigma = np.append(levers, [_LASTING_LEAN, _LEAN_IN_BENDS])
+            chain.expect_constants(-constants, sigma)
+        else:
+            off = self.before.mean - np.concatenate([state[0], constants])
+            chain.expect_first(off, self.before.information)
         self._start(chain, state)
         chain.tie(self.links, state)
         for antenna in range(len(self.levers_m)):
@@ -246,7 +267,7 @@ class _Fit:
     def _start(self, chain: Chain, state: FloatArray) -> None:
         sigma = np.append([100.0, _CLIMB, _LEAN, _CREST_PER_M], np.ones(self.size - _OWN))
         weight = np.where(self.fixes.first[:, None], sigma**-2.0, 0.0)
-        weight[1:, 1:] = 0.0
+        weight[1 if self.before is None else 0 :, 1:] = 0.0
         residual = -state
         residual[:, 0] = 0.0
         chain.observe(
