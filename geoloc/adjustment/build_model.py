@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,13 +87,16 @@ def scene_of(
     placed: Placed,
     budget: ErrorBudget | None = None,
     lens: Mapping[str, FloatArray] | None = None,
+    cameras_of_drive: Sequence[str] = (),
 ) -> Scene:
     """Give every point its first guess; points without one, and their sightings, are left out.
 
-    `budget` says which lenses are exact (None: all), `lens` what was taken off the others (`rays_of`).
+    `budget` says which lenses are exact (None: all), `lens` what was taken off the others (`rays_of`);
+    `cameras_of_drive` have unknowns whether they have sightings or not.
     """
     row = placed.row
-    names, index = np.unique(camera[row], return_inverse=True)
+    names = np.unique(np.concatenate([camera[row], np.array(cameras_of_drive, dtype=np.str_)]))
+    index = np.searchsorted(names, camera[row])
     cameras = [rig.camera(str(name)) for name in names]
     rotations = np.array([c.rig_R_camera for c in cameras]).reshape(-1, 3, 3)
     positions = np.array([c.rig_t_camera_m for c in cameras]).reshape(-1, 3)
@@ -146,10 +149,15 @@ def model_of(
     budget: ErrorBudget,
     readout_s: float = 0.0,
     pole_radius_m: float = 0.0,
+    since_ns: int | None = None,
 ) -> tuple[Model, Prior]:
-    """Lay out the unknowns of a scene, with the road's plane under every foot."""
+    """Lay out the unknowns of a scene, with the road's plane under every foot.
+
+    With `since_ns`, the plane of no time before it: a window of the drive begins there.
+    """
     feet = np.flatnonzero(scene.is_foot)
     beside_ns = _beside(scene, trajectory, feet)
+    beside_ns = beside_ns if since_ns is None else np.maximum(beside_ns, since_ns)
     beside, _ = bodies_at(trajectory, beside_ns)
     nodes = nodes_of(np.concatenate([scene.epoch_ns, beside_ns]))
     is_fitted = trajectory.is_fitted

@@ -11,7 +11,7 @@ import numpy as np
 from geoloc.adjustment.equations import epochs_of_unknowns, factorised
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.solve import Solution
-from geoloc.adjustment.unknowns import TIME
+from geoloc.adjustment.unknowns import BESIDE_ROAD, TIME
 from geoloc.arrays import FloatArray, IntArray
 
 # What correlates points other than what all share fades with the attitude's processes, the slowest in 8 s on
@@ -87,6 +87,22 @@ def spread(model: Model, solution: Solution) -> Spread:
                 by_source[source][point] += mine.T @ weighed[low:high] + cross + cross.T
     rest = covariance - np.sum(list(by_source.values()), axis=0)
     return Spread(covariance, {"pixels": rest, **by_source}, shared, through[:, :, TIME])
+
+
+def spread_at_once(model: Model, solution: Solution) -> Spread:
+    """The same of a few seconds of a drive, all of it as one source: that of the pixels."""
+    layout, place, system = model.layout, solution.equations.place, solution.system
+    points = place[layout.point(np.arange(layout.n_points))]
+    shared = place[: layout.first_point]
+    columns = np.zeros((layout.size, points.size + shared.size))
+    columns[np.concatenate([points.ravel(), shared]), np.arange(columns.shape[1])] = 1.0
+    inverse = system.factor.solve(columns)
+    own = inverse[points][:, :, : points.size].reshape(layout.n_points, 3, layout.n_points, 3)
+    covariance = own[np.arange(layout.n_points), :, np.arange(layout.n_points)]
+    of_shared = inverse[:, points.size :]
+    nothing = np.zeros_like(covariance)
+    by_source = {"pixels": covariance, "ground": nothing, BESIDE_ROAD: nothing}
+    return Spread(covariance, by_source, of_shared[shared], of_shared[points][:, :, TIME])
 
 
 class _Quadratic(NamedTuple):

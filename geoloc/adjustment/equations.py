@@ -90,17 +90,17 @@ class Equations:
 
         rays = self.model.rays(x)
         both = np.sqrt(np.repeat(weight, 2))
-        jacobian = self._matrix(Linear(rays.residual * both, rays.derivative * both[:, None], rays.column))
+        jacobian = self.matrix(Linear(rays.residual * both, rays.derivative * both[:, None], rays.column))
         ground = self._ground(x)
         # One product of all rows: sums of products of each kind would cost as much again.
-        rows = vstack([jacobian, self.fixed, *map(self._matrix, ground)], format="csr")
+        rows = vstack([jacobian, self.fixed, *map(self.matrix, ground)], format="csr")
         residual = [both * rays.residual, self.prior_residual(x), *(part.residual for part in ground)]
         normal = rows.T @ rows
         return System(factorised(normal), normal, rows.T @ np.concatenate(residual), jacobian)
 
     def ground(self, x: FloatArray) -> list[Any]:
         """Sparse derivatives of what is known of the ground."""
-        return [self._matrix(part) for part in self._ground(x)]
+        return [self.matrix(part) for part in self._ground(x)]
 
     def prior_residual(self, x: FloatArray) -> FloatArray:
         """Residuals of the priors, of unit variance (k,)."""
@@ -111,7 +111,8 @@ class Equations:
     def _ground(self, x: FloatArray) -> list[Linear]:
         return [part for part in (self.model.heights(x), self.model.terrain_heights(x)) if part is not None]
 
-    def _matrix(self, part: Linear) -> Any:
+    def matrix(self, part: Linear) -> Any:
+        """Return derivatives as a sparse matrix, columns in the order of `place`."""
         from scipy.sparse import csr_array
 
         k, j = part.column.shape

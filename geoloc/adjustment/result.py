@@ -246,6 +246,8 @@ def _boresight_deg(model: Model, solution: Solution, sigma: FloatArray) -> dict[
     """Pitch, yaw and roll of each camera; `sigma` is that of the shared unknowns, in radians for angles."""
     scene, corrections = model.scene, {}
     for i, name in enumerate(scene.cameras):
+        if not np.any(scene.camera == i):
+            continue
         focal_px = np.median(np.linalg.norm(scene.pixel_from_ray[scene.camera == i], axis=2))
         places = model.layout.boresight(np.array(i))
         known = np.hypot(sigma[places], np.array([_CENTRE_PX, _CENTRE_PX, 0.0]) / focal_px)

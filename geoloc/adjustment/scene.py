@@ -17,7 +17,7 @@ from geoloc.locate.visibility import on_the_car_itself
 from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
-from geoloc.trajectory.poses import Poses
+from geoloc.trajectory.poses import Poses, part
 from geoloc.trajectory.rig_poses import lean_m, lean_up_m
 from geoloc.trajectory.trajectory import Trajectory
 
@@ -188,8 +188,7 @@ class _Ends(NamedTuple):
     span_s: FloatArray
 
     @classmethod
-    def about(cls, trajectory: Trajectory, poses: Poses, step_ns: int) -> _Ends:
-        before, after = (trajectory.poses_at(poses.epoch_ns + step) for step in (-step_ns, step_ns))
+    def about(cls, before: Poses, poses: Poses, after: Poses, step_ns: int) -> _Ends:
         steps = before.valid.astype(np.float64) + after.valid
         return cls(before, poses, after, steps * step_ns / NANOSECONDS)
 
@@ -203,10 +202,15 @@ class _Ends(NamedTuple):
 
 def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses]:
     """Poses at epochs with velocity and yaw rate from the trajectory itself."""
-    poses = trajectory.poses_at(epoch_ns)
+    steps = (0, -_RATE_STEP_NS, _RATE_STEP_NS, -_TURN_STEP_NS, _TURN_STEP_NS)
+    # Asked for at once: what makes curves of the knots costs as much as a thousand poses.
+    every = trajectory.poses_at(np.concatenate([epoch_ns + step for step in steps]))
+    n = epoch_ns.size
+    poses, *ends = (part(every, slice(i * n, (i + 1) * n)) for i in range(len(steps)))
     east, north = metres_per_degree(poses.latitude_deg, poses.height_m)
 
-    near, wide = (_Ends.about(trajectory, poses, step) for step in (_RATE_STEP_NS, _TURN_STEP_NS))
+    near = _Ends.about(ends[0], poses, ends[1], _RATE_STEP_NS)
+    wide = _Ends.about(ends[2], poses, ends[3], _TURN_STEP_NS)
     yaw_rate, smooth_rate = (-np.radians(ends.rate("heading_deg", angle=True)) for ends in (near, wide))
     velocity = [near.rate("longitude_deg") * east, near.rate("latitude_deg") * north, near.rate("height_m")]
     speed = np.hypot(velocity[0], velocity[1])

@@ -99,7 +99,7 @@ def solve(
     for _ in range(_FINAL_ROUNDS):
         previous, inlier = inlier, _inliers(at.square / noise**2, model.scene.point)
         system = equations.system(at.x, inlier / noise**2)
-        redundancy = 2.0 * inlier.sum() - system.taken_up()
+        redundancy = 0.0 if stated_noise else 2.0 * inlier.sum() - system.taken_up()
         at = _step(equations, at, inlier / noise**2, system)
         noise = stated_noise or _noise(at.square[inlier].sum(), redundancy)
         if at.moved_m < _CONVERGED_M and np.array_equal(previous, inlier):
@@ -115,6 +115,35 @@ def solve(
         last = equations.system(at.x, inlier / noise**2)
     residual = model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
     return Solution(at.x, inlier, noise, residual, equations, last)
+
+
+def solve_near(model: Model, prior: Prior, start: FloatArray, noise: float, steps: int = 1) -> Solution:
+    """Find the unknowns from `start`, which is near them, in so many steps and by a known noise.
+
+    What a window of a drive asks again and again, and goes on from the next time. With several steps, as
+    where there are new points, a wrong first guess of one does not cost it its sightings.
+    """
+    equations = Equations(model.with_expected_pixels(start), prior)
+    at = _At(start, equations.squares(start), 0.0, 0.0)
+    for i in range(steps):
+        square = at.square / noise**2
+        robust = 1.0 / (1.0 + square / _ANNEALING[-2] ** 2)
+        inlier = _inliers(square, model.scene.point)
+        at = _step(equations, at, (inlier if i == steps - 1 else robust) / noise**2)
+    inlier = _inliers(at.square / noise**2, model.scene.point)
+    last = equations.system(at.x, inlier / noise**2)
+    residual = equations.model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
+    return Solution(at.x, inlier, noise, residual, equations, last)
+
+
+def noise_at(solution: Solution) -> float:
+    """Return the factor on every sigma of a pixel that a solution's residuals ask for, as `solve` does."""
+    equations, inlier = solution.equations, solution.inlier
+    residual = equations.model.ray_residuals(solution.x)
+    redundancy = 2.0 * inlier.sum() - solution.system.taken_up()
+    noise = _noise(float((residual[inlier] ** 2).sum()), redundancy)
+    repeated = repeated_share(equations.model.scene, solution.system, residual, inlier)
+    return noise * float(np.sqrt(max(repeated, 1.0)))
 
 
 def _step(equations: Equations, at: _At, weight: FloatArray, system: System | None = None) -> _At:

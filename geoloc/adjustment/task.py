@@ -82,13 +82,15 @@ class Task:
     pole_radius_m: float
     noise: float | None
     terrain: Terrain | None
+    cameras: tuple[str, ...] = ()
+    """These have unknowns, whether they have sightings or not."""
 
     def seen(self, shift_ns: int, lens: Mapping[str, FloatArray] = _NO_LENS) -> Seen:
         """Find out where the car was at each sighting, and give every point its first guess."""
         asked = self.observations
         later = replace(asked, epoch_ns=asked.epoch_ns + shift_ns)
         placed, rejected, poses = _placed(later, self.budget, self.size_px, lens)
-        scene = scene_of(asked.rig, asked.sightings.camera, placed, self.budget, lens)
+        scene = scene_of(asked.rig, asked.sightings.camera, placed, self.budget, lens, self.cameras)
         rejected[np.setdiff1d(placed.row, scene.row)] = Reason.NO_CROSSING
         return Seen(shift_ns, placed, scene, rejected, poses, lens)
 
