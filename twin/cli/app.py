@@ -77,6 +77,7 @@ class _Commands(_LazyGroup):
         "inspect": "drives",
         "trajectory": "drives",
         "locate": "locate",
+        "live": "live",
         "objects": "objects",
         "match": "findings",
         "findings": "list_findings",

@@ -1,0 +1,25 @@
+"""Positions while a drive goes on.
+
+- :class:`LiveEngine`: fixes, frames and motion in, as they arrive → estimates with error ellipses
+- :func:`arrivals_of`: a recorded drive as what arrived when; :func:`car_of`: the car that made it
+- :func:`played`: the same in real time, or faster
+"""
+
+from twin.live.engine import LiveCar, LiveEngine, LiveSettings
+from twin.live.estimates import Estimate, State
+from twin.live.events import Arrival, Detection, Frame
+from twin.live.replay import arrivals_of, car_of, played
+
+__all__ = [
+    "Arrival",
+    "Detection",
+    "Estimate",
+    "Frame",
+    "LiveCar",
+    "LiveEngine",
+    "LiveSettings",
+    "State",
+    "arrivals_of",
+    "car_of",
+    "played",
+]

@@ -1,0 +1,324 @@
+"""The engine of a drive that goes on: what arrives goes in, estimates come out.
+
+It has no clock of its own. When the trajectory and the window of landmarks are solved follows from when
+things arrived, so that a recorded drive gives the same estimates however fast it is played. Of the two
+solutions at most one is worked out for one arrival, so that no frame waits for both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+from geoloc.live.carried import Place
+from geoloc.live.causal import CausalSettings, CausalTrajectory, Following
+from geoloc.live.landmarks import Landmark, Landmarks, LandmarkSettings, Sighting
+from geoloc.live.samples import Fix, Lag, MotionSample, Quantity
+from geoloc.locate.error_budget import ErrorBudget
+from geoloc.locate.records import Kind, Sightings
+from geoloc.locate.single_frame import locate_single_frame
+from geoloc.rig.rig import Rig
+from geoloc.trajectory.interpolation import NANOSECONDS
+from geoloc.trajectory.poses import Poses
+from geoloc.trajectory.trajectory import Trajectory
+from twin.live.estimates import Estimate, State
+from twin.live.events import Arrival, Detection, Frame
+
+_NOWHERE = Place(float("nan"), float("nan"), float("nan"))
+
+
+@dataclass(frozen=True, slots=True)
+class LiveCar:
+    """A car: what does not change while it drives.
+
+    Attributes
+    ----------
+    rig : Rig
+    antennas : tuple of str
+        Those that deliver fixes.
+    budget : ErrorBudget
+        One sigma of each source, and prior of what is estimated.
+    lags : mapping quantity → Lag
+        Of the car's own motion.
+    wheelbase_m : float or None
+    readout_ms : float or None
+        Rolling shutter; None: unknown.
+    pole_radius_m : float
+    track_sigma_m : float
+        One sigma a horizontal axis that the whole track is off beyond its fixes (a change of datum).
+    """
+
+    rig: Rig
+    antennas: tuple[str, ...]
+    budget: ErrorBudget = field(default_factory=ErrorBudget)
+    lags: Mapping[Quantity, Lag] = field(default_factory=dict)
+    wheelbase_m: float | None = None
+    readout_ms: float | None = None
+    pole_radius_m: float = 0.03
+    track_sigma_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSettings:
+    """How often things are worked out, by the time of arrivals.
+
+    Attributes
+    ----------
+    track_every_s, landmarks_every_s : float
+    causal : CausalSettings
+    landmarks : LandmarkSettings
+    """
+
+    track_every_s: float = 0.5
+    landmarks_every_s: float = 0.5
+    causal: CausalSettings = field(default_factory=CausalSettings)
+    landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
+
+
+@dataclass(slots=True)
+class _Passed:
+    """One object, each time that it is passed."""
+
+    number: int
+    id: str
+    object: str | None
+    label: str = ""
+    skiltnummer: str = ""
+    text: str = ""
+    sightings: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    estimate: Estimate | None = None
+
+    def take(self, seen: Detection, epoch_ns: int) -> None:
+        self.label, self.skiltnummer = self.label or seen.label, self.skiltnummer or seen.skiltnummer
+        self.text = self.text or seen.text
+        self.first_ns = min(self.first_ns, epoch_ns) if self.sightings else epoch_ns
+        self.last_ns = max(self.last_ns, epoch_ns)
+        self.sightings += 1
+
+
+class LiveEngine:
+    """Fixes, frames and motion in, in the order in which they arrive; estimates out.
+
+    Parameters
+    ----------
+    car : LiveCar
+    settings : LiveSettings
+
+    Attributes
+    ----------
+    frames, sightings : int
+        Taken so far.
+    unplaced : int
+        Sightings of objects that never got a position.
+    """
+
+    def __init__(self, car: LiveCar, settings: LiveSettings | None = None) -> None:
+        self.car, self.settings = car, settings or LiveSettings()
+        self.frames = self.sightings = self.unplaced = 0
+        self._track = CausalTrajectory(
+            {name: car.rig.antennas[name].rig_t_antenna_m for name in car.antennas},
+            lags=car.lags,
+            wheelbase_m=car.wheelbase_m,
+            settings=self.settings.causal,
+        )
+        self._landmarks = Landmarks(
+            car.rig,
+            car.budget,
+            readout_ms=car.readout_ms,
+            pole_radius_m=car.pole_radius_m,
+            track_sigma_m=car.track_sigma_m,
+            settings=self.settings.landmarks,
+        )
+        self._open: dict[int, _Passed] = {}
+        self._by_object: dict[str, int] = {}
+        self._times: dict[str, int] = {}
+        self._count = 0
+        self._now_ns = self._track_ns = self._landmarks_ns = self._seen_ns = 0
+        self._fresh = False
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """Where the car was, is, and will be for a moment; None where nothing can be said."""
+        return self._track.trajectory
+
+    @property
+    def following(self) -> Following:
+        """How well the car is followed now."""
+        return self._track.following(self._now_ns)
+
+    def pose(self, epoch_ns: int) -> Poses | None:
+        """Pose of the rig at an epoch, up to a moment ahead of now; None where nothing can be said."""
+        known = self._track.trajectory
+        return None if known is None else known.poses_at(np.array([epoch_ns], dtype=np.int64))
+
+    def feed(self, arrival: Arrival) -> list[Estimate]:
+        """Take what has arrived; return the estimates that are new or have changed."""
+        at_ns, what = arrival
+        self._now_ns = max(self._now_ns, at_ns)
+        found: list[Estimate] = []
+        if isinstance(what, Fix):
+            self._track.add_fix(what)
+            self._fresh = True
+        elif isinstance(what, MotionSample):
+            self._track.add_motion(what)
+        else:
+            found = self._frame(what)
+        return found + self._due()
+
+    def finish(self) -> list[Estimate]:
+        """End the drive: what is known of all objects that are open becomes final."""
+        self._solve_track()
+        window_ns = round((self.settings.landmarks.window_s + 2.0) * NANOSECONDS)
+        return self._solve_landmarks(self._seen_ns + window_ns)
+
+    def _due(self) -> list[Estimate]:
+        """Work out what is due, one thing at a time."""
+        if self._now_ns - self._track_ns >= self.settings.track_every_s * NANOSECONDS and (
+            self._fresh or self._runs_out()
+        ):
+            self._solve_track()
+            return []
+        every_ns = self.settings.landmarks_every_s * NANOSECONDS
+        if self._open and self._now_ns - self._landmarks_ns >= every_ns:
+            return self._solve_landmarks(self._seen_ns)
+        return []
+
+    def _runs_out(self) -> bool:
+        """Whether the trajectory ends soon, without a fix to make it longer."""
+        known = self._track.trajectory
+        return known is not None and known.span_ns[1] < self._now_ns + round(
+            self.settings.track_every_s * NANOSECONDS
+        )
+
+    def _solve_track(self) -> None:
+        self._track.solve(self._now_ns)
+        self._track_ns, self._fresh = self._now_ns, False
+
+    def _frame(self, frame: Frame) -> list[Estimate]:
+        self.frames += 1
+        self._seen_ns = max(self._seen_ns, frame.epoch_ns)
+        new: list[tuple[_Passed, Detection]] = []
+        for seen in frame.detections:
+            passed = self._passed(seen)
+            passed.take(seen, frame.epoch_ns)
+            self.sightings += 1
+            self._landmarks.add(
+                Sighting(passed.number, frame.camera, frame.epoch_ns, seen.pixel_px, seen.kind, seen.size_px)
+            )
+            if passed.estimate is None and seen.kind == Kind.FOOT:
+                new.append((passed, seen))
+        return self._first(frame, new) if new else []
+
+    def _passed(self, seen: Detection) -> _Passed:
+        """Which object a detection shows: one that is open, else a new one."""
+        number = None if seen.object is None else self._by_object.get(seen.object)
+        if number is not None:
+            return self._open[number]
+        self._count += 1
+        name = seen.object or f"live-{self._count}"
+        times = self._times[name] = self._times.get(name, 0) + 1
+        passed = _Passed(self._count, name if times == 1 else f"{name}#{times}", seen.object)
+        self._open[self._count] = passed
+        if seen.object is not None:
+            self._by_object[seen.object] = self._count
+        return passed
+
+    def _first(self, frame: Frame, new: Iterable[tuple[_Passed, Detection]]) -> list[Estimate]:
+        """Place objects from this frame alone."""
+        trajectory = self._track.trajectory
+        if trajectory is None:
+            return []
+        rows = list(new)
+        pixel = np.array([seen.pixel_px for _, seen in rows])
+        epoch_ns = np.full(len(rows), frame.epoch_ns + self._landmarks.shift_ns, dtype=np.int64)
+        located = locate_single_frame(
+            self.car.rig,
+            Sightings(np.full(len(rows), frame.camera), pixel),
+            trajectory.poses_at(epoch_ns),
+            self.car.budget,
+        )
+        shared_m2 = self.car.track_sigma_m**2 * np.eye(2)
+        columns = (located.latitude_deg, located.longitude_deg, located.height_m)
+        return [
+            self._said(
+                rows[i][0],
+                State.FIRST,
+                Place(*(float(column[i]) for column in columns)),
+                located.covariance_m2[i] + shared_m2,
+            )
+            for i in np.flatnonzero(located.valid)
+        ]
+
+    def _solve_landmarks(self, until_ns: int) -> list[Estimate]:
+        """Solve the window; what was seen more than its length before `until_ns` becomes final."""
+        self._landmarks_ns = self._now_ns
+        trajectory = self._track.trajectory
+        leaving = self._landmarks.leaving(until_ns)
+        found: list[Estimate] = []
+        if trajectory is None:
+            self._landmarks.forget(until_ns)
+        else:
+            found = [
+                self._refined(one, is_last=one.object in leaving)
+                for one in self._landmarks.solve(trajectory, until_ns)
+                if one.object in self._open
+            ]
+        return found + self._closed(leaving | self._unseen(until_ns))
+
+    def _unseen(self, until_ns: int) -> set[int]:
+        """Objects of which no sighting is in the window, as where all came too late."""
+        since_ns = until_ns - round((self.settings.landmarks.window_s + 1.0) * NANOSECONDS)
+        return {number for number, one in self._open.items() if one.last_ns < since_ns}
+
+    def _refined(self, one: Landmark, *, is_last: bool) -> Estimate:
+        state = State.FINAL if is_last else State.REFINED
+        return self._said(self._open[one.object], state, one.place, one.covariance_m2, one.sigma_height_m)
+
+    def _closed(self, leaving: Iterable[int]) -> list[Estimate]:
+        """Close objects; those that no solution placed end with what one frame said, or lost."""
+        ended = []
+        for number in sorted(leaving):
+            passed = self._open.pop(number, None)
+            if passed is None:
+                continue
+            if passed.object is not None and self._by_object.get(passed.object) == number:
+                del self._by_object[passed.object]
+            last = passed.estimate
+            if last is None:
+                self.unplaced += passed.sightings
+                ended.append(self._said(passed, State.LOST, _NOWHERE, np.full((2, 2), np.nan)))
+            elif last.state is not State.FINAL:
+                ended.append(last._replace(state=State.FINAL, at_ns=self._now_ns, sightings=passed.sightings))
+        return ended
+
+    def _said(
+        self,
+        passed: _Passed,
+        state: State,
+        place: Place,
+        covariance_m2: FloatArray,
+        sigma_height_m: float = float("nan"),
+    ) -> Estimate:
+        passed.estimate = Estimate(
+            id=passed.id,
+            object=passed.object,
+            label=passed.label,
+            skiltnummer=passed.skiltnummer,
+            text=passed.text,
+            state=state,
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
+            height_m=place.height_m,
+            covariance_m2=covariance_m2,
+            sigma_height_m=sigma_height_m,
+            sightings=passed.sightings,
+            first_seen_ns=passed.first_ns,
+            last_seen_ns=passed.last_ns,
+            at_ns=self._now_ns,
+        )
+        return passed.estimate

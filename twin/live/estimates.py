@@ -1,0 +1,131 @@
+"""What the engine says of an object, and how that is written."""
+
+from __future__ import annotations
+
+import json
+import math
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import utm33_from_geographic
+from geoloc.locate.combine import SIGMAS_95, ellipse
+
+_DECIMALS_DEG, _DECIMALS_M = 9, 4
+
+
+class State(StrEnum):
+    """How far an estimate has come."""
+
+    FIRST = "first"
+    """From one frame alone."""
+    REFINED = "refined"
+    """From all frames so far; the object may be in view."""
+    FINAL = "final"
+    """The object has left the window: this estimate changes no more."""
+    LOST = "lost"
+    """It has left the window, and no position was found."""
+
+
+class Estimate(NamedTuple):
+    """Where an object is, by what has been seen of it so far.
+
+    Attributes
+    ----------
+    id : str
+        The object as its source calls it, else a number of the engine's own; ``#2`` and so on follows where
+        it is passed again.
+    object : str or None
+        As its source calls it.
+    label, skiltnummer, text : str
+        Of its first detection that has one.
+    state : State
+    latitude_deg, longitude_deg, height_m : float
+        `height_m` ellipsoidal; NaN for a state of `LOST`.
+    covariance_m2 : float64 (2, 2)
+        East and true north.
+    sigma_height_m : float
+        NaN from one frame.
+    sightings : int
+    first_seen_ns, last_seen_ns : int
+        UTC of exposures.
+    at_ns : int
+        When it was worked out, by the host's clock.
+    """
+
+    id: str
+    object: str | None
+    label: str
+    skiltnummer: str
+    text: str
+    state: State
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    covariance_m2: FloatArray
+    sigma_height_m: float
+    sightings: int
+    first_seen_ns: int
+    last_seen_ns: int
+    at_ns: int
+
+    def feature(self) -> dict[str, Any]:
+        """Return a GeoJSON feature: WGS84 as geometry, EPSG:25833 among the properties."""
+        known = math.isfinite(self.latitude_deg)
+        geometry = {
+            "type": "Point",
+            "coordinates": [round(x, _DECIMALS_DEG) for x in (self.longitude_deg, self.latitude_deg)],
+        }
+        return {
+            "type": "Feature",
+            "id": self.id,
+            "geometry": geometry if known else None,
+            "properties": {
+                "state": self.state.value,
+                "object": self.object,
+                "label": self.label,
+                "skiltnummer": self.skiltnummer,
+                "n_sightings": self.sightings,
+                "first_seen": _utc(self.first_seen_ns),
+                "last_seen": _utc(self.last_seen_ns),
+                "at": _utc(self.at_ns),
+                **(self._place() if known else {}),
+            },
+        }
+
+    def line(self) -> str:
+        """Return the feature as one line of JSON."""
+        return json.dumps(self.feature(), ensure_ascii=False, allow_nan=False)
+
+    def _place(self) -> dict[str, float | None]:
+        easting, northing = utm33_from_geographic(
+            np.array([self.latitude_deg]), np.array([self.longitude_deg])
+        )
+        major, minor, azimuth = (float(x) for x in ellipse(self.covariance_m2))
+        sigma_east, sigma_north = np.sqrt(np.diag(self.covariance_m2)).tolist()
+        values = {
+            "easting": float(easting[0]),
+            "northing": float(northing[0]),
+            "height_m": self.height_m,
+            "sigma_major_m": major,
+            "sigma_minor_m": minor,
+            "sigma_azimuth_deg": azimuth,
+            "major95_m": SIGMAS_95 * major,
+            "minor95_m": SIGMAS_95 * minor,
+            "sigma_east_m": sigma_east,
+            "sigma_north_m": sigma_north,
+            "sigma_height_m": self.sigma_height_m,
+        }
+        return {name: _rounded(value) for name, value in values.items()}
+
+
+def _rounded(value: float) -> float | None:
+    return round(value, _DECIMALS_M) if math.isfinite(value) else None
+
+
+def _utc(epoch_ns: int) -> str:
+    moment = datetime.fromtimestamp(epoch_ns // 1_000_000_000, tz=UTC)
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{epoch_ns // 1_000_000 % 1000:03d}Z"
