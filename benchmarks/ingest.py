@@ -42,7 +42,11 @@ STEPS: Mapping[str, tuple[str, ...]] = {
     "locating, single frames": ("twin.ingest.ingest:locate_annotations",),
     "adjustment": ("twin.ingest.locate:adjust", "geoloc.association.associate:adjust"),
     "adjustment: equations": ("geoloc.adjustment.equations:Equations.system",),
-    "adjustment: factor": ("geoloc.adjustment.equations:factorised", "geoloc.adjustment.solve:factorised"),
+    "adjustment: factor": (
+        "geoloc.adjustment.equations:factorised",
+        "geoloc.adjustment.solve:factorised",
+        "geoloc.adjustment.fronts:Fronts.factorised",
+    ),
     "check of ids": ("twin.ingest.ingest:_id_doubts",),
     "misfits, rows, views": (
         "twin.ingest.ingest:misfits_of",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from geoloc.adjustment.equations import epochs_of_unknowns, factorised
+from geoloc.adjustment.equations import epochs_of_unknowns
+from geoloc.adjustment.fronts import Factor
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.solve import Solution
 from geoloc.adjustment.unknowns import BESIDE_ROAD, TIME
@@ -17,6 +19,8 @@ from geoloc.arrays import FloatArray, IntArray
 # What correlates points other than what all share fades with the attitude's processes, the slowest in 8 s on
 # the clock of `Model.node_age_s`.
 _APART_S = 60.0
+# Groups of points that are solved for at once: many are no faster, and take more memory.
+_AT_ONCE = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +60,8 @@ def spread(model: Model, solution: Solution) -> Spread:
     layout, equations = model.layout, solution.equations
     n_shared = layout.first_point
     local = layout.size - n_shared
-    normal = solution.system.normal.tocsc()
-    factor = factorised(normal[:local, :local])
-    border = normal[:local, local:].toarray()
-    to_local = -factor.solve(border)
-    shared = np.linalg.inv(normal[local:, local:].toarray() + border.T @ to_local)
+    factor = solution.system.factor
+    to_local, shared = factor.answer_to_shared(), factor.shared_covariance()
     quadratic = {source: _quadratic(part, to_local) for source, part in _parts(solution).items()}
     places = equations.place[layout.point(np.arange(layout.n_points))]
     # How each point answers to what is shared (m, 3, g), and that times the shared covariance.
@@ -71,10 +72,7 @@ def spread(model: Model, solution: Solution) -> Spread:
         source: through @ part.shared @ np.swapaxes(through, 1, 2) for source, part in quadratic.items()
     }
     when = np.sort(epochs_of_unknowns(model))[:local]
-    for points in _far_apart(model):
-        columns = np.zeros((local, 3))
-        columns[places[points], np.arange(3)] = 1.0
-        y = factor.solve(columns)
+    for points, y in _columns(factor, _far_apart(model), places, local):
         covariance[points] += y[places[points]]
         edges = np.searchsorted(when, _between(model, points))
         for source, part in quadratic.items():
@@ -103,6 +101,20 @@ def spread_at_once(model: Model, solution: Solution) -> Spread:
     nothing = np.zeros_like(covariance)
     by_source = {"pixels": covariance, "ground": nothing, BESIDE_ROAD: nothing}
     return Spread(covariance, by_source, of_shared[shared], of_shared[points][:, :, TIME])
+
+
+def _columns(
+    factor: Factor, groups: list[IntArray], places: IntArray, local: int
+) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Each group of points, and their columns (l, 3) of ``A⁻¹``, of all points in one."""
+    for first in range(0, len(groups), _AT_ONCE):
+        some = groups[first : first + _AT_ONCE]
+        right = np.zeros((local, 3 * len(some)))
+        for number, points in enumerate(some):
+            right[places[points], 3 * number + np.arange(3)] = 1.0
+        solved = factor.solve_local(right)
+        for number, points in enumerate(some):
+            yield points, np.ascontiguousarray(solved[:, 3 * number : 3 * number + 3])
 
 
 class _Quadratic(NamedTuple):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from geoloc.adjustment.fronts import Factor, Fronts
 from geoloc.adjustment.model import Linear, Model
 from geoloc.adjustment.unknowns import NODE_STEP_NS, PER_NODE, Prior
 from geoloc.arrays import FloatArray, IntArray
@@ -20,18 +22,24 @@ class System:
 
     Attributes
     ----------
-    factor : SuperLU
+    factor : Factor
         Of the normal matrix.
-    normal : sparse (u, u)
     gradient : float64 (u,)
     jacobian : sparse (2n, u)
         Derivatives of the rays' residuals, weighed.
+    fronts, derivatives : Fronts, list of float64 (k, j)
+        What was factorised.
     """
 
-    factor: Any
-    normal: Any
+    factor: Factor
     gradient: FloatArray
     jacobian: Any
+    fronts: Fronts
+    derivatives: list[FloatArray]
+
+    def damped(self, damping: float) -> Factor:
+        """Factorise anew, with so much of its diagonal added to the normal matrix."""
+        return self.fronts.factorised(self.derivatives, damping)
 
     def taken_up(self) -> float:
         """Degrees of freedom of the rays that the unknowns take up: the trace of the hat matrix.
@@ -74,6 +82,16 @@ class Equations:
         self.place[np.argsort(when, kind="stable")] = np.arange(when.size)
         shape = (prior.constant.size, when.size)
         self.fixed = csr_array((prior.value, (prior.row, self.place[prior.column])), shape=shape)
+        start = np.zeros(when.size)
+        rows = (model.rays(start), *self._ground(start))
+        self._touched = [self.place[part.column] for part in rows]
+        self._fronts = Fronts(self._touched, self.fixed, model.layout.size - model.layout.first_point)
+
+    def with_model(self, model: Model) -> Equations:
+        """The same for a model in which the same sightings depend on the same unknowns."""
+        other = copy(self)
+        other.model = model
+        return other
 
     def squares(self, x: FloatArray) -> FloatArray:
         """Squared normalised residual (n,) of each sighting."""
@@ -86,21 +104,22 @@ class Equations:
 
     def system(self, x: FloatArray, weight: FloatArray) -> System:
         """Normal equations at `x`, with sightings weighed by `weight` (n,)."""
-        from scipy.sparse import vstack
-
-        rays = self.model.rays(x)
+        rays, ground = self.model.rays(x), self._ground(x)
         both = np.sqrt(np.repeat(weight, 2))
-        jacobian = self.matrix(Linear(rays.residual * both, rays.derivative * both[:, None], rays.column))
-        ground = self._ground(x)
-        # One product of all rows: sums of products of each kind would cost as much again.
-        rows = vstack([jacobian, self.fixed, *map(self.matrix, ground)], format="csr")
-        residual = [both * rays.residual, self.prior_residual(x), *(part.residual for part in ground)]
-        normal = rows.T @ rows
-        return System(factorised(normal), normal, rows.T @ np.concatenate(residual), jacobian)
+        derivatives = [rays.derivative * both[:, None], *(part.derivative for part in ground)]
+        jacobian, *others = map(self._matrix, derivatives, self._touched)
+        gradient = jacobian.T @ (both * rays.residual) + self.fixed.T @ self.prior_residual(x)
+        for rows, part in zip(others, ground, strict=True):
+            gradient += rows.T @ part.residual
+        factor = self._fronts.factorised(derivatives)
+        return System(factor, gradient, jacobian, self._fronts, derivatives)
 
     def ground(self, x: FloatArray) -> list[Any]:
         """Sparse derivatives of what is known of the ground."""
-        return [self.matrix(part) for part in self._ground(x)]
+        return [
+            self._matrix(part.derivative, touched)
+            for part, touched in zip(self._ground(x), self._touched[1:], strict=True)
+        ]
 
     def prior_residual(self, x: FloatArray) -> FloatArray:
         """Residuals of the priors, of unit variance (k,)."""
@@ -113,20 +132,14 @@ class Equations:
 
     def matrix(self, part: Linear) -> Any:
         """Return derivatives as a sparse matrix, columns in the order of `place`."""
+        return self._matrix(part.derivative, self.place[part.column])
+
+    def _matrix(self, derivative: FloatArray, touched: IntArray) -> Any:
         from scipy.sparse import csr_array
 
-        k, j = part.column.shape
+        k, j = touched.shape
         pointers = np.arange(k + 1) * j
-        columns = self.place[part.column].ravel()
-        return csr_array((part.derivative.ravel(), columns, pointers), shape=(k, self.place.size))
-
-
-def factorised(normal: Any) -> Any:
-    """Factorise a symmetric positive matrix in the order in which it stands."""
-    from scipy.sparse.linalg import splu
-
-    options = {"SymmetricMode": True}
-    return splu(normal.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
+        return csr_array((derivative.ravel(), touched.ravel(), pointers), shape=(k, self.place.size))
 
 
 def epochs_of_unknowns(model: Model) -> IntArray:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.adjustment.drifting_labels import repeated_share
-from geoloc.adjustment.equations import Equations, System, factorised
+from geoloc.adjustment.equations import Equations, System
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.unknowns import Prior
 from geoloc.arrays import BoolArray, FloatArray, IntArray
@@ -93,7 +93,7 @@ def solve(
             if at.moved_m < _SETTLED_M:
                 break
     model = model.with_expected_pixels(at.x)
-    equations = Equations(model, prior)
+    equations = equations.with_model(model)
     at = at._replace(square=equations.squares(at.x))
     noise, inlier = stated_noise or _first_noise(at.square), np.zeros(model.scene.point.size, dtype=bool)
     for _ in range(_FINAL_ROUNDS):
@@ -151,15 +151,11 @@ def _step(equations: Equations, at: _At, weight: FloatArray, system: System | No
 
     Undamped as long as every step lowers the cost, which is what bearings with parallax give.
     """
-    from scipy.sparse import diags_array
-
     system = system or equations.system(at.x, weight)
     cost = float(weight @ at.square) + equations.other_cost(at.x)
     damping = at.damping
     for _ in range(_TRIES):
-        factor = system.factor
-        if damping > 0.0:
-            factor = factorised(system.normal + diags_array(damping * system.normal.diagonal()))
+        factor = system.damped(damping) if damping > 0.0 else system.factor
         step = -factor.solve(system.gradient)[equations.place]
         x, moved = _limited(equations.model, at.x, step)
         square = equations.squares(x)
