@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +57,17 @@ _MIN_SIGMA_RAD, _MIN_SIGMA_M = np.radians(0.01), 0.002
 _OTHER_GROUND_M = 2.0
 
 
+class Place(NamedTuple):
+    """A point in space: latitude and longitude (deg), ellipsoidal height (m)."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+NO_PLACES: Mapping[tuple[int, bool], Place] = MappingProxyType({})
+
+
 @dataclass(frozen=True, slots=True)
 class Placed:
     """Sightings that have a ray and a pose.
@@ -88,11 +101,13 @@ def scene_of(
     budget: ErrorBudget | None = None,
     lens: Mapping[str, FloatArray] | None = None,
     cameras_of_drive: Sequence[str] = (),
+    places: Mapping[tuple[int, bool], Place] = NO_PLACES,
 ) -> Scene:
     """Give every point its first guess; points without one, and their sightings, are left out.
 
     `budget` says which lenses are exact (None: all), `lens` what was taken off the others (`rays_of`);
-    `cameras_of_drive` have unknowns whether they have sightings or not.
+    `cameras_of_drive` have unknowns whether they have sightings or not. Points of which `places` knows where
+    they are, by object and whether it is the foot, begin there.
     """
     row = placed.row
     names = np.unique(np.concatenate([camera[row], np.array(cameras_of_drive, dtype=np.str_)]))
@@ -101,11 +116,15 @@ def scene_of(
     rotations = np.array([c.rig_R_camera for c in cameras]).reshape(-1, 3, 3)
     positions = np.array([c.rig_t_camera_m for c in cameras]).reshape(-1, 3)
     body, ray = rows_of(placed.body, row), placed.rays.ray[row]
-    anchor, start = np.empty((0, 2)), np.empty((0, 3))
     mounted = 0.0 if budget is None else float(np.radians(budget.boresight_deg))
-    if row.size:
-        in_rig = np.einsum("nij,nj->ni", rotations[index], ray)
-        anchor, start = first_guesses(body, in_rig, positions[index], placed.point, placed.is_foot, mounted)
+    anchor, start, new = _begun(placed, places)
+    rows = np.flatnonzero(new[placed.point])
+    if rows.size:
+        guessed, number = np.flatnonzero(new), (np.cumsum(new) - 1)[placed.point[rows]]
+        in_rig = np.einsum("nij,nj->ni", rotations[index[rows]], ray[rows])
+        anchor[guessed], start[guessed] = first_guesses(
+            rows_of(body, rows), in_rig, positions[index[rows]], number, placed.is_foot[guessed], mounted
+        )
     found = np.asarray(np.isfinite(start).all(axis=1))
     # Each point's frame is moved to the point itself: offsets are then small, and the frame level there.
     latitude, longitude = geographic_from_enu(
@@ -141,6 +160,17 @@ def scene_of(
         lens_known=np.array([known.get(one.name, np.zeros(LENS_ERRORS)) for one in cameras]),
         lens_sigma=np.array([budget.lens_of(one).of_errors() for one in cameras]) if budget else None,
     )
+
+
+def _begun(
+    placed: Placed, places: Mapping[tuple[int, bool], Place]
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Anchors (m, 2) and starts (m, 3) of points whose places are known, and which points are new (m,)."""
+    pairs = zip(placed.object.tolist(), placed.is_foot.tolist(), strict=True)
+    known = [places.get(pair) for pair in pairs]
+    anchor = np.array([(0.0, 0.0) if one is None else one[:2] for one in known]).reshape(-1, 2)
+    start = np.array([(0.0, 0.0, 0.0 if one is None else one[2]) for one in known]).reshape(-1, 3)
+    return anchor, start, np.array([one is None for one in known], dtype=bool)
 
 
 def model_of(

@@ -117,21 +117,19 @@ def solve(
     return Solution(at.x, inlier, noise, residual, equations, last)
 
 
-def solve_near(model: Model, prior: Prior, start: FloatArray, noise: float, steps: int = 1) -> Solution:
-    """Find the unknowns from `start`, which is near them, in so many steps and by a known noise.
+def solve_near(model: Model, prior: Prior, start: FloatArray, noise: float) -> Solution:
+    """Find the unknowns from `start`, which is near them, in two steps and by a known noise.
 
-    What a window of a drive asks again and again, and goes on from the next time. With several steps, as
-    where there are new points, a wrong first guess of one does not cost it its sightings.
+    What a window of a drive asks again and again, and goes on from the next time. In the first step all
+    sightings weigh by a Cauchy function: a body's bounce that is not known yet does not cost them their say.
+    The normal equations of the solution are those of the second step, from where that began.
     """
     equations = Equations(model.with_expected_pixels(start), prior)
     at = _At(start, equations.squares(start), 0.0, 0.0)
-    for i in range(steps):
-        square = at.square / noise**2
-        robust = 1.0 / (1.0 + square / _ANNEALING[-2] ** 2)
-        inlier = _inliers(square, model.scene.point)
-        at = _step(equations, at, (inlier if i == steps - 1 else robust) / noise**2)
+    at = _step(equations, at, 1.0 / (1.0 + at.square / (noise * _ANNEALING[-2]) ** 2) / noise**2)
     inlier = _inliers(at.square / noise**2, model.scene.point)
     last = equations.system(at.x, inlier / noise**2)
+    at = _step(equations, at, inlier / noise**2, last)
     residual = equations.model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
     return Solution(at.x, inlier, noise, residual, equations, last)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from geoloc.adjustment.build_model import Placed, model_of, on_terrain, scene_of
+from geoloc.adjustment.build_model import Place, Placed, model_of, on_terrain, scene_of
 from geoloc.adjustment.clock import about, clock_of_the_rays
 from geoloc.adjustment.covariance import Spread, spread
 from geoloc.adjustment.model import Model
@@ -84,13 +84,17 @@ class Task:
     terrain: Terrain | None
     cameras: tuple[str, ...] = ()
     """These have unknowns, whether they have sightings or not."""
+    places: Mapping[tuple[int, bool], Place] = field(default_factory=dict)
+    """Where points are known to be, by object and whether it is the foot."""
 
     def seen(self, shift_ns: int, lens: Mapping[str, FloatArray] = _NO_LENS) -> Seen:
         """Find out where the car was at each sighting, and give every point its first guess."""
         asked = self.observations
         later = replace(asked, epoch_ns=asked.epoch_ns + shift_ns)
         placed, rejected, poses = _placed(later, self.budget, self.size_px, lens)
-        scene = scene_of(asked.rig, asked.sightings.camera, placed, self.budget, lens, self.cameras)
+        scene = scene_of(
+            asked.rig, asked.sightings.camera, placed, self.budget, lens, self.cameras, self.places
+        )
         rejected[np.setdiff1d(placed.row, scene.row)] = Reason.NO_CROSSING
         return Seen(shift_ns, placed, scene, rejected, poses, lens)
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from geoloc.adjustment.build_model import Place
 from geoloc.adjustment.equations import epochs_of_unknowns
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.scene import Scene
@@ -25,20 +26,12 @@ BEFORE = "before"
 _NOTHING = 1e-10
 
 
-class Place(NamedTuple):
-    """A point in space: latitude and longitude (deg), ellipsoidal height (m)."""
-
-    latitude_deg: float
-    longitude_deg: float
-    height_m: float
-
-
 class Key(NamedTuple):
     """Which unknown: of a point (object, is it a foot, axis), of a node (its epoch, axis) or a shared one."""
 
     kind: str
     owner: int
-    of: int
+    of: bool
     axis: int
 
 
@@ -54,13 +47,16 @@ class Carried(NamedTuple):
         Values of shared unknowns (of the clock with all that was added before) and nodes; 0 for points.
     places : mapping (object, is foot) → Place
         Where points are for `at`.
+    first_node_ns : int
+        The node that follows from those that have gone: what is known of nodes holds where it is the first.
     """
 
     keys: Sequence[Key]
     information: FloatArray
     gradient: FloatArray
     at: FloatArray
-    places: Mapping[tuple[int, int], Place]
+    places: Mapping[tuple[int, bool], Place]
+    first_node_ns: int
 
     def only(self, keys: BoolArray) -> Carried:
         """Eliminate the others."""
@@ -68,7 +64,7 @@ class Carried(NamedTuple):
             return self
         information, gradient = eliminated(self.information, self.gradient, keys)
         kept = [key for key, keep in zip(self.keys, keys.tolist(), strict=True) if keep]
-        return Carried(kept, information, gradient, self.at[keys], self.places)
+        return self._replace(keys=kept, information=information, gradient=gradient, at=self.at[keys])
 
     def loosened(self, variance: Mapping[Key, float]) -> Carried:
         """Let these unknowns wander by so much."""
@@ -87,6 +83,8 @@ class Carried(NamedTuple):
         """Return what is known beforehand of a window, with this in place of what it says of the same."""
         layout = model.layout
         column = columns_of(self.keys, model)
+        if model.node_ns[0] != self.first_node_ns:
+            column = np.where([key.kind == "node" for key in self.keys], -1, column)
         known = self.only(column >= 0)
         column = column[column >= 0]
         matrix, constant = known.rows()
@@ -128,11 +126,11 @@ def eliminated(
     return 0.5 * (left + left.T), gradient[keep] - border @ solved[:, -1]
 
 
-def points_of(model: Model) -> dict[tuple[int, int], int]:
+def points_of(model: Model) -> dict[tuple[int, bool], int]:
     """Number of each point by its object and whether it is a foot."""
     scene = model.scene
     pairs = zip(scene.object.tolist(), scene.is_foot.tolist(), strict=True)
-    return {(number, int(foot)): i for i, (number, foot) in enumerate(pairs)}
+    return {(number, foot): i for i, (number, foot) in enumerate(pairs)}
 
 
 def columns_of(keys: Sequence[Key], model: Model) -> IntArray:
@@ -187,7 +185,7 @@ def left_behind(model: Model, solution: Solution, cut_ns: int, shift_s: float) -
     unknown = np.argsort(equations.place)[touched]
     keep = ~gone[unknown]
     information, gradient = eliminated(dense.T @ dense, dense.T @ np.concatenate(residuals), keep)
-    return _carried(model, solution, unknown[keep], information, gradient, shift_s)
+    return _carried(model, solution, unknown[keep], information, gradient, cut_ns, shift_s)
 
 
 def _zeros(known: Carried, model: Model, shift_s: float) -> FloatArray:
@@ -212,6 +210,7 @@ def _carried(
     unknown: IntArray,
     information: FloatArray,
     gradient: FloatArray,
+    cut_ns: int,
     shift_s: float,
 ) -> Carried:
     """Name the unknowns, and say where they are."""
@@ -219,18 +218,19 @@ def _carried(
     keys, at, places = [], solution.x[unknown].copy(), {}
     for i, one in enumerate(unknown.tolist()):
         if one < layout.first_point:
-            keys.append(Key("shared", 0, 0, one))
+            keys.append(Key("shared", 0, False, one))
             at[i] += shift_s if one == TIME else 0.0
         elif one < layout.first_node:
             point, axis = divmod(one - layout.first_point, 3)
-            owner, foot = int(scene.object[point]), int(scene.is_foot[point])
+            owner, foot = int(scene.object[point]), bool(scene.is_foot[point])
             keys.append(Key("point", owner, foot, axis))
             places[owner, foot] = every[owner, foot]
             at[i] = 0.0
         else:
             node, axis = divmod(one - layout.first_node, PER_NODE)
-            keys.append(Key("node", int(model.node_ns[node]), 0, axis))
-    return Carried(keys, information, gradient, at, places)
+            keys.append(Key("node", int(model.node_ns[node]), False, axis))
+    stays = model.node_ns[model.node_ns >= cut_ns]
+    return Carried(keys, information, gradient, at, places, int(stays[0]) if stays.size else 0)
 
 
 def _prior_rows(prior: Prior, layout: Layout, gone: BoolArray) -> IntArray:
@@ -273,7 +273,7 @@ def start_from(place: Place, scene: Scene, point: int) -> FloatArray:
     return np.asarray(scene.start_m[point] + [float(east), float(north), -place.height_m])
 
 
-def places_of(model: Model, x: FloatArray) -> dict[tuple[int, int], Place]:
+def places_of(model: Model, x: FloatArray) -> dict[tuple[int, bool], Place]:
     """Where the points of a window are, by object and whether it is a foot."""
     scene, points = model.scene, model.points_m(x)
     latitude, longitude = geographic_from_enu(*scene.anchor_deg.T, *points[:, :2].T)

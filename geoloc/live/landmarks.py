@@ -7,21 +7,23 @@ clock, wanders slowly from window to window.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from geoloc.adjustment.build_model import model_of
+from geoloc.adjustment.build_model import Place, model_of
 from geoloc.adjustment.clock import clock_of_the_rays, lasting_doubt_s
-from geoloc.adjustment.covariance import spread_at_once
+from geoloc.adjustment.covariance import Spread, spread_at_once
+from geoloc.adjustment.model import Model
 from geoloc.adjustment.result import Adjusted, OfTheTrack, adjusted_of
-from geoloc.adjustment.scene import Bodies
+from geoloc.adjustment.scene import Bodies, Scene
 from geoloc.adjustment.solve import Solution, noise_at, solve, solve_near
-from geoloc.adjustment.task import Seen, Task
-from geoloc.adjustment.unknowns import FIRST_CAMERA, PER_CAMERA, TIME
+from geoloc.adjustment.task import Task
+from geoloc.adjustment.unknowns import FIRST_CAMERA, PER_CAMERA, TIME, Prior
 from geoloc.arrays import FloatArray, IntArray
-from geoloc.live.carried import Carried, Key, Place, left_behind, places_of, points_of, start_from
+from geoloc.live.carried import Carried, Key, left_behind, places_of
 from geoloc.locate.error_budget import LIKELY_READOUT_MS, ErrorBudget
 from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
@@ -109,6 +111,10 @@ class Landmark(NamedTuple):
     sigma_height_m: float
 
 
+Solving = Generator[None, None, list[Landmark]]
+"""A window that is being solved."""
+
+
 class Landmarks:
     """All objects that are in view, or were a moment ago.
 
@@ -144,12 +150,14 @@ class Landmarks:
         self._cameras = tuple(sorted(rig.cameras))
         self._rows: list[Sighting] = []
         self._last: dict[tuple[int, str, str], int] = {}
-        self._places: dict[tuple[int, int], Place] = {}
+        self._places: dict[tuple[int, bool], Place] = {}
         self._shared = np.zeros(0)
         self._carried: Carried | None = None
         self._cut_ns: int | None = None
         self._shift_ns = 0
         self._solutions = 0
+        self._last_model: Model | None = None
+        self._last_x = np.zeros(0)
         self._turning, self._heading = np.zeros(0), np.zeros(0)
 
     @property
@@ -194,13 +202,22 @@ class Landmarks:
         self._last = {key: at_ns for key, at_ns in self._last.items() if at_ns >= cut_ns}
 
     def solve(self, trajectory: Trajectory, now_ns: int) -> list[Landmark]:
-        """Solve the window; objects without a position, as before a second ray crosses, are left out.
+        """Solve the window at once; as `solving`."""
+        return run(self.solving(trajectory, now_ns))
+
+    def solving(self, trajectory: Trajectory, now_ns: int) -> Solving:
+        """Solve the window, in parts that take about as long: a frame can be taken between two of them.
 
         Parameters
         ----------
         trajectory : Trajectory
         now_ns : int
             What was seen more than a window before it leaves.
+
+        Returns
+        -------
+        generator
+            Its end has the objects; those without a position, as before a second ray crosses, are left out.
         """
         if not self._rows:
             return []
@@ -210,33 +227,46 @@ class Landmarks:
         if not seen.scene.point.size:
             self.forget(now_ns)
             return []
-        solution, seen = self._solution(seen, trajectory, budget)
-        model = solution.equations.model
-        found = spread_at_once(model, solution)
-        self._remember(model.scene.body)
-        # What the whole drive so far says of its turning.
-        body = model.scene.body._replace(
-            yaw_rate_radps=self._turning, sigma_rad=np.repeat(self._heading[:, None], 3, axis=1)
-        )
-        poor = trajectory.late_sigma_s > 0.0
-        rays = clock_of_the_rays(solution, found, budget.time_ms, self._shift_ns / NANOSECONDS)
-        unsure_s = lasting_doubt_s(rays, budget.time_ms, body, is_poor=poor)
-        if poor:
-            unsure_s = 1e-3 * float(np.hypot(self._budget.time_ms, 1e3 * trajectory.late_sigma_s))
-        track = OfTheTrack(
-            trajectory.is_fitted,
-            budget.lever_arm_m,
-            self._track_sigma_m,
-            0.0 if poor else _BASE_M,
-            self._shift_ns / NANOSECONDS,
-            unsure_s,
-        )
-        seen.rejected[seen.scene.row[~solution.inlier]] = Reason.OUTLIER
+        yield
+        model, prior, start = self._window(seen.scene, trajectory, budget)
+        yield
+        solution = self._solution(model, prior, start)
+        yield
+        found = spread_at_once(solution.equations.model, solution)
         adjusted = adjusted_of(
-            objects, seen.rejected, seen.poses, model, solution, found, track, (), None, budget.time_ms
+            objects,
+            np.where(
+                np.isin(np.arange(seen.rejected.size), _outliers(solution)), Reason.OUTLIER, seen.rejected
+            ),
+            seen.poses,
+            solution.equations.model,
+            solution,
+            found,
+            self._of_the_track(trajectory, solution, found, budget),
+            (),
+            None,
+            budget.time_ms,
         )
         self._move_on(solution, now_ns)
         return _landmarks(adjusted)
+
+    def _of_the_track(
+        self, trajectory: Trajectory, solution: Solution, found: Spread, budget: ErrorBudget
+    ) -> OfTheTrack:
+        """What no sighting shows; of the clock, what the drive so far leaves open."""
+        shift_s, body = self._shift_ns / NANOSECONDS, solution.equations.model.scene.body
+        self._remember(body)
+        if trajectory.late_sigma_s > 0.0:
+            late_ms = 1e3 * trajectory.late_sigma_s
+            unsure_s, base_m = 1e-3 * float(np.hypot(self._budget.time_ms, late_ms)), 0.0
+        else:
+            heading = np.repeat(self._heading[:, None], 3, axis=1)
+            so_far = body._replace(yaw_rate_radps=self._turning, sigma_rad=heading)
+            rays = clock_of_the_rays(solution, found, budget.time_ms, shift_s)
+            unsure_s, base_m = lasting_doubt_s(rays, budget.time_ms, so_far, is_poor=False), _BASE_M
+        return OfTheTrack(
+            trajectory.is_fitted, budget.lever_arm_m, self._track_sigma_m, base_m, shift_s, unsure_s
+        )
 
     def _priors(self, trajectory: Trajectory) -> ErrorBudget:
         if trajectory.late_sigma_s > 0.0:
@@ -259,35 +289,57 @@ class Landmarks:
             trajectory,
         )
         size_px = np.array([row.size_px for row in rows])
-        task = Task(observations, budget, size_px, self._readout_s, self._radius_m, None, None, self._cameras)
+        task = Task(
+            observations,
+            budget,
+            size_px,
+            self._readout_s,
+            self._radius_m,
+            noise=None,
+            terrain=None,
+            cameras=self._cameras,
+            places=self._places,
+        )
         return task, np.unique(number)
 
-    def _solution(self, seen: Seen, trajectory: Trajectory, budget: ErrorBudget) -> tuple[Solution, Seen]:
+    def _window(
+        self, scene: Scene, trajectory: Trajectory, budget: ErrorBudget
+    ) -> tuple[Model, Prior, FloatArray]:
+        """Lay out the unknowns, what is known of them, and where to begin."""
         shift_s = self._shift_ns / NANOSECONDS
-        model, prior = model_of(seen.scene, trajectory, budget, self._readout_s, self._radius_m, self._cut_ns)
-        start = np.zeros(model.layout.size)
+        model, prior = model_of(scene, trajectory, budget, self._readout_s, self._radius_m, self._cut_ns)
         if self._carried is not None:
             prior = self._carried.added_to(prior, model, shift_s)
+        start = np.zeros(model.layout.size)
         if self._shared.size == model.layout.first_point:
             start[: self._shared.size] = self._shared
             start[TIME] -= shift_s
-        points = points_of(model)
-        for key, point in points.items():
-            if key in self._places:
-                start[model.layout.point(np.array(point))] = -start_from(
-                    self._places[key], model.scene, point
-                )
+        self._warm(start, model)
+        return model, prior, start
+
+    def _solution(self, model: Model, prior: Prior, start: FloatArray) -> Solution:
         self._solutions += 1
         if self._solutions == 1:
             solution = solve(model, prior)
             self.noise = solution.noise
-        else:
-            is_new = any(key not in self._places for key in points)
-            solution = solve_near(model, prior, start, self.noise, 2 if is_new else 1)
-            if self._solutions % self.settings.noise_every == 0:
-                more = noise_at(solution) ** 2 - self.noise**2
-                self.noise = float(np.sqrt(self.noise**2 + _NOISE_SHARE * more))
-        return solution, seen
+            return solution
+        solution = solve_near(model, prior, start, self.noise)
+        if self._solutions % self.settings.noise_every == 0:
+            more = noise_at(solution) ** 2 - self.noise**2
+            self.noise = float(np.sqrt(self.noise**2 + _NOISE_SHARE * more))
+        return solution
+
+    def _warm(self, start: FloatArray, model: Model) -> None:
+        """Begin the trajectory's corrections and the body's bounces where they were last."""
+        if self._last_model is None:
+            return
+        old, layout = self._last_model.layout, model.layout
+        for epoch_ns, was_ns, places, were in (
+            (model.node_ns, self._last_model.node_ns, layout.node, old.node),
+            (model.scene.instant_ns, self._last_model.scene.instant_ns, layout.bounce, old.bounce),
+        ):
+            _, here, there = np.intersect1d(epoch_ns, was_ns, return_indices=True)
+            start[places(here)] = self._last_x[were(there)]
 
     def _remember(self, body: Bodies) -> None:
         every = slice(None, None, 8)
@@ -301,6 +353,7 @@ class Landmarks:
         layout = model.layout
         self._shared = solution.x[: layout.first_point].copy()
         self._shared[TIME] += shift_s
+        self._last_model, self._last_x = model, solution.x
         self._places = places_of(model, solution.x)
         cut_ns, first_ns = self._next_cut_ns(now_ns), int(model.scene.epoch_ns.min())
         if first_ns < cut_ns:
@@ -320,17 +373,37 @@ class Landmarks:
     def _wandering(self, since_s: float) -> dict[Key, float]:
         """Variance that clock and boresights win in a time."""
         share = 2.0 * since_s / _WANDERS_S
-        variance = {Key("shared", 0, 0, TIME): share * (1e-3 * self._budget.time_ms) ** 2}
+        variance = {Key("shared", 0, False, TIME): share * (1e-3 * self._budget.time_ms) ** 2}
         boresight = share * float(np.radians(self._budget.boresight_deg)) ** 2
         for camera in range(len(self._cameras)):
             first = FIRST_CAMERA + camera * self._per_camera
-            variance |= {Key("shared", 0, 0, first + axis): boresight for axis in range(3)}
+            variance |= {Key("shared", 0, False, first + axis): boresight for axis in range(3)}
         return variance
 
     @property
     def _per_camera(self) -> int:
         cameras = len(self._cameras)
         return (self._shared.size - FIRST_CAMERA) // cameras if self._shared.size else PER_CAMERA
+
+
+def solving_nothing() -> Solving:
+    """Return a window without anything in it."""
+    yield from ()
+    return []
+
+
+def run(solving: Solving) -> list[Landmark]:
+    """Take all parts that are left."""
+    while True:
+        try:
+            next(solving)
+        except StopIteration as end:
+            found: list[Landmark] = end.value
+            return found
+
+
+def _outliers(solution: Solution) -> IntArray:
+    return np.asarray(solution.equations.model.scene.row[~solution.inlier])
 
 
 def _landmarks(adjusted: Adjusted) -> list[Landmark]:

@@ -9,13 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
+from geoloc.adjustment.build_model import Place
 from geoloc.arrays import FloatArray
-from geoloc.live.carried import Place
 from geoloc.live.causal import CausalSettings, CausalTrajectory, Following
-from geoloc.live.landmarks import Landmark, Landmarks, LandmarkSettings, Sighting
+from geoloc.live.landmarks import (
+    Landmark,
+    Landmarks,
+    LandmarkSettings,
+    Sighting,
+    Solving,
+    run,
+    solving_nothing,
+)
 from geoloc.live.samples import Fix, Lag, MotionSample, Quantity
 from geoloc.locate.error_budget import ErrorBudget
 from geoloc.locate.records import Kind, Sightings
@@ -101,6 +110,13 @@ class _Passed:
         self.sightings += 1
 
 
+class _Job(NamedTuple):
+    """A window that is being solved, and the objects whose last solution it is."""
+
+    solving: Solving
+    leaving: set[int]
+
+
 class LiveEngine:
     """Fixes, frames and motion in, in the order in which they arrive; estimates out.
 
@@ -140,6 +156,7 @@ class LiveEngine:
         self._count = 0
         self._now_ns = self._track_ns = self._landmarks_ns = self._seen_ns = 0
         self._fresh = False
+        self._job: _Job | None = None
 
     @property
     def trajectory(self) -> Trajectory | None:
@@ -172,21 +189,51 @@ class LiveEngine:
 
     def finish(self) -> list[Estimate]:
         """End the drive: what is known of all objects that are open becomes final."""
+        found = self._done(run(self._job.solving), self._job) if self._job is not None else []
         self._solve_track()
-        window_ns = round((self.settings.landmarks.window_s + 2.0) * NANOSECONDS)
-        return self._solve_landmarks(self._seen_ns + window_ns)
+        job = self._begun(self._seen_ns + round((self.settings.landmarks.window_s + 2.0) * NANOSECONDS))
+        return found + self._done(run(job.solving), job)
 
     def _due(self) -> list[Estimate]:
-        """Work out what is due, one thing at a time."""
+        """Work out what is due, one thing at a time: a part of the window, or the trajectory."""
+        if self._job is not None:
+            return self._next_part(self._job)
         if self._now_ns - self._track_ns >= self.settings.track_every_s * NANOSECONDS and (
             self._fresh or self._runs_out()
         ):
             self._solve_track()
-            return []
-        every_ns = self.settings.landmarks_every_s * NANOSECONDS
-        if self._open and self._now_ns - self._landmarks_ns >= every_ns:
-            return self._solve_landmarks(self._seen_ns)
+        elif self._open and (
+            self._now_ns - self._landmarks_ns >= self.settings.landmarks_every_s * NANOSECONDS
+        ):
+            self._landmarks_ns = self._now_ns
+            self._job = self._begun(self._seen_ns)
+            return self._next_part(self._job)
         return []
+
+    def _begun(self, until_ns: int) -> _Job:
+        """Begin to solve the window; what was seen more than its length before becomes final."""
+        leaving = self._landmarks.leaving(until_ns) | self._unseen(until_ns)
+        trajectory = self._track.trajectory
+        if trajectory is None:
+            self._landmarks.forget(until_ns)
+            return _Job(solving_nothing(), leaving)
+        return _Job(self._landmarks.solving(trajectory, until_ns), leaving)
+
+    def _next_part(self, job: _Job) -> list[Estimate]:
+        try:
+            next(job.solving)
+        except StopIteration as end:
+            return self._done(end.value, job)
+        return []
+
+    def _done(self, landmarks: Iterable[Landmark], job: _Job) -> list[Estimate]:
+        self._job = None
+        found = [
+            self._refined(one, is_last=one.object in job.leaving)
+            for one in landmarks
+            if one.object in self._open
+        ]
+        return found + self._closed(job.leaving)
 
     def _runs_out(self) -> bool:
         """Whether the trajectory ends soon, without a fix to make it longer."""
@@ -253,22 +300,6 @@ class LiveEngine:
             )
             for i in np.flatnonzero(located.valid)
         ]
-
-    def _solve_landmarks(self, until_ns: int) -> list[Estimate]:
-        """Solve the window; what was seen more than its length before `until_ns` becomes final."""
-        self._landmarks_ns = self._now_ns
-        trajectory = self._track.trajectory
-        leaving = self._landmarks.leaving(until_ns)
-        found: list[Estimate] = []
-        if trajectory is None:
-            self._landmarks.forget(until_ns)
-        else:
-            found = [
-                self._refined(one, is_last=one.object in leaving)
-                for one in self._landmarks.solve(trajectory, until_ns)
-                if one.object in self._open
-            ]
-        return found + self._closed(leaving | self._unseen(until_ns))
 
     def _unseen(self, until_ns: int) -> set[int]:
         """Objects of which no sighting is in the window, as where all came too late."""
