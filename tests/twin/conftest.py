@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import sqlalchemy as sa
 from command_line import Answer, Twin
+from postgres_server import Server, running
 from vegnett_links import segment
 
 from nvdb.area import Area
@@ -135,4 +136,27 @@ def _main_road(raws: list[dict[str, Any]]) -> dict[str, Any]:
 def empty(tmp_path: Path) -> Iterator[Store]:
     """A new store."""
     with Store.open(tmp_path / "twin.db") as store:
+        yield store
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Server]:
+    """A server of PostgreSQL with PostGIS, for as long as the tests run."""
+    with running() as server:
+        yield server
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def address(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """Where a store of one test is, or will be: in a file, and in a database."""
+    if request.param == "sqlite":
+        return str(tmp_path / "twin.db")
+    server: Server = request.getfixturevalue("postgres")
+    return server.new()
+
+
+@pytest.fixture
+def either(address: str) -> Iterator[Store]:
+    """A new store, in a file and in a database."""
+    with Store.open(address) as store:
         yield store

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from nvdb.endringssett import Measured
 from nvdb.errors import RequestError
 from twin.store import schema
 from twin.store.records import Finding
+from twin.store.sql import each_text
 from twin.store.store import Row, Snapshot
 
 _ESTIMATE = ("estimate_id", "drive_id", "object", "east_m", "north_m", "height_m", "sigma_height_m")
@@ -162,7 +162,7 @@ def _sightings(view: Snapshot, members: Iterable[str], method: str) -> dict[tupl
     member = t.c.drive_id + ":" + t.c.object
     rows = view.rows(
         sa.select(t.c.drive_id, t.c.object, t.c.camera, t.c.frame, t.c.eye_east_m, t.c.eye_north_m)
-        .where(t.c.method == method, t.c.rejected == "", member.in_(_values(members)))
+        .where(t.c.method == method, t.c.rejected == "", member.in_(each_text(members)))
         .order_by(t.c.drive_id, t.c.camera, t.c.frame)
     )
     found: dict[tuple[str, str], list[Row]] = {}
@@ -211,13 +211,8 @@ def _asked(
     wanted: Iterable[str],
     method: str | None = None,
 ) -> list[Row]:
-    statement = sa.select(*(table.c[name] for name in names)).where(key.in_(_values(wanted)))
+    statement = sa.select(*(table.c[name] for name in names)).where(key.in_(each_text(sorted(wanted))))
     return view.rows(statement if method is None else statement.where(table.c.method == method))
-
-
-def _values(texts: Iterable[str]) -> sa.Select[tuple[str]]:
-    """Any number of texts as one parameter."""
-    return sa.select(sa.func.json_each(json.dumps(sorted(texts))).table_valued("value").c.value)
 
 
 def _day(epoch_ns: int) -> dt.date:

@@ -246,7 +246,7 @@ class SentLog:
             is_stale = basis is not None and basis != now
             if is_stale or any(one.change_id in wanted for one in self._held(ask)):
                 raise RefusedError(
-                    f"The store {self._store.path} has changed meanwhile: run `twin submit` again."
+                    f"The store {self._store.name} has changed meanwhile: run `twin submit` again."
                 )
             for group in groups:
                 about = digest_of(group), objects_of(group.endringer, ask), str(file.resolve())

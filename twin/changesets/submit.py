@@ -27,7 +27,6 @@ from twin.changesets.sent import Basis, SentLog, SentSet
 from twin.changesets.undo import write_undo
 from twin.errors import RefusedError, TwinError
 from twin.store.kinds import Sending
-from twin.store.lock import exclusive
 from twin.store.store import Store
 
 Say = Callable[[str], None]
@@ -102,8 +101,7 @@ def submit(
     TransportError
         API Skriv did not answer as it should; the store knows how far each set is.
     """
-    lock = store.path.with_name(store.path.name + ".submit-lock")
-    with exclusive(lock, f"submit of {store.path.name}"):
+    with store.alone("submit", "submit"):
         log = SentLog(store, api_url)
         yield from _Submission(store, log, client, timeout_s, say).results(path)
 

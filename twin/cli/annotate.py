@@ -11,6 +11,7 @@ from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, warn
 from twin.cli.pages import OpenOption, PageLangOption, PortOption, serve_page
 from twin.errors import to_type
+from twin.store.address import StoreAddress
 from twin.words import SignNames
 
 app = typer.Typer()
@@ -48,13 +49,13 @@ def annotate(
     note(f"The annotation page is closed; every mark is in {drive}. Next: {following}")
 
 
-def _signs(store: Path) -> tuple[SignNames, frozenset[str]]:
+def _signs(store: StoreAddress) -> tuple[SignNames, frozenset[str]]:
     """Names and codes of signs: the store's where there is one, else those that ship."""
     from twin.errors import TwinError
     from twin.mirror.names import shipped_codes, shipped_names, sign_codes, sign_names
     from twin.store.store import Store
 
-    if store.is_file():
+    if store.file is None or store.file.is_file():
         try:
             with Store.open(store, create=False) as opened:
                 return sign_names(opened), sign_codes(opened)

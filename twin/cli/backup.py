@@ -9,6 +9,8 @@ import typer
 
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, warn
+from twin.errors import ConfigError
+from twin.store.address import StoreAddress
 
 if TYPE_CHECKING:
     from twin.store.backup import Copied
@@ -26,7 +28,7 @@ def backup(
     """Copy the store to a file, and its pictures to the folder beside it, while others may use the store."""
     from twin.store.backup import back_up
 
-    done = back_up(store, file)
+    done = back_up(_file(store), file)
     note(f"{store} is copied to {file}{_with_pictures(done)}.")
     _warn_of_lost(done)
 
@@ -42,11 +44,20 @@ def restore(
     """
     from twin.store.backup import restore as put_back
 
-    done = put_back(store, file)
+    done = put_back(_file(store), file)
     note(f"{store} is now what {file} holds{_with_pictures(done)}.")
     if done.aside is not None:
         note(f"The store that stood there is {done.aside}: delete it when nothing is missed.")
     _warn_of_lost(done)
+
+
+def _file(store: StoreAddress) -> Path:
+    if store.file is None:
+        raise ConfigError(
+            f"The store {store} is a database: copy it with pg_dump, bring it back with pg_restore, and copy "
+            "the folder of its pictures (twin help operations)."
+        )
+    return store.file
 
 
 def _with_pictures(done: Copied) -> str:

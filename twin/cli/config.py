@@ -52,7 +52,8 @@ def config(ctx: typer.Context, store: StoreOption = DEFAULT_STORE, json_output: 
     """
     held = held_settings(store, warn)
     settings = [_in_force(ctx, setting, held) for setting in SETTINGS]
-    files = {"beside the store": store_file(store), "your own": user_file()}
+    beside, own = store_file(store), user_file()
+    files = {"your own": own} if beside is None else {"beside the store": beside, "your own": own}
     password = bool(os.environ.get(PASSWORD))
     if json_output:
         print_json(

@@ -119,7 +119,7 @@ def _utc(seconds: float) -> str:
     return instant.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-_USER = re.compile(r"(?<=://)[^/\s@]+@")
+_USER = re.compile(r"(?<=://)(?!USER@)[^/\s@]+@")
 _TOKEN = re.compile(
     r"([?&;][\w.-]*(?:token|password|passord|secret|signature|key|code|state|auth)[\w.-]*=)[^&\s;'\")]+", re.I
 )

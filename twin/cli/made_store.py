@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from twin.store.address import StoreAddress
 
 if TYPE_CHECKING:
     from twin.store.store import Store
@@ -16,24 +17,26 @@ _BESIDE = ("", "-wal", "-shm", ".sync-lock")
 
 
 @contextmanager
-def made_store(path: Path) -> Iterator[Store]:
+def made_store(address: StoreAddress) -> Iterator[Store]:
     """Open a store, making it; one that is new and holds nothing when the block fails is taken away again.
 
-    A backfill that was interrupted after its first page is something: the next sync goes on there.
+    A backfill that was interrupted after its first page is something: the next sync goes on there. The tables
+    of a database stay: others may have begun to use them.
     """
     from twin.store.store import Store
 
-    existed = os.path.lexists(path)
+    path = address.file
+    existed = path is None or os.path.lexists(path)
     holds_nothing = False
     try:
-        with Store.open(path) as opened:
+        with Store.open(address) as opened:
             try:
                 yield opened
             except BaseException:
                 holds_nothing = not existed and _holds_nothing(opened)
                 raise
     finally:
-        if holds_nothing:
+        if holds_nothing and path is not None:
             for end in _BESIDE:
                 path.with_name(f"{path.name}{end}").unlink(missing_ok=True)
 

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -16,6 +15,7 @@ from twin.cli.journal import manner
 from twin.cli.made_store import made_store
 from twin.cli.options import DEFAULT_STORE, ContactOption, JsonOption, StoreOption
 from twin.cli.output import bar, note, print_json, print_line, print_pairs, warn
+from twin.store.address import StoreAddress
 
 if TYPE_CHECKING:
     from nvdb.area import Area
@@ -141,12 +141,12 @@ class _Order:
     quiet: bool
 
 
-def _planned(order: _Order, store: Path) -> SyncPlan:
+def _planned(order: _Order, store: StoreAddress) -> SyncPlan:
     """What a sync would do; makes no store."""
     from twin.mirror import sync
     from twin.store.store import Store
 
-    existing = Store.open(store, create=False) if store.exists() else nullcontext()
+    existing = Store.open(store, create=False) if Store.exists(store) else nullcontext()
     with existing as opened:
         return sync.dry_run(
             order.area,

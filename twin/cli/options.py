@@ -11,12 +11,21 @@ from typing import Annotated
 import typer
 
 from twin.errors import ConfigError
+from twin.store.address import StoreAddress
 from twin.words import Lang
 
 StoreOption = Annotated[
-    Path, typer.Option("--store", envvar="TWIN_STORE", help="The store, one SQLite file.", show_default=True)
+    StoreAddress,
+    typer.Option(
+        "--store",
+        envvar="TWIN_STORE",
+        parser=StoreAddress.of,
+        metavar="PATH",
+        help="The store: a SQLite file, or postgresql://USER@HOST/DATABASE.",
+        show_default=True,
+    ),
 ]
-DEFAULT_STORE = Path("twin.db")
+DEFAULT_STORE = StoreAddress("twin.db")
 JsonOption = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON document on stdout instead of tables; errors on stderr too."),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from twin.cli.output import note
 from twin.errors import ConfigError
+from twin.store.address import StoreAddress
 from twin.words import Lang, say
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Wish:
     lang: Lang
 
 
-def show_pictures(which: str, wish: Wish, store: Path, *, quiet: bool) -> list[Path]:
+def show_pictures(which: str, wish: Wish, store: StoreAddress, *, quiet: bool) -> list[Path]:
     """Write the picture, the film or both, and return what was written.
 
     Raises

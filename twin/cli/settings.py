@@ -17,6 +17,7 @@ from pathlib import Path
 from twin.cli.journal import PASSWORD
 from twin.cli.options import DEFAULT_STORE
 from twin.errors import ConfigError
+from twin.store.address import StoreAddress
 
 FILE_NAME = "twin.toml"
 
@@ -118,26 +119,26 @@ def user_file() -> Path:
     return user_config_path("twin", appauthor=False) / FILE_NAME
 
 
-def store_file(store: Path) -> Path:
-    """Return where the file beside a store is looked for."""
-    return store.parent / FILE_NAME
+def store_file(store: StoreAddress) -> Path | None:
+    """Return where the file beside a store is looked for; nothing is beside a database."""
+    return None if store.file is None else store.file.parent / FILE_NAME
 
 
-def chosen_store(option: str | None) -> Path:
+def chosen_store(option: str | None) -> StoreAddress:
     """Return the store that a command takes, before its other options are looked at."""
     named = option or os.environ.get(BY_KEY["store"].variable)
     if named:
-        return Path(named)
+        return StoreAddress(named)
     held = read_file(user_file(), beside_store=False).get("store")
-    return DEFAULT_STORE if held is None else Path(str(held.value))
+    return DEFAULT_STORE if held is None else StoreAddress(str(held.value))
 
 
-def held_settings(store: Path, tell: Callable[[str], None] | None = None) -> dict[str, Held]:
+def held_settings(store: StoreAddress, tell: Callable[[str], None] | None = None) -> dict[str, Held]:
     """Return what the files hold that apply to a store, by key.
 
     Parameters
     ----------
-    store : Path
+    store : StoreAddress
     tell : callable, optional
         Takes what is wrong with a file, which then counts as empty.
 
@@ -159,7 +160,7 @@ def held_settings(store: Path, tell: Callable[[str], None] | None = None) -> dic
 
     users, beside = user_file(), store_file(store)
     held = read(users, beside_store=False)
-    if beside.absolute() != users.absolute():
+    if beside is not None and beside.absolute() != users.absolute():
         above = read(beside, beside_store=True)
         if not above.keys().isdisjoint(AREA_KEYS):
             held = {key: value for key, value in held.items() if key not in AREA_KEYS}
@@ -233,7 +234,12 @@ def _value(key: str, value: object, path: Path, beside_store: bool) -> Value:
         return str(value)
     if not isinstance(value, str) or not value:
         raise wrong
-    return str(path.parent / Path(value).expanduser()) if setting.kind is Kind.FILE else value
+    return value if setting.kind is Kind.TEXT else _beside(path, value)
+
+
+def _beside(path: Path, value: str) -> str:
+    """A path that a file names, from its folder; the address of a database as it is."""
+    return value if StoreAddress(value).file is None else str(path.parent / Path(value).expanduser())
 
 
 _WANTED = {

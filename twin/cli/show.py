@@ -15,6 +15,7 @@ from twin.cli.output import note, print_json, print_pairs, print_table
 from twin.cli.overlay import Wish, show_pictures
 from twin.cli.told import Told, told_in
 from twin.errors import ConfigError
+from twin.store.address import StoreAddress
 from twin.words import (
     Lang,
     chance_text,
@@ -102,7 +103,9 @@ def show(
     _show_estimate(which, out, store, lang, json_output=json_output)
 
 
-def _show_estimate(which: str, out: Path | None, store: Path, lang: Lang, *, json_output: bool) -> None:
+def _show_estimate(
+    which: str, out: Path | None, store: StoreAddress, lang: Lang, *, json_output: bool
+) -> None:
     from twin.reports.estimate import explain_estimate
     from twin.reports.estimate_picture import draw_estimate
     from twin.reports.finding_shown import finding_shown

@@ -26,6 +26,7 @@ from twin.cli.options import (
 )
 from twin.cli.output import note, print_json, print_table, steps, warn
 from twin.errors import ConfigError, RefusedError
+from twin.store.address import StoreAddress
 
 if TYPE_CHECKING:
     from nvdb.skriv import SkrivClient
@@ -106,7 +107,7 @@ class _Api:
 
 
 def _results(
-    path: Path, store: Path | None, credentials: Credentials | None, api: _Api, *, quiet: bool
+    path: Path, store: StoreAddress | None, credentials: Credentials | None, api: _Api, *, quiet: bool
 ) -> Iterator[Submitted]:
     """Send sets from a store, or check them where none is given, and yield each when it has ended."""
     from twin.changesets.read_exported import exported_sets

@@ -18,6 +18,7 @@ from twin.errors import ConfigError, FileError
 from twin.store import schema
 from twin.store.kinds import QUIET, Decision, Verdict
 from twin.store.records import Finding, split_codes
+from twin.store.sql import each_text
 from twin.words.reasons import Reopened, Told, cause_from_json
 
 if TYPE_CHECKING:
@@ -128,9 +129,7 @@ def latest_findings(ask: Ask, only: Collection[str] | None = None) -> list[Findi
     """Return the findings of the last match, or those named, by their ids, each with its decision."""
     asked = findings_statement(*schema.change.columns)
     if only is not None:
-        # Any number of ids as one parameter.
-        ids = sa.func.json_each(json.dumps(sorted(only))).table_valued("value").c.value
-        asked = asked.where(schema.change.c.change_id.in_(sa.select(ids)))
+        asked = asked.where(schema.change.c.change_id.in_(each_text(sorted(only))))
     rows = ask(asked)
     return [
         FindingStatus(replace(Finding.from_row(row), reopened=_reopened(row)), Decision(row["decision"]))

@@ -159,7 +159,7 @@ def undo(store: Store, n: int = 1, *, by: str) -> tuple[str, ...]:
         batches = sorted({entry.batch for entry in left})[-n:]
         if len(batches) < n:
             raise RefusedError(
-                f"The store {store.path} has {len(batches)} command(s) to take back, not {n}: "
+                f"The store {store.name} has {len(batches)} command(s) to take back, not {n}: "
                 "see `twin explain` for a change's history."
             )
         taken = [entry for entry in log if entry.batch in batches and is_left(entry, undone)]

@@ -1,4 +1,4 @@
-"""The files of crops: beside the store, each under the SHA-256 of its content, written before its row.
+"""The files of crops: in one folder, each under the SHA-256 of its content, written before its row.
 
 A file without a row is what a killed run left: the next run deletes it. A row without a file cannot come
 about: rows are deleted before files, and written after them.
@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import sqlalchemy as sa
@@ -18,16 +17,12 @@ from twin.errors import ConfigError
 from twin.store import schema
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
-from twin.store.lock import exclusive
 from twin.store.store import Store
 
 SUFFIX = ".webp"
+TASK = "evidence", "work on the crops"
+"""What :meth:`Store.alone` locks where files are written or deleted."""
 _SHA256 = re.compile(r"[0-9a-f]{64}")
-
-
-def evidence_folder(store: Store) -> Path:
-    """Return where the crops of a store lie: ``twin.db.evidence`` beside ``twin.db``."""
-    return store.path.with_name(f"{store.path.name}.evidence")
 
 
 def crop_file(store: Store, sha256: str) -> Path:
@@ -39,22 +34,8 @@ def crop_file(store: Store, sha256: str) -> Path:
         No crop of the store has this hash.
     """
     if not _SHA256.fullmatch(sha256) or not _is_kept(store, sha256):
-        raise ConfigError(f"The store {store.path} has no crop {sha256[:64]!r}.")
-    return _path(evidence_folder(store), sha256)
-
-
-@contextmanager
-def alone(store: Store) -> Iterator[None]:
-    """Keep other runs from writing or deleting crops of this store meanwhile.
-
-    Raises
-    ------
-    RefusedError
-        Another one is at work.
-    """
-    lock = store.path.with_name(f"{store.path.name}.evidence.lock")
-    with exclusive(lock, f"work on the crops of {store.path.name}"):
-        yield
+        raise ConfigError(f"The store {store.name} has no crop {sha256[:64]!r}.")
+    return _path(store.pictures, sha256)
 
 
 def write_crop(folder: Path, content: bytes) -> tuple[str, bool]:
@@ -75,8 +56,8 @@ def write_crop(folder: Path, content: bytes) -> tuple[str, bool]:
 
 
 def sweep(store: Store) -> int:
-    """Delete every file that no row names, and return how many there were; only while :func:`alone`."""
-    folder, n_deleted = evidence_folder(store), 0
+    """Delete every file that no row names, and return how many there were; only while `TASK` is locked."""
+    folder, n_deleted = store.pictures, 0
     if not folder.is_dir():
         return 0
     kept = {row["sha256"] for row in store.rows(sa.select(schema.crop.c.sha256).distinct())}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import sqlalchemy as sa
 
-from twin.evidence.files import alone, sweep
+from twin.evidence.files import TASK, sweep
 from twin.evidence.log import FORGOTTEN, log
 from twin.store import schema
 from twin.store.store import Store
@@ -54,7 +54,7 @@ def forget(store: Store, before: dt.date, *, by: str = "", reason: str = "") -> 
     crop, drive = schema.crop.c, schema.drive.c
     midnight = dt.datetime.combine(before, dt.time(), tzinfo=dt.UTC)
     is_old = crop.epoch_ns < int(midnight.timestamp()) * 1_000_000_000
-    with alone(store):
+    with store.alone(*TASK):
         with store.transaction() as connection:
             rows = connection.execute(sa.select(crop.change_id, crop.drive_id).where(is_old)).all()
             ids = sorted({row.drive_id for row in rows})

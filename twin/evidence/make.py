@@ -13,7 +13,7 @@ from twin.drives.frames.read import Frame
 from twin.errors import ConfigError
 from twin.evidence.crops import Crop, Gap, GapKind
 from twin.evidence.cutting import Cut, Patch, cuts_of, patch_of
-from twin.evidence.files import alone, evidence_folder, sweep, write_crop
+from twin.evidence.files import TASK, sweep, write_crop
 from twin.evidence.log import UNMASKED, log
 from twin.evidence.masker import Masker
 from twin.evidence.recordings import Lack, Recordings, recordings_of
@@ -99,7 +99,7 @@ def make_evidence(
     if unmasked_reason is not None and not (unmasked_reason.strip() and (by or "").strip()):
         raise ConfigError("Crops without masks need a reason and a name: both are kept in the store's log.")
     say = progress or (lambda _text: None)
-    with alone(store):
+    with store.alone(*TASK):
         n_swept = sweep(store)
         with store.snapshot() as view:
             method = view.matched()["method"]
@@ -214,7 +214,7 @@ class _Run:
 
     def _close(self, views: Sequence[_View], number: int | None) -> None:
         """Write the files of views whose last frame has come; of all of them where none comes any more."""
-        folder = evidence_folder(self.store)
+        folder = self.store.pictures
         for view in views:
             if view.best is None or (number is not None and view.last_frame > number):
                 continue

@@ -130,7 +130,7 @@ def export_findings(
     change_sets = groups_from_store(store, decision, log=log)
     # The layers are of one moment, but of which? The same match before and after it leaves one answer.
     if store.matched() != last:
-        raise RefusedError(f"The store {store.path} was matched again during the export: export again.")
+        raise RefusedError(f"The store {store.name} was matched again during the export: export again.")
     files = export_all(
         layers,
         folder,
@@ -158,11 +158,11 @@ def _export_positions(
     """Export what a store without a match has: estimates, drives, and NVDB's signs if there are any."""
     held = store.methods()
     if not held:
-        raise StoreError(f"The store {store.path} has nothing to export yet: run `twin ingest-drive` first.")
+        raise StoreError(f"The store {store.name} has nothing to export yet: run `twin ingest-drive` first.")
     method = min(held, key=METHODS.index)
     layers = layers_from_store(store, method)
     if store.fact("last_match") is not None:
-        raise RefusedError(f"The store {store.path} was matched during the export: export again.")
+        raise RefusedError(f"The store {store.name} was matched during the export: export again.")
     files = export_all(layers, folder, project=project, lang=lang, progress=progress)
     drop_pictures(folder, {})
     return ExportReport(tuple(files), ChangeSets(decision), method, matched=False)

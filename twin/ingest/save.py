@@ -234,7 +234,7 @@ def _refuse_emptying(store: Store, connection: sa.Connection, drive: Row, folder
     if stored is None or not stored.n_annotations or drive["n_annotations"]:
         return
     raise RefusedError(
-        f"{folder or drive['name']} has no annotations that can be used, and the store {store.path} has "
+        f"{folder or drive['name']} has no annotations that can be used, and the store {store.name} has "
         f"{stored.n_annotations:,} of the same recording (drive {stored.name}, {drive['drive_id']}), which "
         "would be lost; nothing was changed: put the annotations into the folder, or give up those in the "
         "store with --replace."

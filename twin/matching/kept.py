@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import sqlalchemy as sa
 from numpy.typing import NDArray
-from sqlalchemy.dialects import sqlite
 
 from twin import __version__
 from twin.store import schema
+from twin.store.sql import taking_place
 from twin.store.store import Snapshot
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -82,8 +82,4 @@ class Kept:
             if self._before.get((kind, key)) != packed
         ]
         if fresh:
-            insert = sqlite.insert(t)
-            anew = insert.on_conflict_do_update(
-                index_elements=["kind", "key"], set_={"arrays": insert.excluded.arrays}
-            )
-            connection.execute(anew, fresh)
+            connection.execute(taking_place(connection, t), fresh)

@@ -112,7 +112,7 @@ def match(
     say = progress or (lambda _text: None)
     method = choose_method(store, method)
     if store.fact("mirror") is None:
-        raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
+        raise StoreError(f"The store {store.name} has no NVDB signs yet: run `twin sync-nvdb` first.")
     found = _found(store, method, config, say, anew=anew)
     kept_agree = None
     if anew:
@@ -262,12 +262,12 @@ def choose_method(store: Store, method: str | None) -> str:
     """Return `method` if drives were ingested by it; by default the best one that some were."""
     present = store.methods()
     if not present:
-        raise StoreError(f"The store {store.path} has no drive yet: run `twin ingest-drive` first.")
+        raise StoreError(f"The store {store.name} has no drive yet: run `twin ingest-drive` first.")
     if method is None:
         return next((name for name in Method if name in present), present[0])
     if method not in present:
         raise StoreError(
-            f"No drive in the store {store.path} was ingested by --method {method}, only by "
+            f"No drive in the store {store.name} was ingested by --method {method}, only by "
             f"{', '.join(present)}: run `twin ingest-drive --method {method}` first."
         )
     return method

@@ -86,7 +86,7 @@ class Known:
 def known_findings(view: Snapshot) -> list[Known]:
     """Read the findings of the last match."""
     change = schema.change.c
-    pole = sa.func.json_extract(change.terms, "$.pole").label("pole")
+    pole = change.terms["pole"].as_string().label("pole")
     asked = sa.select(change.change_id, change.verdict, change.nvdb_type, change.nvdb_id, pole)
     rows = view.rows(asked.order_by(change.change_id))
     return [Known(**{**row, "verdict": Verdict(row["verdict"])}) for row in rows]

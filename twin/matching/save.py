@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import sqlalchemy as sa
-from sqlalchemy.dialects import sqlite
 
 from twin.decisions.reopen import reopen_changed
 from twin.decisions.temporary import settle_road_works
@@ -14,6 +13,7 @@ from twin.matching.news import FACT, News, known_findings, news_of
 from twin.matching.poles.keys import Mark
 from twin.store import schema
 from twin.store.records import Finding
+from twin.store.sql import inserting
 from twin.store.store import Row, Store, utc_now
 
 
@@ -85,7 +85,7 @@ def _remember(connection: sa.Connection, pole_keys: Mapping[str, str], marks: Ma
     ]
     if not rows:
         return
-    insert = sqlite.insert(schema.known_mark)
+    insert = inserting(connection, schema.known_mark)
     fresh = {name: insert.excluded[name] for name in ("east_m", "north_m", "skiltnummer")}
     same = ["drive_id", "clicks", "pole"]
     connection.execute(insert.on_conflict_do_update(index_elements=same, set_=fresh), rows)

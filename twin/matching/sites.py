@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from geoloc.arrays import FloatArray
 from nvdb.vegnett import stedfester
 from twin.matching.config import MatchConfig
 from twin.store import schema
+from twin.store.sql import cut, each_number
 from twin.store.store import Row, Snapshot
 
 if TYPE_CHECKING:
@@ -288,10 +288,10 @@ def mirror_near(view: Snapshot, places: FloatArray, config: MatchConfig) -> tupl
     parents = sa.select(plate.c.point_id).where(plate.c.nvdb_id.in_(_ids_in_cells(plate, cells, size)))
     asked = sa.select(*_columns(point)).where(point.c.nvdb_id.in_(of_points.union(parents)))
     points = view.rows(asked.order_by(point.c.nvdb_id))
-    children = _values([child for row in points for child in row["plate_ids"]])
+    children = each_number([child for row in points for child in row["plate_ids"]])
     of_plates = _ids_in_cells(plate, cells, size).union(
         children,
-        sa.select(plate.c.nvdb_id).where(plate.c.point_id.in_(_values([r["nvdb_id"] for r in points]))),
+        sa.select(plate.c.nvdb_id).where(plate.c.point_id.in_(each_number([r["nvdb_id"] for r in points]))),
     )
     asked = sa.select(*_columns(plate)).where(plate.c.nvdb_id.in_(of_plates))
     plates = view.rows(asked.order_by(plate.c.nvdb_id))
@@ -322,32 +322,18 @@ def _cells_about(places: FloatArray, size: float) -> list[int]:
 
 
 def _ids_in_cells(table: sa.Table, cells: list[int], size: float) -> sa.Select[tuple[int]]:
-    """Ids of the rows that lie in one of the cells; SQL's CAST cuts towards zero, as `numpy.trunc` does.
+    """Ids of the rows that lie in one of the cells.
 
-    First by strips of eastings, which an index has: a country's mirror is not read for a few places.
+    First by columns of cells, for which an index has the eastings: a country's mirror is not read for a few
+    places.
     """
-    strip = sa.func.json_each(json.dumps(_strips(cells, size))).table_valued("value").alias("strip")
-    west, east = (sa.cast(sa.func.json_extract(strip.c.value, end), sa.Float) for end in ("$[0]", "$[1]"))
-    column, row = (sa.cast(table.c[name] / size, sa.Integer) for name in ("east_m", "north_m"))
+    # Of a number, row and column cannot be told apart near the axes: a column more on each side holds all.
+    columns = sorted({number // _ROW + side for number in cells for side in (-1, 0, 1)})
+    strip = each_number(columns).subquery("strip").c.value
+    in_strip = table.c.east_m.between(strip * size, (strip + 1) * size)
+    column, row = (cut(table.c[name] / size) for name in ("east_m", "north_m"))
     return (
         sa.select(table.c.nvdb_id)
-        .select_from(strip.join(table, table.c.east_m.between(west, east)))
-        .where((column * _ROW + row).in_(_values(cells)))
+        .select_from(sa.join(strip.table, table, in_strip))
+        .where((column * _ROW + row).in_(each_number(cells)))
     )
-
-
-def _strips(cells: list[int], size: float) -> list[tuple[float, float]]:
-    """From which to which easting [m] columns of cells reach, one strip where they touch."""
-    strips: list[tuple[float, float]] = []
-    # Of a number, row and column cannot be told apart near the axes: a column more on each side holds all.
-    for column in sorted({number // _ROW + side for number in cells for side in (-1, 0, 1)}):
-        west, east = column * size, (column + 1) * size
-        if strips and strips[-1][1] >= west:
-            west = strips.pop()[0]
-        strips.append((west, east))
-    return strips
-
-
-def _values(numbers: list[int]) -> sa.Select[tuple[int]]:
-    """Any number of numbers as one parameter."""
-    return sa.select(sa.func.json_each(json.dumps(numbers)).table_valued("value").c.value)

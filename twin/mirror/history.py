@@ -61,7 +61,7 @@ def mirror_as_of(store: Store, day: dt.date, *, within: Box | None = None) -> tu
     with store.snapshot() as view:
         since = _mirrored_since(view)
         if since is None:
-            raise StoreError(f"The store {store.path} has no NVDB signs yet: run `twin sync-nvdb` first.")
+            raise StoreError(f"The store {store.name} has no NVDB signs yet: run `twin sync-nvdb` first.")
         points, plates = (
             _as_of(view, schema.MIRROR[type_id], day.isoformat(), since, within) for type_id in (95, 96)
         )

@@ -15,6 +15,7 @@ from twin.mirror.counts import Counts, Kind, counted, counts_from_document, docu
 from twin.mirror.raw import same_object
 from twin.mirror.rows import mirror_row
 from twin.store import schema
+from twin.store.sql import bulk_insert, inserting, swap, taking_place
 from twin.store.store import Store, utc_now
 
 _FACT = "mirror"
@@ -124,8 +125,9 @@ class StoreMirror:
                 tables = schema.MIRROR[type_id]
                 for chunk in _chunks(wanted):
                     states = sa.select(*tables.visible.columns).where(tables.visible.c.nvdb_id.in_(chunk))
-                    insert = sa.insert(tables.aside).prefix_with("OR IGNORE")
-                    connection.execute(insert.from_select(tables.visible.columns.keys(), states))
+                    insert = inserting(connection, tables.aside)
+                    anew = insert.from_select(tables.visible.columns.keys(), states)
+                    connection.execute(anew.on_conflict_do_nothing())
 
     def publish(self, following: Following) -> Applied:
         """Swap the visible tables for those aside."""
@@ -143,7 +145,7 @@ class StoreMirror:
                     _keep_fetch_time(connection, tables)
                 created[type_id] = after[type_id].total() - n_both
                 deleted[type_id] = before[type_id].total() - n_both
-                _swap(connection, tables)
+                swap(connection, tables.visible, tables.aside)
             self._store.drop_fact(connection, _BACKFILL)
             applied = Applied(created, changed, deleted, _totals(after))
             self._publish_facts(connection, following, applied, after, now)
@@ -242,20 +244,10 @@ def _totals(counts: Counts) -> dict[int, int]:
     return {type_id: kinds.total() for type_id, kinds in counts.items()}
 
 
-def _names(table: sa.Table) -> str:
-    return ", ".join(column.name for column in table.columns)
-
-
 def _insert(connection: sa.Connection, type_id: int, objects: Sequence[Skiltpunkt | Skiltplate]) -> None:
-    if not objects:
-        return
-    table, now = schema.MIRROR[type_id].aside, utc_now()
-    marks = ", ".join("?" * len(table.columns))
-    # Past SQLAlchemy's parameter handling: a country has 1.7 million rows.
-    connection.exec_driver_sql(
-        f"INSERT OR REPLACE INTO {table.name} ({_names(table)}) VALUES ({marks})",  # noqa: S608  # our own names
-        [mirror_row(skilt, now) for skilt in objects],
-    )
+    now = utc_now()
+    rows = [mirror_row(skilt, now) for skilt in objects]
+    bulk_insert(connection, schema.MIRROR[type_id].aside, rows, replace=True)
 
 
 def _in_both(tables: schema.MirrorTables) -> sa.Join:
@@ -285,10 +277,10 @@ def _settle_spelling(connection: sa.Connection, tables: schema.MirrorTables) -> 
 
 def _compare(connection: sa.Connection, tables: schema.MirrorTables) -> tuple[int, int]:
     """Count what is both aside and visible, and what of it differs."""
-    differs = sa.func.sum(tables.aside.c.raw != tables.visible.c.raw, type_=sa.Integer)
+    differs = sa.func.count().filter(tables.aside.c.raw != tables.visible.c.raw)
     statement = sa.select(sa.func.count(), differs).select_from(_in_both(tables))
     n_both, n_changed = connection.execute(statement).one()
-    return int(n_both), int(n_changed or 0)
+    return int(n_both), int(n_changed)
 
 
 def _keep_history(connection: sa.Connection, tables: schema.MirrorTables, now: str) -> None:
@@ -308,7 +300,8 @@ def _keep_changed_history(connection: sa.Connection, tables: schema.MirrorTables
 def _into_history(connection: sa.Connection, tables: schema.MirrorTables, states: sa.Select[Any]) -> None:
     names = [*tables.visible.columns.keys(), "seen_until"]
     # Of two states that end in the same second the first is kept: the other was visible for less than that.
-    connection.execute(sa.insert(tables.history).prefix_with("OR IGNORE").from_select(names, states))
+    insert = inserting(connection, tables.history).from_select(names, states)
+    connection.execute(insert.on_conflict_do_nothing())
 
 
 def _keep_fetch_time(connection: sa.Connection, tables: schema.MirrorTables) -> None:
@@ -316,16 +309,6 @@ def _keep_fetch_time(connection: sa.Connection, tables: schema.MirrorTables) -> 
     a, v = tables.aside, tables.visible
     same = sa.and_(a.c.nvdb_id == v.c.nvdb_id, a.c.raw == v.c.raw)
     connection.execute(sa.update(a).values(synced_at=v.c.synced_at).where(same))
-
-
-def _swap(connection: sa.Connection, tables: schema.MirrorTables) -> None:
-    """Rename instead of copying: a country's mirror is over a gigabyte."""
-    aside, visible = tables.aside.name, tables.visible.name
-    connection.exec_driver_sql(f"DROP TABLE {visible}")
-    connection.exec_driver_sql(f"ALTER TABLE {aside} RENAME TO {visible}")
-    for index in sorted(tables.visible.indexes, key=lambda one: str(one.name)):
-        connection.execute(sa.schema.CreateIndex(index))
-    connection.execute(sa.schema.CreateTable(tables.aside))
 
 
 def _delete(
@@ -342,8 +325,7 @@ def _delete(
 
 
 def _upsert_aside(connection: sa.Connection, tables: schema.MirrorTables) -> None:
-    aside, visible, names = tables.aside.name, tables.visible.name, _names(tables.visible)
-    connection.exec_driver_sql(
-        f"INSERT OR REPLACE INTO {visible} ({names}) SELECT {names} FROM {aside}"  # noqa: S608  # our own names
-    )
+    states = sa.select(*tables.aside.columns).where(sa.true())  # else SQLite takes ON CONFLICT for a join's
+    insert = taking_place(connection, tables.visible)
+    connection.execute(insert.from_select(tables.visible.columns.keys(), states))
     connection.execute(sa.delete(tables.aside))

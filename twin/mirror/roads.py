@@ -13,6 +13,7 @@ import sqlalchemy as sa
 from twin.mirror.raw import raw_text
 from twin.mirror.vegnett.network import FACT, load_vegnett
 from twin.store import schema
+from twin.store.sql import each_number
 from twin.store.store import Snapshot, Store
 
 NEAR_KOMMUNE_M = 2000.0
@@ -129,8 +130,7 @@ def _ids(findings: Iterable[Placed], nvdb_type: int) -> list[int]:
 
 def _of_objects(view: Snapshot, nvdb_type: int, ids: Sequence[int]) -> Mapping[int, Road]:
     table = schema.MIRROR[nvdb_type].visible.c
-    # Any number of ids as one parameter.
-    wanted = sa.select(sa.func.json_each(json.dumps(ids)).table_valued("value").c.value)
+    wanted = each_number(ids)
     columns = (table.nvdb_id, table.road_reference, table.kommuner, table.raw)
     return {
         row["nvdb_id"]: Road(row["road_reference"] or "", _street(row["raw"]), tuple(row["kommuner"]))

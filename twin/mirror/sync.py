@@ -32,7 +32,7 @@ from twin.errors import RefusedError
 from twin.mirror.counts import Counts, by_accuracy, by_capture_method, without_own_geometry
 from twin.mirror.mirror_tables import StoreMirror
 from twin.mirror.names import KATALOG_FACT
-from twin.store.lock import exclusive
+from twin.store.address import StoreAddress
 from twin.store.store import Store
 
 log = logging.getLogger("nvdb.sync")
@@ -118,7 +118,7 @@ class SyncPlan:
 
 
 def area_from_options(
-    store: Path,
+    store: StoreAddress | Path | str,
     *,
     kommune: str | None = None,
     fylke: str | None = None,
@@ -130,7 +130,7 @@ def area_from_options(
 
     Parameters
     ----------
-    store : Path
+    store : StoreAddress, Path or str
         Asked for the area of its mirror, or of its unfinished backfill, if no other option is given.
     kommune, fylke, kontraktsomrade, bbox : str, optional
         As typed: values with commas between.
@@ -158,12 +158,11 @@ def area_from_options(
     return area
 
 
-def _mirrored_area(path: Path) -> Area | None:
+def _mirrored_area(named: StoreAddress | Path | str) -> Area | None:
     """The area of a store's mirror, or of its unfinished backfill."""
-    with suppress(PermissionError):  # of which opening it says more
-        if not path.exists() or (path.is_file() and not path.stat().st_size):
-            return None  # a sync would make the store there
-    with Store.open(path, create=False) as store:
+    if not Store.exists(named):
+        return None  # a sync would make the store there
+    with Store.open(named, create=False) as store:
         mirror = StoreMirror(store)
         state = mirror.following() or mirror.backfill()
     return None if state is None else Area.from_text(state.area)
@@ -213,9 +212,7 @@ def sync_nvdb(
     StoreError
         The store could not be written.
     """
-    lock = store.path.with_name(store.path.name + ".sync-lock")
-    busy = exclusive(lock, f"sync of {store.path.name}")
-    with busy, NvdbClient(api_url=api_url, contact=contact) as client:
+    with store.alone("sync", "sync"), NvdbClient(api_url=api_url, contact=contact) as client:
         _check_area(store, area, replace, client)
         return _sync(client, source, store, area, fresh, confirm_deletions, progress)
 
@@ -393,7 +390,7 @@ def _check_area(store: Store, area: Area, replace: bool, client: NvdbClient) -> 
         with suppress(TransportError):  # a number that does not exist is no reason to replace anything
             refuse_unknown(client, area)
         raise RefusedError(
-            f"The store {store.path} mirrors {following.area}, not {area.text()}: name another --store, or "
+            f"The store {store.name} mirrors {following.area}, not {area.text()}: name another --store, or "
             "both areas where they are of one kind (--kommune 5001,5031), or let --replace put the new "
             "mirror in the old one's place: drives and decisions stay, and `twin match` then compares anew."
         )

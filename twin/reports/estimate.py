@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -146,7 +145,7 @@ def explain_estimate(store: Store, which: str) -> EstimateExplained:
         The store has no estimates yet.
     """
     with store.snapshot() as view:
-        estimate = _chosen(view, which, store.path)
+        estimate = _chosen(view, which, store.name)
         (drive,) = view.rows(sa.select(schema.drive).where(schema.drive.c.drive_id == estimate.drive_id))
         (of_method,) = view.rows(_of(schema.drive_method, estimate))
         sightings = view.rows(
@@ -205,7 +204,7 @@ def _rank(estimate_id: str) -> int:
     return METHODS.index(method) if method in METHODS else len(METHODS)
 
 
-def _chosen(view: Snapshot, which: str, path: Path) -> Estimate:
+def _chosen(view: Snapshot, which: str, store: str) -> Estimate:
     table = schema.estimate.c
     exact = view.rows(sa.select(schema.estimate).where(table.estimate_id == which))
     if exact:
@@ -213,7 +212,7 @@ def _chosen(view: Snapshot, which: str, path: Path) -> Estimate:
     asked = sa.or_(table.object == which, table.drive_id + ":" + table.object == which)
     estimates = [Estimate.from_row(row) for row in view.rows(sa.select(schema.estimate).where(asked))]
     if not estimates:
-        raise _no_such(view, which, path)
+        raise _no_such(view, which, store)
     best = sorted(estimates, key=lambda e: (_rank(e.estimate_id), e.estimate_id))
     drives = sorted({estimate.drive_id for estimate in estimates})
     if len(drives) > 1:
@@ -222,7 +221,7 @@ def _chosen(view: Snapshot, which: str, path: Path) -> Estimate:
     return best[0]
 
 
-def _no_such(view: Snapshot, which: str, path: Path) -> ConfigError | StoreError:
+def _no_such(view: Snapshot, which: str, store: str) -> ConfigError | StoreError:
     """Say why there is no such estimate: none at all, an object without a position, or a wrong name."""
     names = [r["object"] for r in view.rows(sa.select(schema.estimate.c.object).distinct())]
     sighting = schema.sighting.c
@@ -234,13 +233,13 @@ def _no_such(view: Snapshot, which: str, path: Path) -> ConfigError | StoreError
     )
     if reasons:
         why = next((r["rejected"] for r in reasons if r["rejected"]), "its rays meet nowhere")
-        return ConfigError(f"The object {which!r} in {path} was annotated but has no position: {why}.")
+        return ConfigError(f"The object {which!r} in {store} was annotated but has no position: {why}.")
     if not names:
-        return StoreError(f"The store {path} has no estimates yet: run `twin ingest-drive` first.")
+        return StoreError(f"The store {store} has no estimates yet: run `twin ingest-drive` first.")
     findings = [r["change_id"] for r in view.rows(sa.select(schema.change.c.change_id))]
     near = get_close_matches(which, sorted((*names, *findings)), n=3, cutoff=0.5)
     perhaps = f"perhaps {', '.join(near)}" if near else f"it has {_listed(sorted(names))}"
-    return ConfigError(f"No estimate, object or finding is called {which!r} in {path}: {perhaps}.")
+    return ConfigError(f"No estimate, object or finding is called {which!r} in {store}: {perhaps}.")
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -155,7 +155,7 @@ def evaluate(
     sightings = _sightings(store)
     estimates = _estimates(store, sightings)
     if not estimates:
-        raise TruthError(f"The store {store.path} has no estimates yet: run `twin ingest-drive` first.")
+        raise TruthError(f"The store {store.name} has no estimates yet: run `twin ingest-drive` first.")
     find, paired_by = _pairing(store, estimates, truths, pair_by, within_m)
     check_pairs(_paired(estimates, find))
     ways = driven_ways(store)
@@ -264,18 +264,16 @@ def _pairing(
     held = ", ".join(sorted({estimate.object for estimate in estimates})[:3])
     if pair_by == "id":
         raise TruthError(
-            f"No estimate in {store.path.name} belongs to an object of the truth file ({names}, …): the "
+            f"No estimate in {store.name} belongs to an object of the truth file ({names}, …): the "
             f"column object must hold the ids of the store's objects ({held}, …), as `twin export` shows "
             "them; or pair them by position (--pair-by position)."
         )
     away_m = nearest_m(estimates, _places(truths))
     fits = "" if away_m < _FAR_M else _zone_that_fits(estimates, truths)
     if fits:
-        raise TruthError(
-            f"No estimate in {store.path.name} stands within {away_m:,.0f} m of the survey: {fits}"
-        )
+        raise TruthError(f"No estimate in {store.name} stands within {away_m:,.0f} m of the survey: {fits}")
     raise TruthError(
-        f"No estimate in {store.path.name} ({held}, …) has the id of an object of the truth file ({names}, "
+        f"No estimate in {store.name} ({held}, …) has the id of an object of the truth file ({names}, "
         f"…), or stands within {within_m:g} m of one; the nearest is {away_m:,.1f} m away: is it "
         f"the right file, and in EPSG:{truths[0].epsg} (--epsg)? --within allows more."
     )

@@ -167,7 +167,7 @@ def list_findings(
     with store.snapshot() as view:
         last = view.fact("last_match")
         if last is None:
-            raise StoreError(f"The store {store.path} has no findings yet: run `twin match` first.")
+            raise StoreError(f"The store {store.name} has no findings yet: run `twin match` first.")
         fresh = _fresh(view, wanted.only_new)
         found = [
             one

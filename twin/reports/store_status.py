@@ -128,7 +128,7 @@ def status(store: Store) -> Status:
     with store.snapshot() as view:
         facts = _facts(view)
         return Status(
-            store=str(store.path),
+            store=store.name,
             mirror=_mirror(facts.get("mirror")),
             unfinished=_unfinished(view, facts.get("mirror_backfill")),
             vegnett=_vegnett(facts.get("vegnett")),

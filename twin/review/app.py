@@ -160,7 +160,7 @@ class _Page:
             index = self.findings.index(view)
             known = states(view.rows, self.findings.decided(view), eyes)
             record = SessionRecord(
-                store=str(self.store.path.resolve()),
+                store=self.store.name,
                 reviewer=eyes.reviewer,
                 lang=eyes.lang,
                 read_only=self.options.read_only or self.store.read_only is not None,

@@ -96,7 +96,7 @@ def restore(store: Path, file: Path) -> Copied:
         raise FileError(f"The folder of the store {store} does not exist: make it first.")
     aside = _beside(store, _ASIDE)
     with ExitStack() as held, _file_errors(store):
-        for end in (".sync-lock", ".evidence.lock"):
+        for end in (".sync-lock", ".evidence-lock"):
             held.enter_context(exclusive(_beside(store, end), f"restore of {store.name}"))
         _refuse_open(store)
         if any(path.exists() for path in (aside, _pictures(aside))):

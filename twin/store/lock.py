@@ -14,7 +14,7 @@ from pathlib import Path
 from filelock import lock_descriptor
 
 from twin.errors import FileError, RefusedError
-from twin.store.store import utc_now
+from twin.store.clock import utc_now
 
 _HOLDER_BYTE = 1
 """Where it says who holds the lock: the first byte, which is what Windows locks, nobody else can read."""

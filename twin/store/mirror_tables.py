@@ -8,11 +8,10 @@ from typing import Any
 
 import sqlalchemy as sa
 
+from twin.store.types import JSON, REAL, ROWID, TEXT
+
 metadata = sa.MetaData()
 """Of every table of the store."""
-
-ROWID = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
-"""An id that SQLite keeps rows by: INTEGER PRIMARY KEY needs no index of its own, BIGINT would."""
 
 
 def _nvdb_columns() -> list[sa.Column[Any]]:
@@ -20,43 +19,43 @@ def _nvdb_columns() -> list[sa.Column[Any]]:
     return [
         sa.Column("nvdb_id", ROWID, primary_key=True, autoincrement=False, comment="NVDB's id of the object"),
         sa.Column("version", sa.Integer, comment="its version in NVDB"),
-        sa.Column("start_date", sa.String, comment="first day of that version"),
-        sa.Column("end_date", sa.String, comment="last day of it; null while it stands"),
-        sa.Column("last_modified", sa.String, comment="NVDB's sist_modifisert"),
-        sa.Column("east_m", sa.Float, comment="easting, EPSG:25833, metres; null where NVDB has no position"),
-        sa.Column("north_m", sa.Float, comment="northing, likewise"),
-        sa.Column("height_m", sa.Float, comment="NN2000, metres; null where unknown"),
+        sa.Column("start_date", TEXT, comment="first day of that version"),
+        sa.Column("end_date", TEXT, comment="last day of it; null while it stands"),
+        sa.Column("last_modified", TEXT, comment="NVDB's sist_modifisert"),
+        sa.Column("east_m", REAL, comment="easting, EPSG:25833, metres; null where NVDB has no position"),
+        sa.Column("north_m", REAL, comment="northing, likewise"),
+        sa.Column("height_m", REAL, comment="NN2000, metres; null where unknown"),
         sa.Column(
             "own_geometry",
             sa.Boolean,
             nullable=False,
             comment="whether the position is the object's own; else it lies on the road's line",
         ),
-        sa.Column("accuracy_cm", sa.Float, comment="NVDB's nøyaktighet: one sigma in plan, centimetres"),
-        sa.Column("capture_method", sa.String, comment="NVDB's datafangstmetode"),
-        sa.Column("road_reference", sa.String, comment="vegsystemreferanse, as people write it"),
-        sa.Column("kommuner", sa.JSON, nullable=False, comment="numbers of the kommuner that it lies in"),
+        sa.Column("accuracy_cm", REAL, comment="NVDB's nøyaktighet: one sigma in plan, centimetres"),
+        sa.Column("capture_method", TEXT, comment="NVDB's datafangstmetode"),
+        sa.Column("road_reference", TEXT, comment="vegsystemreferanse, as people write it"),
+        sa.Column("kommuner", JSON, nullable=False, comment="numbers of the kommuner that it lies in"),
         sa.Column(
             "stedfesting",
-            sa.JSON,
+            JSON,
             nullable=False,
             comment="where on the road network: veglenkesekvenser and relative positions",
         ),
         sa.Column(
             "problems",
-            sa.JSON,
+            JSON,
             nullable=False,
             comment="what could not be read of the object, a sentence each",
         ),
         sa.Column("raw", sa.LargeBinary, nullable=False, comment="the object as NVDB gave it, compressed"),
-        sa.Column("synced_at", sa.String, nullable=False, comment="when it was fetched, UTC"),
+        sa.Column("synced_at", TEXT, nullable=False, comment="when it was fetched, UTC"),
     ]
 
 
 def _skiltpunkt_columns() -> list[sa.Column[Any]]:
     return [
         *_nvdb_columns(),
-        sa.Column("plate_ids", sa.JSON, nullable=False, comment="NVDB ids of its plates"),
+        sa.Column("plate_ids", JSON, nullable=False, comment="NVDB ids of its plates"),
     ]
 
 
@@ -66,11 +65,11 @@ def _skiltplate_columns() -> list[sa.Column[Any]]:
         sa.Column(
             "point_id", sa.BigInteger, comment="NVDB id of its Skiltpunkt; null where the plate has none"
         ),
-        sa.Column("skiltnummer", sa.String, comment="sign code, 362.50"),
-        sa.Column("skiltnummer_text", sa.String, comment="NVDB's name of that code"),
+        sa.Column("skiltnummer", TEXT, comment="sign code, 362.50"),
+        sa.Column("skiltnummer_text", TEXT, comment="NVDB's name of that code"),
         sa.Column("skiltnummer_enum_id", sa.Integer, comment="NVDB's id of that value"),
-        sa.Column("ansiktsside", sa.String, comment="which traffic its face looks at"),
-        sa.Column("text", sa.String, comment="what is written on it"),
+        sa.Column("ansiktsside", TEXT, comment="which traffic its face looks at"),
+        sa.Column("text", TEXT, comment="what is written on it"),
         sa.Column("plasseringskode", sa.Integer, comment="NVDB's code of where beside the road it stands"),
     ]
 
@@ -107,7 +106,7 @@ def _mirror_tables(name: str, what: str, columns: Callable[[], list[sa.Column[An
         metadata,
         *columns(),
         sa.Column(
-            "seen_until", sa.String, primary_key=True, comment="when we learnt that this state was over, UTC"
+            "seen_until", TEXT, primary_key=True, comment="when we learnt that this state was over, UTC"
         ),
         comment=f"As {name}: states that were replaced or deleted.",
     )
@@ -153,24 +152,22 @@ def _veglenke_columns() -> list[sa.Column[Any]]:
             autoincrement=False,
             comment="number of the segment in the link",
         ),
-        sa.Column(
-            "startposisjon", sa.Float, primary_key=True, comment="relative position of its start, 0 to 1"
-        ),
-        sa.Column("startdato", sa.String, primary_key=True, comment="first day"),
-        sa.Column("sluttposisjon", sa.Float, nullable=False, comment="relative position of its end, 0 to 1"),
-        sa.Column("sluttdato", sa.String, comment="last day; null while it stands"),
+        sa.Column("startposisjon", REAL, primary_key=True, comment="relative position of its start, 0 to 1"),
+        sa.Column("startdato", TEXT, primary_key=True, comment="first day"),
+        sa.Column("sluttposisjon", REAL, nullable=False, comment="relative position of its end, 0 to 1"),
+        sa.Column("sluttdato", TEXT, comment="last day; null while it stands"),
         sa.Column("konnektering", sa.Boolean, nullable=False, comment="whether it only connects other links"),
         sa.Column("detaljert", sa.Boolean, nullable=False, comment="whether it is of the detailed network"),
-        sa.Column("type_veg", sa.String, nullable=False, comment="kind of road, NVDB's typeVeg"),
-        sa.Column("detaljniva", sa.String, nullable=False, comment="NVDB's detaljnivå"),
-        sa.Column("vegkategori", sa.String, nullable=False, comment="E, R, F, K, P or S"),
-        sa.Column("trafikantgruppe", sa.String, nullable=False, comment="K vehicles, G walking and cycling"),
-        sa.Column("kortform", sa.String, nullable=False, comment="vegsystemreferanse, as people write it"),
+        sa.Column("type_veg", TEXT, nullable=False, comment="kind of road, NVDB's typeVeg"),
+        sa.Column("detaljniva", TEXT, nullable=False, comment="NVDB's detaljnivå"),
+        sa.Column("vegkategori", TEXT, nullable=False, comment="E, R, F, K, P or S"),
+        sa.Column("trafikantgruppe", TEXT, nullable=False, comment="K vehicles, G walking and cycling"),
+        sa.Column("kortform", TEXT, nullable=False, comment="vegsystemreferanse, as people write it"),
         sa.Column(
             "retning", sa.Integer, nullable=False, comment="1 with the metering, -1 against it, 0 unknown"
         ),
-        sa.Column("fra_meter", sa.Float, comment="metering at its start, metres"),
-        sa.Column("til_meter", sa.Float, comment="metering at its end, metres"),
+        sa.Column("fra_meter", REAL, comment="metering at its start, metres"),
+        sa.Column("til_meter", REAL, comment="metering at its end, metres"),
         sa.Column(
             "geometri", sa.LargeBinary, nullable=False, comment="WKB LineString Z, EPSG:25833 and NN2000"
         ),

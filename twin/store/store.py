@@ -1,4 +1,4 @@
-"""The twin's state: one SQLite file (WAL), reached through SQLAlchemy Core.
+"""The twin's state: a SQLite file or a PostgreSQL database, reached through SQLAlchemy Core.
 
 A state change is one transaction: a killed process leaves the state before it or after it. The tables'
 columns are declared in :mod:`twin.store.schema`.
@@ -6,12 +6,9 @@ columns are declared in :mod:`twin.store.schema`.
 
 from __future__ import annotations
 
-import datetime as dt
 import json
-import os
-import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +16,14 @@ import sqlalchemy as sa
 
 from twin.errors import RefusedError, StoreError
 from twin.store import schema
+from twin.store.address import StoreAddress
+from twin.store.backend import Backend
+from twin.store.clock import utc_now
 from twin.store.tables import Tables
-from twin.store.upgrades import UPGRADES
+
+__all__ = ["Row", "Snapshot", "Store", "utc_now"]
 
 Row = Mapping[str, Any]
-
-_BUSY_TIMEOUT_S = 10.0
-
-
-def utc_now() -> str:
-    """Return the present instant as ISO 8601 UTC to the second: ``2026-06-10T08:00:00Z``."""
-    return dt.datetime.now(dt.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-
 
 _REVISION = "revision"
 
@@ -42,13 +35,13 @@ class Snapshot:
     ----------
     connection : sqlalchemy.Connection
         Inside a transaction.
-    path : Path
+    name : str
         Of the store, for messages.
     """
 
-    def __init__(self, connection: sa.Connection, path: Path) -> None:
+    def __init__(self, connection: sa.Connection, name: str) -> None:
         self._connection = connection
-        self._path = path
+        self._name = name
 
     def rows(self, statement: sa.Select[Any]) -> list[Row]:
         """Run a query and return its rows as mappings."""
@@ -70,10 +63,10 @@ class Snapshot:
         """As :meth:`Store.matched`, of this state."""
         last = self.fact("last_match")
         if last is None:
-            raise StoreError(f"The store {self._path} has no findings yet: run `twin match` first.")
+            raise StoreError(f"The store {self._name} has no findings yet: run `twin match` first.")
         if last["revision"] != self.revision():
             raise RefusedError(
-                f"The store {self._path} has changed since the last match (sync or ingest): "
+                f"The store {self._name} has changed since the last match (sync or ingest): "
                 "run `twin match` again first."
             )
         return last
@@ -84,36 +77,62 @@ class Snapshot:
         names, rows = list(result.keys()), result.fetchall()
         return {name: [row[i] for row in rows] for i, name in enumerate(names)}
 
+    def chunks(self, statement: sa.Select[Any], size: int) -> Iterator[list[Row]]:
+        """Run a query and yield its rows as mappings, without holding more than `size` of them."""
+        with self._connection.execute(statement, execution_options={"yield_per": size}) as result:
+            for rows in result.mappings().partitions():
+                yield [dict(row) for row in rows]
+
 
 class Store(Tables):
     """An open store, to be closed or used as a context manager: ``with Store("twin.db") as store: ...``.
 
     Parameters
     ----------
-    path : Path or str
-        The SQLite file.
+    address : StoreAddress, Path or str
+        The SQLite file, or ``postgresql://USER@HOST/DATABASE``.
     create : bool
-        Whether a missing file is made, which :meth:`open` does. Without it, a store that cannot be written,
+        Whether a missing store is made, which :meth:`open` does. Without it, a store that cannot be written,
         for want of rights or of space, opens all the same: to be read.
 
     Raises
     ------
     StoreError
-        Missing, not a store, unreadable, or written by a newer version.
+        Missing, not a store, not reached, or written by a newer version.
     """
 
-    def __init__(self, path: Path | str, *, create: bool = False) -> None:
-        self.path = Path(path)
-        self._engine, self._read_only, self._frozen_as = _opened(self.path, create=create)
+    def __init__(self, address: StoreAddress | Path | str, *, create: bool = False) -> None:
+        self._backend = _backend(StoreAddress.of(address), create=create)
 
     @classmethod
-    def open(cls, path: Path | str, *, create: bool = True) -> Store:
+    def open(cls, address: StoreAddress | Path | str, *, create: bool = True) -> Store:
         """Open a store, making a new one where there is none."""
-        return cls(path, create=create)
+        return cls(address, create=create)
+
+    @staticmethod
+    def exists(address: StoreAddress | Path | str) -> bool:
+        """Whether there is a store that can be opened, or something in its place that is none.
+
+        Raises
+        ------
+        StoreError
+            The server of a database is not reached.
+        """
+        address = StoreAddress.of(address)
+        if address.file is None:
+            from twin.store.postgres import is_there
+
+            return is_there(address)
+        try:
+            return address.file.is_dir() or bool(address.file.stat().st_size)
+        except FileNotFoundError:
+            return False
+        except OSError:
+            return True  # of which opening it says more
 
     def close(self) -> None:
         """Close every connection."""
-        self._engine.dispose()
+        self._backend.engine.dispose()
 
     def __enter__(self) -> Store:
         """Return the store itself."""
@@ -124,9 +143,55 @@ class Store(Tables):
         self.close()
 
     @property
+    def name(self) -> str:
+        """For messages: the file's path, or the database's address without a password."""
+        return self._backend.name
+
+    @property
+    def path(self) -> Path:
+        """The SQLite file.
+
+        Raises
+        ------
+        StoreError
+            The store is a database.
+        """
+        if self._backend.file is None:
+            raise StoreError(f"The store {self.name} is no file: name one of SQLite with --store.")
+        return self._backend.file
+
+    @property
+    def pictures(self) -> Path:
+        """The folder for crops of pictures: beside the file, or as the database's address names it.
+
+        Raises
+        ------
+        ConfigError
+            The address names none.
+        """
+        return self._backend.pictures()
+
+    @property
     def read_only(self) -> StoreError | None:
         """Why nothing can be written; None where it can."""
-        return self._read_only
+        return self._backend.read_only
+
+    def alone(self, task: str, what: str) -> AbstractContextManager[None]:
+        """Hold a lock that one process has at a time; the database or the system frees it with the process.
+
+        Parameters
+        ----------
+        task : str
+            Which lock: ``sync``, ``submit``.
+        what : str
+            What this process does, for the message to others.
+
+        Raises
+        ------
+        RefusedError
+            Another process holds it; the message says which.
+        """
+        return self._backend.alone(task, what)
 
     @contextmanager
     def transaction(self) -> Iterator[sa.Connection]:
@@ -137,10 +202,9 @@ class Store(Tables):
         StoreError
             Another process writes to the store, the disk is full, or the folder is read-only.
         """
-        if self._read_only is not None:
-            raise self._read_only
-        writer = self._engine.execution_options(writes=True)
-        with store_errors(self.path), writer.begin() as connection:
+        if self._backend.read_only is not None:
+            raise self._backend.read_only
+        with self._backend.errors(), self._backend.writing() as connection:
             yield connection
 
     def rows(self, statement: sa.Select[Any]) -> list[Row]:
@@ -155,14 +219,12 @@ class Store(Tables):
     @contextmanager
     def snapshot(self) -> Iterator[Snapshot]:
         """Give a view of one and the same state, however many queries are asked of it."""
-        with store_errors(self.path), self._engine.connect() as connection, connection.begin():
-            yield Snapshot(connection, self.path)
-        if self._frozen_as is not None and self._frozen_as != _written(self.path):
-            raise StoreError(f"The store {self.path} was written while it was read: run this again.")
+        with self._backend.errors(), self._backend.reading() as connection:
+            yield Snapshot(connection, self.name)
 
     def view(self, connection: sa.Connection) -> Snapshot:
         """Return the state that the caller's transaction sees."""
-        return Snapshot(connection, self.path)
+        return Snapshot(connection, self.name)
 
     def methods(self) -> list[str]:
         """Return the geolocation methods by which drives were ingested, in alphabetical order."""
@@ -209,200 +271,11 @@ class Store(Tables):
         connection.execute(sa.delete(schema.meta).where(schema.meta.c.key == key))
 
 
-_Written = tuple[int, int, bool]
+def _backend(address: StoreAddress, *, create: bool) -> Backend:
+    if address.file is None:
+        from twin.store.postgres import Postgres
 
+        return Postgres(address, create=create)
+    from twin.store.sqlite_file import SqliteFile
 
-def _opened(path: Path, *, create: bool) -> tuple[sa.Engine, StoreError | None, _Written | None]:
-    """Connect to a store; and say why it cannot be written, and as what the engine takes it to be frozen."""
-    try:
-        existed = path.exists()
-    except OSError as error:
-        raise StoreError(f"The store {path} could not be used ({error.strerror}): {_ALLOW}.") from error
-    if not existed and not create:
-        raise StoreError(
-            f"There is no store at {path.absolute()}: run `twin sync-nvdb` or `twin ingest-drive` first, "
-            "or name another with --store."
-        )
-    if not path.parent.is_dir():
-        raise StoreError(f"The folder of the store {path} does not exist: make it, or name another --store.")
-    if create or _may_write(path):
-        try:
-            return _checked(_engine(path), path, create=create), None, None
-        except StoreError as error:
-            # SQLite's log and the log's index need room, also to read.
-            if create or _has_log(path) or _code(error.__cause__) not in _NOT_WRITTEN:
-                raise
-            refused = error
-    else:
-        refused = _unwritable(path)
-    # What others are writing stands in the log.
-    frozen = not _has_log(path)
-    try:
-        engine = _checked(_engine(path, frozen=frozen), path)
-    except StoreError as error:
-        if frozen or _code(error.__cause__) != sqlite3.SQLITE_CANTOPEN:
-            raise
-        # Without its index beside it SQLite reads a log only where it may make one.
-        raise StoreError(
-            f"The last changes of the store {path} stand in {path.name}-wal, which only who may write the "
-            "folder can read: let its owner run `twin status` once, or copy both files to a folder of "
-            "yours."
-        ) from error
-    return engine, refused, _written(path) if frozen else None
-
-
-def _engine(path: Path, *, frozen: bool = False) -> sa.Engine:
-    """Connect to a file; a frozen one is taken as nobody writes it: no locks, and no log beside it."""
-    url = sa.URL.create("sqlite", database=str(path))
-    if frozen:
-        address = path.absolute().as_uri()
-        url = sa.URL.create("sqlite", database=address, query={"immutable": "1", "uri": "true"})
-    engine = sa.create_engine(url, connect_args={"timeout": _BUSY_TIMEOUT_S})
-
-    # pysqlite opens transactions late and commits on its own; SQLAlchemy's documented cure is to take over.
-    @sa.event.listens_for(engine, "connect")
-    def _on_connect(connection: Any, _record: Any) -> None:
-        connection.isolation_level = None
-        cursor = connection.cursor()
-        cursor.execute("PRAGMA foreign_keys=ON")
-        cursor.close()
-
-    @sa.event.listens_for(engine, "begin")
-    def _on_begin(connection: sa.Connection) -> None:
-        # A writer takes the lock at once: one that read first could find the state changed under it.
-        writes = connection.get_execution_options().get("writes", False)
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
-
-    return engine
-
-
-_WAIT = "another process is writing to it; try again when that has ended"
-_ALLOW = "give this user the right to read and write the file and its folder, or name another --store"
-_FREE = "free some space; nothing was changed"
-_ANOTHER = "it is not a twin store; name another --store"
-_NOT_WRITTEN = {sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR}
-_CURES = {
-    sqlite3.SQLITE_BUSY: _WAIT,
-    sqlite3.SQLITE_LOCKED: _WAIT,
-    sqlite3.SQLITE_PERM: _ALLOW,
-    sqlite3.SQLITE_CANTOPEN: _ALLOW,
-    sqlite3.SQLITE_FULL: _FREE,
-    sqlite3.SQLITE_IOERR: _FREE,
-    sqlite3.SQLITE_NOTADB: _ANOTHER,
-    sqlite3.SQLITE_CORRUPT: _ANOTHER,
-}
-
-
-@contextmanager
-def store_errors(path: Path) -> Iterator[None]:
-    """Turn what SQLite says into one sentence with a cure."""
-    try:
-        yield
-    except sa.exc.DBAPIError as error:
-        if _code(error) == sqlite3.SQLITE_READONLY:
-            raise _unwritable(path) from error
-        cure = _CURES.get(_code(error), "nothing was changed")
-        raise StoreError(f"The store {path} could not be used ({error.orig}): {cure}.") from error
-
-
-def _unwritable(path: Path) -> StoreError:
-    return StoreError(f"The store {path} cannot be written: {_ALLOW}.")
-
-
-def _code(error: BaseException | None) -> int:
-    """What SQLite says is wrong; 0 where it said nothing."""
-    # The extended codes (SQLITE_BUSY_SNAPSHOT) hold the code itself in their lowest byte.
-    return int(getattr(getattr(error, "orig", None), "sqlite_errorcode", 0)) & 0xFF
-
-
-def _may_write(path: Path) -> bool:
-    """Whether this user may write the file, and SQLite's log beside it.
-
-    Asked before SQLite does, which else would leave a log that the file's owner cannot write.
-    """
-    who = os.access in os.supports_effective_ids
-    return all(os.access(each, os.W_OK, effective_ids=who) for each in (path, path.parent))
-
-
-def _has_log(path: Path) -> bool:
-    """Whether some of the store stands in SQLite's log: a process is writing, or was killed."""
-    log = path.with_name(f"{path.name}-wal")
-    return log.exists() and log.stat().st_size > 0
-
-
-def _written(path: Path) -> _Written:
-    """When the file was written last, its length, and whether there is a log."""
-    status = path.stat()
-    return status.st_mtime_ns, status.st_size, _has_log(path)
-
-
-def _checked(engine: sa.Engine, path: Path, *, create: bool = False) -> sa.Engine:
-    """Return the engine of a store that can be used; any other is given up."""
-    try:
-        _check_or_create(engine, path, create=create)
-    except BaseException:
-        engine.dispose()
-        raise
-    return engine
-
-
-def _check_or_create(engine: sa.Engine, path: Path, *, create: bool) -> None:
-    with store_errors(path), engine.connect() as connection:
-        tables = set(sa.inspect(connection).get_table_names())
-    if not tables and not create:
-        raise StoreError(f"{path} is empty and not a twin store: name another --store.")
-    if not tables:
-        with store_errors(path):
-            _create(engine)
-        return
-    if schema.meta.name not in tables:
-        raise StoreError(f"{path} is a database but not a twin store: name another --store.")
-    with store_errors(path), engine.connect() as connection:
-        value = connection.execute(
-            sa.select(schema.meta.c.value).where(schema.meta.c.key == "schema_version")
-        ).scalar()
-    version_found = int(value) if value is not None and str(value).isdigit() else None
-    if version_found is None:
-        raise StoreError(f"The store {path} does not say its version: it is damaged; name another --store.")
-    if version_found > schema.VERSION:
-        raise StoreError(
-            f"The store {path} was written by a newer twin (schema {version_found}; this twin knows "
-            f"{schema.VERSION}): upgrade twin, or name another --store."
-        )
-    if version_found < schema.VERSION:
-        _upgrade(engine, path, version_found)
-
-
-def _upgrade(engine: sa.Engine, path: Path, version_found: int) -> None:
-    """Bring the tables of an older store to this version, in one transaction; what it holds stays.
-
-    Raises
-    ------
-    StoreError
-        The store is older than any that can be upgraded, or cannot be written.
-    """
-    if any(version not in UPGRADES for version in range(version_found, schema.VERSION)):
-        raise StoreError(
-            f"The store {path} was written by an older twin (schema {version_found}; this twin needs "
-            f"{schema.VERSION}): sync and ingest into a new --store."
-        )
-    is_version = schema.meta.c.key == "schema_version"
-    with store_errors(path), engine.execution_options(writes=True).begin() as connection:
-        # Asked again inside the transaction: another process may have upgraded it meanwhile.
-        current = int(connection.execute(sa.select(schema.meta.c.value).where(is_version)).scalar_one())
-        for version in range(current, schema.VERSION):
-            for statement in UPGRADES[version]:
-                connection.exec_driver_sql(statement)
-        connection.execute(sa.update(schema.meta).where(is_version).values(value=str(schema.VERSION)))
-
-
-def _create(engine: sa.Engine) -> None:
-    # WAL is a property of the file: set once, outside any transaction.
-    raw = engine.raw_connection()
-    try:
-        raw.cursor().execute("PRAGMA journal_mode=WAL")
-    finally:
-        raw.close()
-    with engine.execution_options(writes=True).begin() as connection:
-        schema.metadata.create_all(connection)
-        connection.execute(sa.insert(schema.meta), [{"key": "schema_version", "value": str(schema.VERSION)}])
+    return SqliteFile(address.file, create=create)

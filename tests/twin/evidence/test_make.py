@@ -19,7 +19,6 @@ from command_line import Twin
 
 from twin.errors import ConfigError
 from twin.evidence import GapKind, crop_file, crops_of, exportable_crops, forget, gaps_of, make_evidence
-from twin.evidence.files import evidence_folder
 from twin.store import schema
 from twin.store.store import Store
 
@@ -28,7 +27,7 @@ MOVED, MISSING = "45ca7449d96d", "e679cb267742"
 
 def files(store: Store) -> dict[str, bytes]:
     """Every file of the evidence folder by its name."""
-    return {path.name: path.read_bytes() for path in evidence_folder(store).glob("*/*")}
+    return {path.name: path.read_bytes() for path in store.pictures.glob("*/*")}
 
 
 def check_whole(store: Store) -> None:
@@ -123,7 +122,7 @@ def test_pictures_that_cannot_be_opened_are_a_gap(own: Any) -> None:
 def test_file_without_a_row_is_deleted_and_so_are_crops_of_findings_that_are_gone(made: Any) -> None:
     """Nothing is kept that no finding needs."""
     with Store.open(made.store) as store:
-        stray = evidence_folder(store) / "ab" / f"{'ab' * 32}.webp"
+        stray = store.pictures / "ab" / f"{'ab' * 32}.webp"
         stray.parent.mkdir(exist_ok=True)
         stray.write_bytes(b"left by a killed run")
         with store.transaction() as connection:
@@ -143,7 +142,7 @@ def test_killed_run_leaves_no_row_without_its_file(filmed: Any) -> None:
         for n_files in (1, 5):
             with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
                 # Names alone: a file still under its temporary name may be renamed before it could be read.
-                while process.poll() is None and len(list(evidence_folder(store).glob("*/*"))) < n_files:
+                while process.poll() is None and len(list(store.pictures.glob("*/*"))) < n_files:
                     time.sleep(0.005)
                 process.send_signal(signal.SIGKILL)
             check_whole(store)

@@ -81,8 +81,8 @@ def test_disk_full(scene: Scene) -> None:
     while failed is not None:
         failed = None
         with Store.open(scene.path) as store:
-            sa.event.listen(store._engine, "connect", limit)
-            store._engine.dispose()  # connections that are open already have no limit
+            sa.event.listen(store._backend.engine, "connect", limit)
+            store._backend.engine.dispose()  # connections that are open already have no limit
             try:
                 sync_nvdb(store, Area(), api_url=scene.server.url, source=scene.source, fresh=True)
             except StoreError as error:

@@ -19,7 +19,7 @@ from twin.decisions.explain import explain_change
 from twin.decisions.record import decide
 from twin.evidence import gaps_of
 from twin.evidence.crops import Crop, FaceFrom, MaskProof, Role
-from twin.evidence.files import evidence_folder, write_crop
+from twin.evidence.files import write_crop
 from twin.store import schema
 from twin.store.store import Store
 from twin.words import Lang
@@ -330,9 +330,7 @@ def test_language_is_the_browsers(page: Browser, accepted: str, lang: str) -> No
 def test_crop_is_served_by_its_hash_alone(page: Browser, store: Path) -> None:
     """Of a row of the store; a file that no row names, and any other name, is not there."""
     with Store.open(store) as opened:
-        kept, stray = (
-            write_crop(evidence_folder(opened), content)[0] for content in (b"RIFF kept", b"stray")
-        )
+        kept, stray = (write_crop(opened.pictures, content)[0] for content in (b"RIFF kept", b"stray"))
         proof = MaskProof(
             "geometry",
             "1",

@@ -21,7 +21,8 @@ from twin.matching.save import save_changes
 from twin.store import schema
 from twin.store.kinds import Method
 from twin.store.records import Estimate
-from twin.store.store import Store, store_errors
+from twin.store.sqlite_file import sqlite_errors
+from twin.store.store import Store
 
 DRIVE = row(schema.drive, drive_id="d", content_sha256="1")
 
@@ -89,60 +90,60 @@ def test_store_in_a_missing_folder_is_said(tmp_path: Path) -> None:
         Store.open(tmp_path / "nowhere" / "twin.db")
 
 
-def test_transaction_rolls_back_on_any_exception(empty: Store) -> None:
+def test_transaction_rolls_back_on_any_exception(either: Store) -> None:
     """An exception in the middle leaves the old state."""
-    save_changes(empty, [finding("a")], {}, {"method": "m"})
+    save_changes(either, [finding("a")], {}, {"method": "m"})
 
     def fail_halfway() -> None:
-        with empty.transaction() as connection:
+        with either.transaction() as connection:
             connection.execute(sa.delete(schema.change))
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail_halfway()
-    assert empty.count(schema.change) == 1
+    assert either.count(schema.change) == 1
 
 
-def test_revision_counts_drives_but_not_matches(empty: Store) -> None:
+def test_revision_counts_drives_but_not_matches(either: Store) -> None:
     """A match belongs to the revision it was made from: a drive that comes later makes it stale."""
-    save_drive(empty, DRIVE, "single-frame", [], [estimate("1")])
-    save_changes(empty, [finding("a")], {}, {"method": "m"})
-    last = empty.fact("last_match")
+    save_drive(either, DRIVE, "single-frame", [], [estimate("1")])
+    save_changes(either, [finding("a")], {}, {"method": "m"})
+    last = either.fact("last_match")
     assert last is not None
-    assert last["revision"] == empty.revision()
-    save_drive(empty, DRIVE, "single-frame", [], [estimate("1")])
-    assert last["revision"] != empty.revision()
+    assert last["revision"] == either.revision()
+    save_drive(either, DRIVE, "single-frame", [], [estimate("1")])
+    assert last["revision"] != either.revision()
 
 
-def test_snapshot_sees_one_state(empty: Store) -> None:
+def test_snapshot_sees_one_state(either: Store) -> None:
     """What is written while a snapshot is open is not in it."""
-    save_changes(empty, [finding("a")], {}, {"method": "m"})
-    with empty.snapshot() as view:
+    save_changes(either, [finding("a")], {}, {"method": "m"})
+    with either.snapshot() as view:
         before = view.rows(sa.select(schema.change.c.change_id))
-        save_changes(empty, [finding("b")], {}, {"method": "m"})
+        save_changes(either, [finding("b")], {}, {"method": "m"})
         assert view.rows(sa.select(schema.change.c.change_id)) == before == [{"change_id": "a"}]
 
 
-def test_save_drive_twice_doubles_nothing(empty: Store) -> None:
+def test_save_drive_twice_doubles_nothing(either: Store) -> None:
     """The same drive by the same method replaces itself; another method stands beside it."""
-    save_drive(empty, DRIVE, "single-frame", [], [estimate("1"), estimate("2")])
-    save_drive(empty, DRIVE, "single-frame", [], [estimate("1")])
-    save_drive(empty, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
-    assert empty.count(schema.drive) == 1
-    assert empty.count(schema.estimate) == 2
-    assert empty.methods() == ["paper", "single-frame"]
+    save_drive(either, DRIVE, "single-frame", [], [estimate("1"), estimate("2")])
+    save_drive(either, DRIVE, "single-frame", [], [estimate("1")])
+    save_drive(either, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
+    assert either.count(schema.drive) == 1
+    assert either.count(schema.estimate) == 2
+    assert either.methods() == ["paper", "single-frame"]
 
 
-def test_save_drive_of_changed_files_forgets_other_methods(empty: Store) -> None:
+def test_save_drive_of_changed_files_forgets_other_methods(either: Store) -> None:
     """A drive that was annotated anew does not keep estimates from its old annotations."""
-    save_drive(empty, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
-    save_drive(empty, DRIVE | {"content_sha256": "2"}, "single-frame", [], [estimate("1")])
-    assert empty.methods() == ["single-frame"]
+    save_drive(either, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
+    save_drive(either, DRIVE | {"content_sha256": "2"}, "single-frame", [], [estimate("1")])
+    assert either.methods() == ["single-frame"]
 
 
 def test_store_locked_by_another_process_is_said(empty: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second writer is told that another one is at work."""
-    monkeypatch.setattr("twin.store.store._BUSY_TIMEOUT_S", 0.05)
+    monkeypatch.setattr("twin.store.sqlite_file._BUSY_TIMEOUT_S", 0.05)
     with Store.open(empty.path) as second:
         raw = sqlite3.connect(empty.path, isolation_level=None)
         raw.execute("BEGIN IMMEDIATE")
@@ -167,7 +168,7 @@ def test_cure_follows_from_the_code_of_sqlite_whatever_it_says(tmp_path: Path, c
     """Another SQLite may word its messages otherwise: no cure hangs on them."""
     cause = sqlite3.OperationalError("the sky is locked, full and readonly")
     cause.sqlite_errorcode = code
-    with pytest.raises(StoreError, match=cure), store_errors(tmp_path / "twin.db"):
+    with pytest.raises(StoreError, match=cure), sqlite_errors(tmp_path / "twin.db"):
         raise sa.exc.OperationalError("SELECT 1", None, cause)
 
 
@@ -187,21 +188,20 @@ while True:
 
 
 @pytest.mark.parametrize("written", [1, 3, 7])
-def test_store_survives_sigkill_in_the_middle_of_writing(tmp_path: Path, written: int) -> None:
+def test_store_survives_sigkill_in_the_middle_of_writing(address: str, written: int) -> None:
     """A writer killed at any instant leaves 200 findings of one and the same match, never a mixture."""
-    path = tmp_path / "twin.db"
-    Store.open(path).close()
+    Store.open(address).close()
     with subprocess.Popen(
-        [sys.executable, "-c", _WRITER, str(path), str(ROOT / "tests")], stdout=subprocess.PIPE
+        [sys.executable, "-c", _WRITER, address, str(ROOT / "tests")], stdout=subprocess.PIPE
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
-        with Store.open(path) as watcher:
+        with Store.open(address) as watcher:
             # Wait for states, not for time; then kill wherever the writer happens to be.
             while int((watcher.fact("last_match") or {"method": 0})["method"]) < written:
                 assert process.poll() is None, "the writer ended by itself"
         os.kill(process.pid, signal.SIGKILL)
-    with Store.open(path) as store:
+    with Store.open(address) as store:
         last = store.fact("last_match")
         assert last is not None
         ids = [row["change_id"] for row in store.rows(sa.select(schema.change.c.change_id))]

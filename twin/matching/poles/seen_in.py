@@ -12,6 +12,7 @@ from twin.matching.poles.keys import KnownMark, Mark
 from twin.matching.poles.same_pole import Picture
 from twin.store import schema
 from twin.store.records import Estimate, split_codes
+from twin.store.sql import rounded
 from twin.store.store import Snapshot
 
 
@@ -41,7 +42,7 @@ def clicks_of(view: Snapshot, method: str) -> dict[str, str]:
     t = schema.sighting.c
     sums = {"n": sa.func.count(), "frames": sa.func.sum(t.frame)}
     for name in ("u_px", "v_px"):
-        sums[name] = sa.func.sum(sa.cast(sa.func.round(t[name] * 1000), sa.Integer))
+        sums[name] = sa.func.sum(rounded(t[name] * 1000))
     asked = sa.select(t.drive_id, t.object, *(total.label(name) for name, total in sums.items()))
     rows = view.rows(asked.where(t.method == method).group_by(t.drive_id, t.object))
     return {f"{r['drive_id']}:{r['object']}": ":".join(str(r[name]) for name in sums) for r in rows}

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import sqlalchemy as sa
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
@@ -24,7 +25,7 @@ from nvdb.vegnett import (
     true_azimuth,
 )
 from twin.mirror.names import KATALOG_FACT
-from twin.mirror.vegnett.network import in_chunks, load_vegnett
+from twin.mirror.vegnett.network import ROWS_AT_ONCE, load_vegnett
 from twin.store import schema
 from twin.store.store import Row, Store
 
@@ -84,8 +85,9 @@ def facing(
     roads = _Roads(nett, on_date, max_distance_m)
     enums = _enum_ids(store)
     azimuths: dict[int, tuple[float, float]] = {}
+    asked = sa.select(*(schema.skiltplate.c[name] for name in _COLUMNS))
     with store.snapshot() as view:
-        for plates in in_chunks(view, schema.skiltplate, *_COLUMNS):
+        for plates in view.chunks(asked, ROWS_AT_ONCE):
             places = roads.beside(plates)
             enum = [enums.get(_folded(plate["ansiktsside"]), 0) for plate in plates]
             metering = true_azimuth(places.metering_grid_deg, places.east, places.north)

@@ -25,7 +25,7 @@ from nvdb.mirror import (
 from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 from twin.mirror.vegnett.network import FACT, differs_aside, insert_aside
 from twin.store import schema
-from twin.store.lock import exclusive
+from twin.store.sql import swap
 from twin.store.store import Store, utc_now
 
 Progress = Callable[[str, int, int | None], None]
@@ -96,8 +96,7 @@ def sync_vegnett(
     StoreError
         The store could not be written.
     """
-    lock = store.path.with_name(store.path.name + ".vegnett-lock")
-    with exclusive(lock, f"sync of the road network of {store.path.name}"):
+    with store.alone("vegnett", "sync of the road network"):
         fetch = _resumed(store, area, client) or _begun(store, area, client)
         if not fetch.ended:
             fetch = _fill(store, area, client, fetch, progress)
@@ -203,13 +202,10 @@ def _too_few(store: Store, fetch: _Fetch) -> NvdbError | None:
 def _publish(store: Store, fetch: _Fetch) -> int:
     """Swap the tables and note what the network is, in one transaction."""
     with store.transaction() as connection:
-        aside, visible = schema.veglenke_aside.name, schema.veglenke.name
         count = connection.execute(sa.select(sa.func.count()).select_from(schema.veglenke_aside)).scalar_one()
         if differs_aside(connection):
             store.touch(connection)
-        connection.exec_driver_sql(f"DROP TABLE {visible}")
-        connection.exec_driver_sql(f"ALTER TABLE {aside} RENAME TO {visible}")
-        connection.execute(sa.schema.CreateTable(schema.veglenke_aside))
+        swap(connection, schema.veglenke, schema.veglenke_aside)
         store.drop_fact(connection, _FETCH)
         fact = {
             "area": fetch.area,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from nvdb.vegnett import Vegnett
 from twin.errors import StoreError
 from twin.store import schema
-from twin.store.store import Row, Snapshot, Store
+from twin.store.sql import bulk_insert
+from twin.store.store import Store
 
 Column = NDArray[Any]
 
 FACT = "vegnett"
 """Key of what the store knows of its network: area, url, fetched_at, count, n_rejected, rejected."""
-_ROWS_AT_ONCE = 50_000
+ROWS_AT_ONCE = 50_000
 
 _DATES = frozenset({"startdato", "sluttdato"})
 _TYPES: Mapping[str, type[np.generic]] = {
@@ -45,7 +46,8 @@ def load_vegnett(store: Store) -> Vegnett:
     fact = need_network(store)
     columns: dict[str, list[Column]] = {column.name: [] for column in schema.veglenke.columns}
     with store.snapshot() as view:
-        for rows in in_chunks(view, schema.veglenke):
+        table = schema.veglenke
+        for rows in view.chunks(sa.select(table).order_by(*table.primary_key.columns), ROWS_AT_ONCE):
             for name, arrays in columns.items():
                 arrays.append(_column(name, [row[name] for row in rows]))
     return Vegnett(
@@ -59,33 +61,16 @@ def need_network(store: Store) -> Mapping[str, Any]:
     fact = store.fact(FACT)
     if fact is None:
         raise StoreError(
-            f"The store {store.path} holds no road network: run `twin sync-nvdb` with --vegnett first."
+            f"The store {store.name} holds no road network: run `twin sync-nvdb` with --vegnett first."
         )
     return fact
 
 
-def in_chunks(view: Snapshot, table: sa.Table, *names: str) -> Iterator[list[Row]]:
-    """Yield a table's rows, some columns or all of them, without holding more than one chunk."""
-    number: sa.ColumnElement[int] = sa.literal_column("rowid", sa.BigInteger)
-    columns = [table.c[name] for name in names or table.columns.keys()]
-    chosen = sa.select(*columns, number.label("row_number")).order_by(number).limit(_ROWS_AT_ONCE)
-    last = 0
-    while rows := view.rows(chosen.select_from(table).where(number > last)):
-        yield rows
-        last = rows[-1]["row_number"]
-
-
 def insert_aside(connection: sa.Connection, nett: Vegnett) -> None:
     """Keep links aside; one that comes again takes the place of the first."""
-    names = schema.veglenke_aside.columns.keys()
-    rows = list(zip(*(_values(name, getattr(nett, name)) for name in names), strict=True))
-    if rows:
-        # Past SQLAlchemy's parameter handling: a country has millions of links.
-        connection.exec_driver_sql(
-            f"INSERT OR REPLACE INTO {schema.veglenke_aside.name} ({', '.join(names)}) "  # noqa: S608  # our own names
-            f"VALUES ({', '.join('?' * len(names))})",
-            rows,
-        )
+    table = schema.veglenke_aside
+    columns = (_values(name, getattr(nett, name)) for name in (c.name for c in table.columns))
+    bulk_insert(connection, table, list(zip(*columns, strict=True)), replace=True)
 
 
 def differs_aside(connection: sa.Connection) -> bool:
@@ -99,7 +84,7 @@ def differs_aside(connection: sa.Connection) -> bool:
 
 
 def _values(name: str, column: Column) -> list[Any]:
-    """A column of a Vegnett as SQLite takes it; NaN becomes NULL there. Inverse of :func:`_column`."""
+    """A column of a Vegnett as :func:`bulk_insert` takes it. Inverse of :func:`_column`."""
     if name == "geometri":
         import shapely
 

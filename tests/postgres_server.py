@@ -1,0 +1,105 @@
+"""A PostgreSQL with PostGIS of the tests' own: in a temporary folder, on a socket, gone with them."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psycopg
+import pytest
+
+from twin.store.store import Store
+
+_SETTINGS = {
+    "listen_addresses": "",
+    "fsync": "off",
+    "full_page_writes": "off",
+    "synchronous_commit": "off",
+    "max_connections": "60",
+}
+ABSENT = "PostgreSQL with PostGIS is not installed (Debian: apt install postgresql postgresql-postgis)"
+
+
+class Server:
+    """Makes databases."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._numbers = itertools.count()
+
+    def address(self, database: str, user: str = "postgres") -> str:
+        """Return what ``--store`` takes."""
+        return f"postgresql://{user}@/{database}?host={self._folder}&pictures={self._folder / database}"
+
+    def new(self, template: str = "store") -> str:
+        """Make a database, and return its address: of ``store`` an empty store, of ``postgis`` none yet."""
+        name = f"test_{next(self._numbers)}"
+        self.run(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
+        return self.address(name)
+
+    def copy(self, address: str) -> str:
+        """Make a database like another, which nobody is connected to."""
+        return self.new(_database(address))
+
+    def run(self, *statements: str, database: str = "postgres") -> None:
+        """Run statements as the administrator."""
+        with psycopg.connect(
+            host=str(self._folder), dbname=database, user="postgres", autocommit=True
+        ) as connection:
+            for statement in statements:
+                connection.execute(statement)  # type: ignore[arg-type]
+
+
+def _database(address: str) -> str:
+    return address.partition("@/")[2].partition("?")[0]
+
+
+@contextmanager
+def running() -> Iterator[Server]:
+    """Start a server with the templates ``postgis`` and ``store``; skip the test where none is installed."""
+    initdb = _program("initdb")
+    if initdb is None or not list(Path("/usr/share/postgresql").glob("*/extension/postgis.control")):
+        pytest.skip(ABSENT)
+    # Not pytest's folder: others than its owner, as whom the server has to run, may not enter that.
+    folder = Path(tempfile.mkdtemp(prefix="twin-postgres-"))
+    data, log = folder / "data", folder / "log"
+    as_other = []
+    if os.geteuid() == 0:
+        shutil.chown(folder, "postgres")
+        as_other = ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
+    pg_ctl = initdb.with_name("pg_ctl")
+    settings = {**_SETTINGS, "unix_socket_directories": str(folder)}
+    options = " ".join(f"-c {name}='{value}'" for name, value in settings.items())
+
+    def call(*command: object) -> None:
+        subprocess.run(
+            [*as_other, *map(str, command)], check=True, cwd="/", stdout=subprocess.DEVNULL, timeout=60
+        )
+
+    try:
+        call(initdb, "-D", data, "--no-sync", "-A", "trust", "-U", "postgres", "-E", "UTF8", "--locale=C")
+        call(pg_ctl, "-D", data, "-w", "-l", log, "-o", options, "start")
+        try:
+            server = Server(folder)
+            server.run("CREATE DATABASE postgis")
+            server.run("CREATE EXTENSION postgis", database="postgis")
+            server.run("CREATE DATABASE store TEMPLATE postgis")
+            Store.open(server.address("store")).close()
+            yield server
+        finally:
+            call(pg_ctl, "-D", data, "-m", "immediate", "stop")
+    finally:
+        shutil.rmtree(folder)
+
+
+def _program(name: str) -> Path | None:
+    """The newest one that is installed; Debian keeps them out of the way."""
+    newest = sorted(Path("/usr/lib/postgresql").glob(f"*/bin/{name}"), key=lambda path: path.parts[-3])
+    found = shutil.which(name)
+    return newest[-1] if newest else Path(found) if found else None
