@@ -15,6 +15,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import typer
 
+from twin.store.address import FORM, StoreAddress
+
 UsageError: Any = typer.BadParameter.__base__
 """Base of the parser's errors of usage, of which typer hands on this one child."""
 
@@ -115,6 +117,8 @@ def wanted(parameter: Any, command: Any) -> str:
         if info.min is not None and info.max is not None:
             return f"{number} from {info.min:g} to {info.max:g}"
         return number if info.min is None else f"{number} of at least {info.min:g}"
+    if kind is StoreAddress:
+        return f"a path, or {FORM}"
     return info.metavar or ("a path" if kind is not str else "a text")
 
 

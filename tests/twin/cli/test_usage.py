@@ -21,7 +21,7 @@ SENTENCES = {
     "calibrate example out --pictures 2": "--pictures is 2: write a whole number of at least 5.",
     "decide accept --since 2026-31-01": "--since is 2026-31-01: write a day as 2026-06-01.",
     "match --tolerance": "--tolerance needs a value: write a number.",
-    "match --store": "--store needs a value: write a path.",
+    "match --store": "--store needs a value: write a path, or postgresql://USER@HOST/DATABASE.",
     "match --json=1": "--json takes no value: write it alone.",
     "match --tolerence 3": (
         "`twin match` has no option --tolerence (perhaps --tolerance): see `twin match --help`."
