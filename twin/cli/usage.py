@@ -117,9 +117,8 @@ def wanted(parameter: Any, command: Any) -> str:
         if info.min is not None and info.max is not None:
             return f"{number} from {info.min:g} to {info.max:g}"
         return number if info.min is None else f"{number} of at least {info.min:g}"
-    if kind is StoreAddress:
-        return f"a path, or {FORM}"
-    return info.metavar or ("a path" if kind is not str else "a text")
+    named = f"a path, or {FORM}" if kind is StoreAddress else info.metavar
+    return named or ("a path" if kind is not str else "a text")
 
 
 def _declared(parameter: Any, command: Any) -> tuple[Any, Any]:

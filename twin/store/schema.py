@@ -49,7 +49,7 @@ __all__ = [
 ]
 
 VERSION = 15
-"""Raised with every change of the tables: another version is upgraded (:mod:`.upgrades`) or refused."""
+"""Raised with every change of the tables: another version is upgraded (:mod:`.migrate`) or refused."""
 
 meta = sa.Table(
     "meta",

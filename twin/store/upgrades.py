@@ -1,4 +1,4 @@
-"""What makes a store of one version one of the next: SQL, as it was when that version came."""
+"""What makes a store of one version one of the next, up to 15: SQL, as it was when that version came."""
 
 from __future__ import annotations
 
