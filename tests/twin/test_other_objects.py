@@ -10,7 +10,7 @@ from annotation_edits import as_boxes, edit_tracks
 from command_line import Twin
 
 from twin.export.from_store import layers_from_store
-from twin.ingest.ingest import IngestReport, ingest_drive
+from twin.ingest import IngestReport, ingest_drive
 from twin.matching.match_store import match
 from twin.store import schema
 from twin.store.store import Store

@@ -31,7 +31,7 @@ from twin.drives.inspection.inspect import Inspection
 from twin.drives.inspection.sensors import SensorSpan
 from twin.evidence.forgetting import Forgotten
 from twin.evidence.make import EvidenceReport
-from twin.ingest.ingest import IngestReport
+from twin.ingest import IngestReport
 from twin.ingest.pixel import PixelPosition
 from twin.matching.match_store import MatchReport
 from twin.mirror.sync import SyncPlan, SyncResult

@@ -21,7 +21,7 @@ from twin.store.kinds import Method
 if TYPE_CHECKING:
     from geoloc.trajectory.vehicle_motion import MotionFound
     from twin.drives.inspection.inspect import CameraSeen, Inspection
-    from twin.ingest.ingest import IngestReport
+    from twin.ingest import IngestReport
     from twin.reports.drive_list import DriveItem
     from twin.store.annotation_sets import AnnotationSet, NamedSet
 

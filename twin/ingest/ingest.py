@@ -1,31 +1,25 @@
-"""A recorded drive → estimates in the store."""
+"""A recorded drive → everything that the store gets of it, and into the store."""
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 
 from geoloc.doubts import Doubt
-from geoloc.earth.geodesy import utm33_from_geographic
-from geoloc.earth.ground import MAX_RANGE_M
 from geoloc.locate.records import Kind
 from geoloc.locate.single_frame import ErrorBudget
-from geoloc.reasons import Reason, sentence_of, stands_far_away
-from geoloc.trajectory.fix_checks import quality_counts
+from geoloc.reasons import stands_far_away
 from geoloc.trajectory.trajectory import Trajectory
 from geoloc.trajectory.vehicle_motion import MotionFound
-from twin import __version__
 from twin.drives.annotations.gather import only
 from twin.drives.annotations.key_frames import never_measured
 from twin.drives.drive import Drive
 from twin.drives.folder.notes import DriveDoubt
-from twin.drives.frames.stamp_files import NO_STAMP
 from twin.drives.objects.identify import has_tracks_to_join, id_warnings, with_objects
 from twin.drives.plausibility import (
     annotation_warnings,
@@ -37,16 +31,19 @@ from twin.drives.read import read_drive
 from twin.drives.track.pose_sigmas import pose_sigma_doubts
 from twin.errors import ConfigError, DriveError
 from twin.ingest.budget import budget_of, clock_doubts, lens_doubts
-from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of, view_poses
+from twin.ingest.drive_record import drive_record, left_out
+from twin.ingest.locate import SightedObjects, in_euref89, locate_annotations, trajectory_of
+from twin.ingest.located import LocatedDrive
 from twin.ingest.misfits import absence_gap, clocks_apart, misfits_of, turned_cameras
 from twin.ingest.paper import paper_readings, told_readings, with_paper_antenna
-from twin.ingest.rows import Positions, corrections_of, estimates_of, positions_of, sighting_rows
-from twin.ingest.save import Saved, save_drive
+from twin.ingest.report import IngestReport, report_of
+from twin.ingest.rows import corrections_of, estimates_of, positions_of, sightings_of
+from twin.ingest.save import save_drive
 from twin.ingest.terrain import ground_of
+from twin.store.drive_records import MethodRecord
 from twin.store.kinds import Method
-from twin.store.poses import blob_from_poses
 from twin.store.schema import METHODS
-from twin.store.store import Row, Store
+from twin.store.store import Store
 
 if TYPE_CHECKING:
     from twin.drives.detection.run import DetectorOptions
@@ -55,47 +52,57 @@ _TYRES_WEAR = 0.05
 """Wheels and the constants of their sensors are better known than this."""
 
 
-@dataclass(frozen=True, slots=True)
-class IngestReport:
-    """What one drive gave.
+class LocateOptions(TypedDict, total=False):
+    """How a drive is located: what :func:`locate_drive` takes beside the folder, each with its default."""
 
-    Attributes
-    ----------
-    n_sightings, n_located : int
-        Annotations with a foot in the picture, and those of them that got a position.
-    n_estimates : int
-        Objects with a position.
-    skipped : dict
-        "what: reason" → count, for everything that was left out on the way.
-    annotation_set : int
-        Its number among those of the drive (:mod:`twin.store.annotation_sets`).
-    delay_ms : float or None
-        Median delay of the GNSS host stamps, the trip's link delay.
-    fix_quality : dict
-        In words → number of fixes, of all antennas; empty for a full-pose track.
-    motion : MotionFound or None
-        What was found of the car's own sensors; None where it has none.
-    """
-
-    drive_id: str
-    name: str
     method: str
-    n_annotations: int
-    n_sightings: int
-    n_located: int
-    n_objects: int
-    n_estimates: int
-    annotation_set: int
-    length_m: float
-    delay_ms: float | None
-    fix_quality: dict[str, int]
-    motion: MotionFound | None
-    warnings: tuple[str, ...]
-    skipped: dict[str, int]
+    budget: ErrorBudget | None
+    errors: Mapping[str, float] | None
+    terrain: Path | str | None
+    terrain_heights: str | None
+    labels: Path | str | None
+    detector: DetectorOptions | None
+    paper: Mapping[str, str]
+    partial: bool
 
 
 def ingest_drive(
     store: Store,
+    path: Path | str,
+    *,
+    replace: bool = False,
+    progress: Callable[[str], None] | None = None,
+    **options: Unpack[LocateOptions],
+) -> IngestReport:
+    """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
+
+    The same drive ingested twice by the same method replaces itself: nothing is doubled. Other annotations of
+    the same recording are a set of their own (:func:`twin.ingest.save.save_drive`).
+
+    Parameters
+    ----------
+    store : Store
+    path : Path or str
+        The drive's folder.
+    replace : bool
+        Whether the drive's other annotation sets are deleted, also by a folder without annotations.
+    progress : callable, optional
+        Called with one sentence a step.
+    **options
+        As :func:`locate_drive` takes them.
+
+    Raises
+    ------
+    ConfigError, DriveError, TerrainError, GeolocError
+        As :func:`locate_drive`; the store is unchanged.
+    RefusedError
+        It has no annotations, and the store has some of the same recording; the store is unchanged.
+    """
+    located = locate_drive(path, progress=progress, **options)
+    return report_of(located, save_drive(store, located, replace=replace))
+
+
+def locate_drive(
     path: Path | str,
     *,
     method: str = METHODS[0],
@@ -106,14 +113,12 @@ def ingest_drive(
     labels: Path | str | None = None,
     detector: DetectorOptions | None = None,
     paper: Mapping[str, str] = MappingProxyType({}),
-    replace: bool = False,
     partial: bool = False,
     progress: Callable[[str], None] | None = None,
-) -> IngestReport:
-    """Read a drive, locate what was annotated and keep drive, sightings and estimates in the store.
+) -> LocatedDrive:
+    """Read a drive and locate what was annotated: everything that a store gets of it, and no store.
 
-    The same drive ingested twice by the same method replaces itself: nothing is doubled. Other annotations of
-    the same recording are a set of their own (:func:`twin.ingest.save.save_drive`).
+    What comes out depends on the folder and the options alone, on every machine.
 
     The adjustment, by far the most of the work, runs once for the positions. Where the track is worse than
     association takes for granted, it runs before that at most twice to tell objects apart (annotations
@@ -123,7 +128,6 @@ def ingest_drive(
 
     Parameters
     ----------
-    store : Store
     path : Path or str
         The drive's folder.
     method : {"adjusted", "single-frame", "paper"}
@@ -142,19 +146,16 @@ def ingest_drive(
     paper : mapping of str to str, optional
         How the paper's method is read (:mod:`twin.ingest.paper`): ``distance``, ``fov``, ``fov.CAMERA``,
         ``start``, ``antenna``.
-    replace : bool
-        Whether the drive's other annotation sets are deleted, also by a folder without annotations.
     partial : bool
         Whether a drive of whose annotations more than half were left out is taken all the same: as one that
         is not completely annotated.
+    progress : callable, optional
+        Called with one sentence a step.
 
     Raises
     ------
     ConfigError, DriveError, TerrainError, GeolocError
-        The drive cannot be read or located, or more than half of its annotations were left out; the store is
-        unchanged.
-    RefusedError
-        It has no annotations, and the store has some of the same recording; the store is unchanged.
+        The drive cannot be read or located, or more than half of its annotations were left out.
     """
     _check_method(method, detector, paper)
     say = progress or (lambda _text: None)
@@ -203,50 +204,22 @@ def ingest_drive(
         *_partial_warning(drive),
         *told_readings(paper),
     )
-    row = _drive_row(drive, trajectory, list(dict.fromkeys(map(str, warnings))))
-    saved = save_drive(
-        store,
-        row,
-        method,
-        sighting_rows(drive, sighted, trajectory, method),
-        estimates,
-        n_unplaced,
-        corrections_of(sighted.adjusted, trajectory),
-        misfits=[misfit.kind for misfit in misfits],
-        absence_gap=gap,
+    return LocatedDrive(
+        drive=drive_record(drive, trajectory, tuple(dict.fromkeys(map(str, warnings)))),
+        result=MethodRecord(
+            Method(method),
+            n_unplaced,
+            corrections_of(sighted.adjusted, trajectory),
+            tuple(misfit.kind for misfit in misfits),
+            gap,
+        ),
+        sightings=sightings_of(drive, sighted, trajectory),
+        estimates=tuple(estimates),
         annotations_sha256=drive.annotations_sha256,
         folder=str(Path(path).absolute()),  # evidence looks there later, from wherever it is asked
-        replace=replace,
-    )
-    return _report(drive, trajectory, sighted, positions, row, method, saved)
-
-
-def _report(
-    drive: Drive,
-    trajectory: Trajectory,
-    sighted: SightedObjects,
-    positions: Positions,
-    row: Row,
-    method: str,
-    saved: Saved,
-) -> IngestReport:
-    return IngestReport(
-        drive_id=drive.drive_id,
-        name=drive.name,
-        method=method,
-        n_annotations=len(drive.annotations.frame),
-        n_sightings=len(sighted.index),
-        n_located=int((sighted.reasons == "").sum()),
         n_objects=len(np.unique(drive.annotations.object)),
-        n_estimates=saved.annotation_set.n_objects,
-        annotation_set=saved.annotation_set.number,
-        length_m=row["length_m"],
-        delay_ms=row["delay_ms"],
-        fix_quality=row["fix_quality"],
         motion=trajectory.motion,
-        # What became of the store's other annotations is of this run, not of the drive.
-        warnings=(*row["warnings"], *filter(None, [saved.sentence()])),
-        skipped=_skipped(drive, trajectory, sighted, int(positions.n_rejected.sum())),
+        skipped=left_out(drive, trajectory, sighted, int(positions.n_rejected.sum())),
     )
 
 
@@ -319,32 +292,6 @@ def _id_doubts(
     return clocks_apart(id_warnings(in_time, trajectory, focal_share), drive, trajectory, budget)
 
 
-def _drive_row(drive: Drive, trajectory: Trajectory, warnings: list[str]) -> dict[str, Any]:
-    """What the store keeps of the drive itself."""
-    line, length_m = _line(trajectory)
-    return {
-        "drive_id": drive.drive_id,
-        "name": drive.name,
-        "started_ns": int(trajectory.span_ns[0]),
-        "ended_ns": int(trajectory.span_ns[1]),
-        "datum": drive.datum,
-        "annotations_complete": drive.annotations_complete and not mostly_left_out(drive),
-        "n_frames": sum(int((s != NO_STAMP).sum()) for s in drive.frame_epoch_ns.values()),
-        "n_annotations": len(drive.annotations.frame),
-        "delay_ms": _delay_ms(drive, trajectory),
-        "rig": zlib.compress(drive.rig_document.encode()),
-        "poses": blob_from_poses(view_poses(drive, trajectory, drive.annotated_cameras())),
-        "cameras": sorted(drive.annotated_cameras() or drive.frame_epoch_ns),
-        "skipped": [s.as_row() for s in drive.skipped],
-        "software": f"nvdb-twin {__version__}",
-        "content_sha256": drive.content_sha256,
-        "fix_quality": _fix_quality(drive),
-        "line": line,
-        "length_m": length_m,
-        "warnings": warnings,
-    }
-
-
 def _unplaced(drive: Drive, sighted: SightedObjects, placed: set[str]) -> int:
     """Count annotated signs without a position that may stand near the car.
 
@@ -380,52 +327,3 @@ def _partial_warning(drive: Drive) -> tuple[str, ...]:
     """Say what a drive is taken for that was let in all the same."""
     lost = mostly_left_out(drive)
     return (f"{lost}: this drive does not count as completely annotated.",) if lost else ()
-
-
-def _fix_quality(drive: Drive) -> dict[str, int]:
-    """Fixes of all antennas by quality, in words."""
-    return quality_counts(np.concatenate([np.empty(0, np.int64), *(fixes.quality for fixes in drive.gnss)]))
-
-
-def _line(trajectory: Trajectory) -> tuple[bytes, float]:
-    """The driven line as WKB in EPSG:25833, and its length in metres."""
-    import shapely
-
-    east, north = utm33_from_geographic(*trajectory.line())
-    if len(east) == 1:  # standing still: a line needs two points
-        east, north = np.repeat(east, 2), np.repeat(north, 2)
-    line = shapely.LineString(np.column_stack([east, north]))
-    return bytes(shapely.to_wkb(line)), float(line.length)
-
-
-def _delay_ms(drive: Drive, trajectory: Trajectory) -> float | None:
-    """Median link delay, or None where the recording has no host stamps of its own."""
-    if drive.poses is not None or all(np.array_equal(f.host_ns, f.epoch_ns) for f in drive.gnss):
-        return None
-    return float(trajectory.delay_ms()[0])
-
-
-def _skipped(
-    drive: Drive, trajectory: Trajectory, sighted: SightedObjects, n_outliers: int
-) -> dict[str, int]:
-    """Everything that was left out on the way, by what and why."""
-    counts: dict[str, int] = {}
-
-    def add(key: str, count: int) -> None:
-        if count:
-            counts[key] = counts.get(key, 0) + count
-
-    for skipped in drive.skipped:
-        add(f"{skipped.what}: {skipped.reason}", skipped.count)
-    for count, reason in trajectory.dropped:
-        add(f"GNSS fixes: {reason}", count)
-    if sighted.adjusted is None:
-        boxes = int((drive.annotations.kind == Kind.BOX).sum())
-        add("boxes: they show the face, not the foot (use --method adjusted)", boxes)
-    reasons, numbers = np.unique(sighted.reasons, return_counts=True)
-    for reason, number in zip(reasons, numbers, strict=True):
-        if reason not in ("", Reason.OUTLIER):
-            why = sentence_of(Reason(reason), max_range_m=MAX_RANGE_M, span_ns=trajectory.span_ns)
-            add(f"sightings: {why}", int(number))
-    add("sightings: outliers among those of the same object", n_outliers)
-    return counts

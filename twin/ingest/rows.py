@@ -1,8 +1,8 @@
-"""Positions of a drive's objects, by whichever method, → estimates, and rows of the table ``sighting``."""
+"""Positions of a drive's objects, by whichever method, → the records that the store keeps of them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,7 @@ from geoloc.trajectory.trajectory import Trajectory
 from twin.drives.annotations.gather import epochs_of
 from twin.drives.drive import Drive
 from twin.ingest.locate import SightedObjects
+from twin.store.drive_records import Sightings
 from twin.store.kinds import Method
 from twin.store.records import Boresight, Correction, Corrections, Covariance, Estimate, split_codes
 
@@ -128,67 +129,46 @@ def estimates_of(drive: Drive, sighted: SightedObjects, positions: Positions, me
     return estimates
 
 
-def sighting_rows(
-    drive: Drive, sighted: SightedObjects, trajectory: Trajectory, method: str
-) -> list[dict[str, Any]]:
-    """One row a sighting, with the position that it alone gives, and what the adjustment says of it.
+def sightings_of(drive: Drive, sighted: SightedObjects, trajectory: Trajectory) -> Sightings:
+    """Each sighting, with the position that it alone gives, and what the adjustment says of it.
 
-    Then one a row that was interpolated: in which picture the object was seen, and no more.
+    Then what was interpolated: in which picture the object was seen, and no more.
     """
     located, notes, index = sighted.located, drive.annotations, sighted.index
     east, north = utm33_from_geographic(located.latitude_deg, located.longitude_deg)
     covariance = utm33_covariance_from_enu(located.covariance_m2, located.latitude_deg, located.longitude_deg)
     numbers = {
-        "u_px": notes.pixel_px[index, 0],
-        "v_px": notes.pixel_px[index, 1],
-        **_box_sizes(notes.box_px[index]),
         "east_m": east,
         "north_m": north,
         "cov_ee_m2": covariance[:, 0, 0],
         "cov_en_m2": covariance[:, 0, 1],
         "cov_nn_m2": covariance[:, 1, 1],
-        "range_m": located.range_m,
         "speed_mps": sighted.poses.speed_mps,
+        **dict.fromkeys(_OF_ADJUSTMENT, np.full(index.size, np.nan)),
+        "range_m": located.range_m,
     }
     if sighted.adjusted is not None:
         numbers |= _of_adjustment(sighted.adjusted, sighted.group)
-    columns: dict[str, list[Any]] = {
-        "object": notes.object[index].tolist(),
-        "camera": notes.camera[index].tolist(),
-        "frame": notes.frame[index].tolist(),
-        "epoch_ns": sighted.epoch_ns.tolist(),
-        "kind": notes.kind[index].tolist(),
-        "rejected": _why_rejected(sighted, trajectory),
-        "is_measured": [True] * index.size,
-        **{name: _none_for_nan(values) for name, values in numbers.items()},
-    }
-    names = tuple(columns)
-    shared = {"drive_id": drive.drive_id, "method": method}
-    rows = [
-        {**shared, "number": k, **dict(zip(names, values, strict=True))}
-        for k, values in enumerate(zip(*columns.values(), strict=True))
-    ]
-    return rows + [
-        {**dict.fromkeys(names), **shared, "number": len(rows) + k, **row}
-        for k, row in enumerate(_interpolated_rows(drive))
-    ]
-
-
-def _interpolated_rows(drive: Drive) -> Iterator[dict[str, Any]]:
-    """In which pictures an object was seen and not measured."""
-    notes = drive.interpolated
-    epoch_ns = epochs_of(notes, drive.frame_epoch_ns) + drive.camera_offset_ns
+    between = drive.interpolated
+    n_between = len(between.frame)
+    between_ns = epochs_of(between, drive.frame_epoch_ns) + drive.camera_offset_ns
     why = sentence_of(Reason.INTERPOLATED, max_range_m=MAX_RANGE_M, span_ns=(0, 0))
-    sizes = {name: _none_for_nan(size) for name, size in _box_sizes(notes.box_px).items()}
-    columns = (notes.object, notes.camera, notes.frame, epoch_ns, notes.kind, *notes.pixel_px.T)
-    names = ("object", "camera", "frame", "epoch_ns", "kind", "u_px", "v_px", *sizes)
-    for values in zip(*(column.tolist() for column in columns), *sizes.values(), strict=True):
-        yield {**dict(zip(names, values, strict=True)), "rejected": why, "is_measured": False}
-
-
-def _box_sizes(box_px: FloatArray) -> dict[str, FloatArray]:
-    """Width and height of boxes; NaN for points."""
-    return {"width_px": box_px[:, 2] - box_px[:, 0], "height_px": box_px[:, 3] - box_px[:, 1]}
+    pixel_px = np.concatenate([notes.pixel_px[index], between.pixel_px])
+    box_px = np.concatenate([notes.box_px[index], between.box_px])
+    return Sightings(
+        object=np.concatenate([notes.object[index], between.object]),
+        camera=np.concatenate([notes.camera[index], between.camera]),
+        frame=np.concatenate([notes.frame[index], between.frame]),
+        epoch_ns=np.concatenate([sighted.epoch_ns, between_ns]),
+        kind=np.concatenate([notes.kind[index], between.kind]),
+        u_px=pixel_px[:, 0],
+        v_px=pixel_px[:, 1],
+        width_px=box_px[:, 2] - box_px[:, 0],  # NaN for points
+        height_px=box_px[:, 3] - box_px[:, 1],
+        rejected=(*_why_rejected(sighted, trajectory), *[why] * n_between),
+        is_measured=np.repeat([True, False], [index.size, n_between]),
+        **{name: np.concatenate([values, np.full(n_between, np.nan)]) for name, values in numbers.items()},
+    )
 
 
 def _why_rejected(sighted: SightedObjects, trajectory: Trajectory) -> list[str]:
@@ -228,6 +208,9 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
+_OF_ADJUSTMENT = ("range_m", "residual_u_px", "residual_v_px", "eye_east_m", "eye_north_m")
+
+
 def _of_adjustment(adjusted: Adjusted, group: IntArray) -> dict[str, FloatArray]:
     """Residuals, and the camera's place in the grid when it saw."""
     from geoloc.earth.geodesy import geographic_from_enu
@@ -242,11 +225,6 @@ def _of_adjustment(adjusted: Adjusted, group: IntArray) -> dict[str, FloatArray]
         "eye_east_m": eye_east,
         "eye_north_m": eye_north,
     }
-
-
-def _none_for_nan(values: FloatArray) -> list[float | None]:
-    is_finite = np.isfinite(values).tolist()
-    return [value if ok else None for value, ok in zip(values.tolist(), is_finite, strict=True)]
 
 
 def _triple(covariance_m2: FloatArray) -> Covariance:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import sqlalchemy as sa
 
 from twin.errors import RefusedError
+from twin.ingest.located import LocatedDrive
 from twin.store import schema
 from twin.store.annotation_sets import (
     AnnotationSet,
@@ -19,10 +20,7 @@ from twin.store.annotation_sets import (
     put_aside,
     take_back,
 )
-from twin.store.records import Corrections, Estimate
 from twin.store.store import Row, Store, utc_now
-from twin.words import why_to_json
-from twin.words.reasons import Misfit
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,90 +73,73 @@ class Saved:
 
 def save_drive(
     store: Store,
-    drive: Row,
-    method: str,
-    sightings: Sequence[Row],
-    estimates: Sequence[Estimate],
-    n_unplaced: int = 0,
-    corrections: Corrections | None = None,
-    misfits: Sequence[Misfit] = (),
-    absence_gap: str = "",
+    located: LocatedDrive,
     *,
-    annotations_sha256: str = "",
-    folder: str = "",
     replace: bool = False,
+    also: Callable[[sa.Connection], None] | None = None,
 ) -> Saved:
-    """Keep one drive's record and its sightings and estimates by `method`, in one transaction.
+    """Keep one drive's record and its sightings and estimates, in one transaction: whole or not at all.
 
     The same annotations read again replace their own results; results of another method from files that were
-    since changed are of another recording: they go too. Other annotations of the same recording are a set of
-    their own: it becomes the current one, and what came of the others is kept. Only a set of a drive that is
-    not declared completely annotated does not take the place of one that is, nor does a set without
-    annotations of a camera (its file was saved empty, or forgotten) that of one with them.
+    since changed are of another recording: they go too. Where the store has all of it already, to the last
+    bit, nothing is written and findings stay as fresh as they were. Other annotations of the same recording
+    are a set of their own: it becomes the current one, and what came of the others is kept. Only a set of a
+    drive that is not declared completely annotated does not take the place of one that is, nor does a set
+    without annotations of a camera (its file was saved empty, or forgotten) that of one with them.
 
     Parameters
     ----------
-    annotations_sha256 : str
-        By which the same annotations are known.
-    folder : str
-        Where the drive was read from.
+    store : Store
+    located : LocatedDrive
     replace : bool
         Whether all other annotation sets of the drive are deleted, also by a drive without annotations.
+    also : callable, optional
+        Called with the connection at the end of the transaction: what is kept with the drive or not at all.
 
     Raises
     ------
     RefusedError
         The drive has no annotations, and the store has some of it; nothing is changed.
     """
-    drive_id = drive["drive_id"]
-    result = {
-        "drive_id": drive_id,
-        "method": method,
-        "n_unplaced": n_unplaced,
-        "corrections": {} if corrections is None else corrections.to_json(),
-        "misfits": [why_to_json(misfit) for misfit in misfits],
-        "absence_gap": absence_gap,
-    }
-    results: dict[sa.Table, Sequence[Row]] = {
-        schema.drive_method: [result],
-        schema.sighting: sightings,
-        schema.estimate: [estimate.to_row() for estimate in estimates],
-    }
+    drive = located.drive
     with store.transaction() as connection:
         if not replace:
-            _refuse_emptying(store, connection, drive, folder)
-        sets = annotation_sets(connection, drive_id)
+            _refuse_emptying(store, connection, located)
+        sets = annotation_sets(connection, drive.drive_id)
         before = current_of(sets)
-        unseen = tuple(sorted(_annotated_cameras(connection, drive_id) - set(drive["cameras"])))
+        unseen = tuple(sorted(_annotated_cameras(connection, drive.drive_id) - set(drive.cameras)))
         read = AnnotationSet(
-            drive_id=drive_id,
-            number=_number(connection, sets, annotations_sha256, drive),
-            annotations_sha256=annotations_sha256,
+            drive_id=drive.drive_id,
+            number=_number(connection, sets, located),
+            annotations_sha256=located.annotations_sha256,
             read_at=utc_now(),
-            folder=folder,
-            is_complete=drive["annotations_complete"],
+            folder=located.folder,
+            is_complete=drive.annotations_complete,
             is_current=True,
-            n_annotations=drive["n_annotations"],
-            n_sightings=sum(not row["rejected"] for row in sightings),
-            n_objects=len(estimates),
+            n_annotations=drive.n_annotations,
+            n_sightings=located.sightings.n_located,
+            n_objects=len(located.estimates),
         )
         _make_way(connection, sets, read)
-        _replace_results(connection, drive, method, results)
+        is_new = _replace_results(connection, located) or before is None or before.number != read.number
         put(connection, read)
         saved = _settle(connection, sets, before, read, unseen, replace=replace)
-        if saved.annotation_set.is_current:
+        if saved.annotation_set.is_current and is_new:
             store.touch(connection)
+        if also is not None:
+            also(connection)
     return saved
 
 
-def _number(connection: sa.Connection, sets: Sequence[AnnotationSet], sha256: str, drive: Row) -> int:
+def _number(connection: sa.Connection, sets: Sequence[AnnotationSet], located: LocatedDrive) -> int:
     """The number of the set that these annotations are; the next one if they are new."""
-    same = [one.number for one in sets if one.annotations_sha256 == sha256]
+    drive = located.drive
+    same = [one.number for one in sets if one.annotations_sha256 == located.annotations_sha256]
     current = current_of(sets)
     if not same and current is not None and current.annotations_sha256 is None:
         # Of a store of schema 8 the files are known as a whole, not the annotations by themselves.
-        stored = sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive["drive_id"])
-        if connection.execute(stored).scalar() == drive["content_sha256"]:
+        stored = sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive.drive_id)
+        if connection.execute(stored).scalar() == drive.content_sha256:
             same = [current.number]
     return same[0] if same else max((one.number for one in sets), default=0) + 1
 
@@ -182,22 +163,48 @@ def _make_way(connection: sa.Connection, sets: Sequence[AnnotationSet], read: An
             take_back(connection, one)
 
 
-def _replace_results(
-    connection: sa.Connection, drive: Row, method: str, results: dict[sa.Table, Sequence[Row]]
-) -> None:
-    drive_id = drive["drive_id"]
-    stored_sha256 = connection.execute(
-        sa.select(schema.drive.c.content_sha256).where(schema.drive.c.drive_id == drive_id)
-    ).scalar()
-    connection.execute(sa.delete(schema.drive).where(schema.drive.c.drive_id == drive_id))
-    connection.execute(sa.insert(schema.drive), [dict(drive)])
+def _replace_results(connection: sa.Connection, located: LocatedDrive) -> bool:
+    """Write the drive and what the method gave; False where all of it is there already."""
+    drive_id, method = located.drive.drive_id, located.result.method
+    drive = located.drive.to_row()
+    results = {
+        schema.drive_method: [located.result.to_row(drive_id)],
+        schema.estimate: [estimate.to_row() for estimate in located.estimates],
+        schema.sighting: located.sightings.to_rows(drive_id, method),
+    }
+    of_drive = schema.drive.c.drive_id == drive_id
+    if _has(connection, schema.drive, of_drive, [drive]) and all(
+        _has(connection, table, (table.c.drive_id == drive_id) & (table.c.method == method), rows)
+        for table, rows in results.items()
+    ):
+        return False
+    stored_sha256 = connection.execute(sa.select(schema.drive.c.content_sha256).where(of_drive)).scalar()
+    connection.execute(sa.delete(schema.drive).where(of_drive))
+    connection.execute(sa.insert(schema.drive), [drive])
     for table, rows in results.items():
         old = sa.delete(table).where(table.c.drive_id == drive_id)
-        if stored_sha256 == drive["content_sha256"]:
+        if stored_sha256 == located.drive.content_sha256:
             old = old.where(table.c.method == method)
         connection.execute(old)
         if rows:
-            connection.execute(sa.insert(table), [dict(row) for row in rows])
+            connection.execute(sa.insert(table), rows)
+    return True
+
+
+def _has(
+    connection: sa.Connection, table: sa.Table, which: sa.ColumnElement[bool], rows: Sequence[Row]
+) -> bool:
+    """Whether the table's rows of which this holds are these, whatever their order."""
+    key, names = [column.name for column in table.primary_key], [column.name for column in table.columns]
+    stored = connection.execute(sa.select(table).where(which)).mappings()
+    of_key = {tuple(row[name] for name in key): row for row in rows}
+    n_same = 0
+    for found in stored:
+        row = of_key.get(tuple(found[name] for name in key), {})
+        if any(found[name] != row.get(name) for name in names):
+            return False
+        n_same += 1
+    return n_same == len(rows)
 
 
 def _settle(
@@ -227,15 +234,16 @@ def _settle(
     return Saved(dataclasses.replace(read, is_current=False), before, unseen=unseen)
 
 
-def _refuse_emptying(store: Store, connection: sa.Connection, drive: Row, folder: str) -> None:
+def _refuse_emptying(store: Store, connection: sa.Connection, located: LocatedDrive) -> None:
     """Refuse a drive without annotations where the store has some of it."""
+    drive = located.drive
     asked = sa.select(schema.drive.c.name, schema.drive.c.n_annotations)
-    stored = connection.execute(asked.where(schema.drive.c.drive_id == drive["drive_id"])).first()
-    if stored is None or not stored.n_annotations or drive["n_annotations"]:
+    stored = connection.execute(asked.where(schema.drive.c.drive_id == drive.drive_id)).first()
+    if stored is None or not stored.n_annotations or drive.n_annotations:
         return
     raise RefusedError(
-        f"{folder or drive['name']} has no annotations that can be used, and the store {store.name} has "
-        f"{stored.n_annotations:,} of the same recording (drive {stored.name}, {drive['drive_id']}), which "
+        f"{located.folder or drive.name} has no annotations that can be used, and the store {store.name} has "
+        f"{stored.n_annotations:,} of the same recording (drive {stored.name}, {drive.drive_id}), which "
         "would be lost; nothing was changed: put the annotations into the folder, or give up those in the "
         "store with --replace."
     )

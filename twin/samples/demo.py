@@ -12,7 +12,7 @@ from twin.errors import TwinError
 from twin.evidence import EvidenceReport, make_evidence
 from twin.export import export_findings, render_map
 from twin.export.from_store import layers_from_store
-from twin.ingest.ingest import IngestReport, ingest_drive
+from twin.ingest import IngestReport, ingest_drive
 from twin.matching import MatchReport, match
 from twin.mirror.sync import SyncResult, sync_nvdb
 from twin.mirror.vegnett import sync_vegnett

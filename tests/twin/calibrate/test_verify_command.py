@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import sqlalchemy as sa
 from command_line import Twin
 from pyproj import Transformer
 
@@ -18,9 +18,8 @@ from twin.calibrate.drives.history import DriveTurn
 from twin.calibrate.drives.plots import tick_labels
 from twin.calibrate.mounting_files import drive_tables
 from twin.drives.folder.drive_toml import CameraSettings
-from twin.ingest.save import save_drive
+from twin.ingest import locate_drive, save_drive
 from twin.samples.simulation import simulate
-from twin.store import schema
 from twin.store.records import Boresight, Correction, Corrections
 from twin.store.store import Store
 
@@ -196,32 +195,28 @@ def test_unknown_objects_are_refused(still: Path, tmp_path: Path, twin: Twin) ->
     assert "attribute object with the same names" in answer.err
 
 
-def history(store: Path, pitches_deg: Sequence[float], roll_deg: float = 0.0) -> None:
-    """Repeat the one drive of a store, a week apart, with a wide camera that is seen at these angles."""
+def history(store: Path, drive: Path, pitches_deg: Sequence[float], roll_deg: float = 0.0) -> None:
+    """Repeat a drive, a week apart, with a wide camera that is seen at these angles."""
+    located = replace(locate_drive(drive), estimates=())
     with Store.open(store) as opened:
-        row = dict(opened.rows(sa.select(schema.drive))[0])
         for week, pitch in enumerate(pitches_deg):
             boresight = Boresight(*(Correction(angle, 0.03) for angle in (pitch, 0.0, roll_deg)))
             still = Correction(0.0, 0.1)
-            later = {"name": f"week {week}", "started_ns": row["started_ns"] + week * 7 * 86_400 * 10**9}
-            # The first takes the place of the drive that was ingested.
-            later["drive_id"] = f"week{week}" if week else row["drive_id"]
-            save_drive(
-                opened,
-                {**row, **later},
-                "adjusted",
-                [],
-                [],
-                0,
-                Corrections(1.0, still, still, {"C3_tricam120": boresight}),
+            later = replace(
+                located.drive,
+                drive_id=f"week{week}",
+                name=f"week {week}",
+                started_ns=located.drive.started_ns + week * 7 * 86_400 * 10**9,
             )
+            found = Corrections(1.0, still, still, {"C3_tricam120": boresight})
+            result = replace(located.result, corrections=found)
+            save_drive(opened, replace(located, drive=later, result=result))
 
 
 def test_moved_camera_is_told_and_the_mean_starts_anew(urban: Path, tmp_path: Path, twin: Twin) -> None:
     """A camera that looks 0.3° elsewhere from the third week on is told, between the right drives."""
     store = tmp_path / "twin.db"
-    twin("ingest-drive", urban, "--store", store)
-    history(store, (0.01, -0.02, 0.29, 0.31, 0.30))
+    history(store, urban, (0.01, -0.02, 0.29, 0.31, 0.30))
     found = twin(
         *("calibrate", "from-drives", "--store", store, "--apply", tmp_path / "rig.json", "--json")
     ).json
@@ -241,8 +236,7 @@ def test_moved_camera_is_told_and_the_mean_starts_anew(urban: Path, tmp_path: Pa
 def test_steady_camera_gives_no_warning(urban: Path, tmp_path: Path, twin: Twin) -> None:
     """Angles that scatter by their sigmas are one mean; a roll that roads may have made is not applied."""
     store = tmp_path / "twin.db"
-    twin("ingest-drive", urban, "--store", store)
-    history(store, (0.02, -0.03, 0.01, 0.04), roll_deg=0.5)
+    history(store, urban, (0.02, -0.03, 0.01, 0.04), roll_deg=0.5)
     found = twin("calibrate", "from-drives", "--store", store, "--json").json
     (camera,) = (c for c in found["cameras"] if c["camera"] == "C3_tricam120")
     assert (camera["since"], found["advised"]) == (0, [])

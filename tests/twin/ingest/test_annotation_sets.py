@@ -10,7 +10,7 @@ import pytest
 import sqlalchemy as sa
 from annotation_edits import edit_tracks, without_tracks
 from command_line import Twin
-from store_rows import row
+from store_rows import located
 
 from twin.errors import ConfigError, RefusedError
 from twin.ingest.ingest import ingest_drive
@@ -222,11 +222,9 @@ PEOPLE = {"a": (3, True), "b": (2, True), "c": (4, False), "nobody": (0, True)}
 def read_by(store: Store, person: str, method: str, *, replace: bool) -> None:
     """Save what one person's annotations give: sightings that say whose they are."""
     n, is_complete = PEOPLE[person]
-    drive = row(
-        schema.drive, drive_id="d", n_annotations=n, annotations_complete=is_complete, content_sha256=person
-    )
-    rows = [row(schema.sighting, drive_id="d", method=method, number=k, object=person) for k in range(n)]
-    save_drive(store, drive, method, rows, [], annotations_sha256=person, replace=replace)
+    drive = {"n_annotations": n, "annotations_complete": is_complete, "content_sha256": person}
+    found = located(method, objects=[person] * n, annotations_sha256=person, **drive)
+    save_drive(store, found, replace=replace)
 
 
 @pytest.mark.parametrize("seed", range(10))

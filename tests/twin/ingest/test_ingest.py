@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from posed_trip import write_posed_trip
 from geoloc.earth.datum import euref89_from_itrf
 from geoloc.simulation.simulate import scenario, simulate_drive
 from twin.errors import ConfigError, DriveError
-from twin.ingest.ingest import ingest_drive
+from twin.ingest import ingest_drive, locate_drive, save_drive
 from twin.samples.write_drive import write_driveworks_trip
 from twin.store import schema
 from twin.store.poses import poses_from_blob
@@ -246,3 +247,30 @@ def test_ingest_warns_of_missing_sign_codes(empty: Store, trip: Path) -> None:
         path.write_text(path.read_text().replace('name="skiltnummer"', 'name="skiltnr"'))
     report = ingest_drive(empty, trip)
     assert any("15 of 15 annotated objects have no sign code" in warning for warning in report.warnings)
+
+
+def test_ingest_is_locate_and_save_in_a_row_on_any_machine(empty: Store, trip: Path) -> None:
+    """What `locate_drive` gives goes through a pickle into a store, once, as `ingest_drive` keeps it."""
+    located = pickle.loads(pickle.dumps(locate_drive(trip)))
+    save_drive(empty, located)
+    tables = (schema.drive, schema.drive_method, schema.sighting, schema.estimate)
+    kept = {table.name: empty.rows(sa.select(table)) for table in tables}
+    revision = empty.revision()
+    with Store.open(empty.path.with_name("other.db")) as other:
+        ingest_drive(other, trip)
+        assert {table.name: other.rows(sa.select(table)) for table in tables} == kept
+    save_drive(empty, located)
+    assert empty.revision() == revision
+
+
+def test_saving_is_whole_or_not_at_all(empty: Store, trip: Path) -> None:
+    """Where what is to be kept along with a drive fails, nothing of the drive is there."""
+    located = locate_drive(trip, method="single-frame")
+
+    def fail(_connection: sa.Connection) -> None:
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        save_drive(empty, located, also=fail)
+    assert [empty.count(t) for t in (schema.drive, schema.sighting, schema.annotation_set)] == [0, 0, 0]
+    assert empty.revision() == 0

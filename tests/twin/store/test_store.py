@@ -13,7 +13,7 @@ import pytest
 import sqlalchemy as sa
 from checkout import ROOT
 from findings import finding
-from store_rows import row
+from store_rows import located
 
 from twin.errors import StoreError
 from twin.ingest.save import save_drive
@@ -23,8 +23,6 @@ from twin.store.kinds import Method
 from twin.store.records import Estimate
 from twin.store.sqlite_file import sqlite_errors
 from twin.store.store import Store
-
-DRIVE = row(schema.drive, drive_id="d", content_sha256="1")
 
 
 def estimate(name: str, method: Method = Method.SINGLE_FRAME) -> Estimate:
@@ -105,13 +103,18 @@ def test_transaction_rolls_back_on_any_exception(either: Store) -> None:
 
 
 def test_revision_counts_drives_but_not_matches(either: Store) -> None:
-    """A match belongs to the revision it was made from: a drive that comes later makes it stale."""
-    save_drive(either, DRIVE, "single-frame", [], [estimate("1")])
+    """A match belongs to the revision it was made from: a drive that comes later makes it stale.
+
+    The same drive with the same results does not.
+    """
+    save_drive(either, located(estimates=[estimate("1")]))
     save_changes(either, [finding("a")], {}, {"method": "m"})
     last = either.fact("last_match")
     assert last is not None
     assert last["revision"] == either.revision()
-    save_drive(either, DRIVE, "single-frame", [], [estimate("1")])
+    save_drive(either, located(estimates=[estimate("1")]))
+    assert last["revision"] == either.revision()
+    save_drive(either, located(estimates=[estimate("1"), estimate("2")]))
     assert last["revision"] != either.revision()
 
 
@@ -126,9 +129,9 @@ def test_snapshot_sees_one_state(either: Store) -> None:
 
 def test_save_drive_twice_doubles_nothing(either: Store) -> None:
     """The same drive by the same method replaces itself; another method stands beside it."""
-    save_drive(either, DRIVE, "single-frame", [], [estimate("1"), estimate("2")])
-    save_drive(either, DRIVE, "single-frame", [], [estimate("1")])
-    save_drive(either, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
+    save_drive(either, located(estimates=[estimate("1"), estimate("2")]))
+    save_drive(either, located(estimates=[estimate("1")]))
+    save_drive(either, located("paper", [estimate("1", Method.PAPER)]))
     assert either.count(schema.drive) == 1
     assert either.count(schema.estimate) == 2
     assert either.methods() == ["paper", "single-frame"]
@@ -136,8 +139,8 @@ def test_save_drive_twice_doubles_nothing(either: Store) -> None:
 
 def test_save_drive_of_changed_files_forgets_other_methods(either: Store) -> None:
     """A drive that was annotated anew does not keep estimates from its old annotations."""
-    save_drive(either, DRIVE, "paper", [], [estimate("1", Method.PAPER)])
-    save_drive(either, DRIVE | {"content_sha256": "2"}, "single-frame", [], [estimate("1")])
+    save_drive(either, located("paper", [estimate("1", Method.PAPER)], content_sha256="1"))
+    save_drive(either, located(estimates=[estimate("1")], content_sha256="2"))
     assert either.methods() == ["single-frame"]
 
 
