@@ -8,6 +8,8 @@
     ├── ConfigError         a setting that cannot be
     │   └── MissingExtraError   … without an extra of the package; a DriveError as well
     ├── FileError           a file or folder that a command names, and that is not there or not readable
+    │   └── FetchError          a drive in shared storage that is not there, or not whole
+    ├── StorageError        shared storage that does not answer
     ├── LayoutError         a ``layout.toml`` for ``calibrate extrinsics`` that cannot be read
     ├── TruthError          a truth file for ``evaluate`` that cannot be read
     ├── TerrainError        a ground raster that cannot be read or used
@@ -63,6 +65,14 @@ class ConfigError(TwinError):
 
 class FileError(TwinError):
     """A file or folder that is not there or not readable; the message names it and the cure."""
+
+
+class FetchError(FileError):
+    """A drive in shared or object storage that is not there or not whole; the message names the file."""
+
+
+class StorageError(TwinError):
+    """Shared or object storage that does not answer as it should: the same may work later."""
 
 
 class MissingExtraError(DriveError, ConfigError):

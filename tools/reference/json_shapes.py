@@ -31,6 +31,8 @@ from twin.drives.inspection.inspect import Inspection
 from twin.drives.inspection.sensors import SensorSpan
 from twin.evidence.forgetting import Forgotten
 from twin.evidence.make import EvidenceReport
+from twin.fleet.queue import Added, Job
+from twin.fleet.worker import Tally
 from twin.ingest import IngestReport
 from twin.ingest.pixel import PixelPosition
 from twin.matching.match_store import MatchReport
@@ -347,6 +349,16 @@ SHAPES: Mapping[str, Any] = {
     "calibrate print-tags": _shape("PrintedTags", files=_FILES),
     "calibrate print-yard": _shape("PrintedYard", files=_FILES),
     "calibrate from-drives": _shape("FromDrives", Histories, plot=_PICTURE),
+    "fleet ingest": Tally,
+    "fleet ingest --queue": Added,
+    "fleet work": Tally,
+    "fleet status": _shape(
+        "FleetStatus",
+        drives=(dict[str, int], "waiting, running, done, parked → drives"),
+        running=(list[Job], "drives that are being located"),
+        parked=(list[Job], "jobs that wait for a person"),
+    ),
+    "fleet retry": _shape("Retried", waiting_again=(int, "jobs")),
 }
 """Command → type of its document."""
 

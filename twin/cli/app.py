@@ -119,6 +119,10 @@ class _CalibrateCommands(_LazyGroup):
     }
 
 
+class _FleetCommands(_LazyGroup):
+    modules: ClassVar[Mapping[str, str]] = dict.fromkeys(("ingest", "work", "status", "retry"), "fleet")
+
+
 app = typer.Typer(
     cls=_Commands,
     name="twin",
@@ -134,6 +138,15 @@ app.add_typer(
         name="calibrate",
         help="Calibrate the car's cameras from pictures, and check that they still are.",
         epilog="Try it: twin calibrate example board",
+        **_SETTINGS,
+    )
+)
+app.add_typer(
+    typer.Typer(
+        cls=_FleetCommands,
+        name="fleet",
+        help="Ingest many drives by many processes or machines, from folders or object storage.",
+        epilog="Try it: twin fleet ingest data/trip_trondheim data/trip_trondheim_2 --workers 2",
         **_SETTINGS,
     )
 )

@@ -37,7 +37,11 @@ EXIT_CODES = (
         "open, or cameras of `twin calibrate diff` differ.",
     ),
     ExitCode(EXIT_USAGE, "usage", "An unknown command or option, a wrong value, a wrong setting in a file."),
-    ExitCode(EXIT_NETWORK, "network", "The network: NVDB did not answer as it should."),
+    ExitCode(
+        EXIT_NETWORK,
+        "network",
+        "The network: NVDB, or the storage or scheduler of a fleet, did not answer as it should.",
+    ),
     ExitCode(
         EXIT_DATA,
         "data",
@@ -76,13 +80,13 @@ def exit_code(error: BaseException) -> int:
     from geoloc.errors import GeolocError
     from nvdb.errors import NvdbError, RequestError, TransportError
     from nvdb.mirror import MassDeletionError
-    from twin.errors import ConfigError, RefusedError, TwinError
+    from twin.errors import ConfigError, RefusedError, StorageError, TwinError
 
     if isinstance(error, RefusedError | MassDeletionError):
         return EXIT_REFUSED
     if isinstance(error, RequestError | ConfigError):
         return EXIT_USAGE
-    if isinstance(error, TransportError):
+    if isinstance(error, TransportError | StorageError):
         return EXIT_NETWORK
     if isinstance(error, NvdbError | TwinError | GeolocError):
         return EXIT_DATA

@@ -43,6 +43,44 @@ class Sending(StrEnum):
     """What it registered was removed again: it may be sent again."""
 
 
+class JobKind(StrEnum):
+    """What a fleet does."""
+
+    INGEST = "ingest"
+    MATCH = "match"
+
+
+class JobState(StrEnum):
+    """How far a job of a fleet is."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    DONE = "done"
+    PARKED = "parked"
+    """It failed three times: it waits for a person."""
+
+
+class Fault(StrEnum):
+    """Why a run of a job failed."""
+
+    DRIVE = "drive"
+    """The drive, or how it is to be read: bad data, a wrong option."""
+    LACKING = "lacking"
+    """The drive is not there, or not whole."""
+    STORAGE = "storage"
+    """Its storage does not answer."""
+    REFUSED = "refused"
+    """It would take away what the store has."""
+    STORE = "store"
+    """The store cannot be used, or has no signs to match."""
+    MEMORY = "memory"
+    """The machine has too little memory."""
+    LOST = "lost"
+    """The process that ran it was killed."""
+    BUG = "bug"
+    """An error in twin."""
+
+
 class Decision(StrEnum):
     """What people say of a finding; ``open``: nobody has decided, or not since the evidence changed."""
 

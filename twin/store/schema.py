@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 
 from twin.store.crop_tables import CROP_LOG_RULES, crop, crop_gap, crop_log
+from twin.store.fleet_tables import fleet_job
 from twin.store.kinds import Method
 from twin.store.mirror_tables import (
     MIRROR,
@@ -35,6 +36,7 @@ __all__ = [
     "drive",
     "drive_method",
     "estimate",
+    "fleet_job",
     "kept_part",
     "known_mark",
     "meta",
@@ -48,7 +50,7 @@ __all__ = [
     "veglenke_aside",
 ]
 
-VERSION = 15
+VERSION = 16
 """Raised with every change of the tables: another version is upgraded (:mod:`.migrate`) or refused."""
 
 meta = sa.Table(

@@ -48,7 +48,9 @@ def test_help_of_every_command_has_an_example(twin: Twin, command: str) -> None:
 def test_readme_shows_no_command_that_is_not_there() -> None:
     """README's commands exist; docs/reference/commands.md has every one (test_reference looks)."""
     shown = set(
-        re.findall(r"^twin ((?:calibrate )?[\w-]+)", README.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        re.findall(
+            r"^twin ((?:calibrate |fleet )?[\w-]+)", README.read_text(encoding="utf-8"), flags=re.MULTILINE
+        )
     )
     assert shown <= set(commands())
     assert len(shown) > 5

@@ -26,23 +26,22 @@ _VIEW_BEFORE_12 = (
 )
 SINCE_11 = ("crop", "crop_gap", "crop_log")
 SINCE_15 = ("kept_part",)
+SINCE_16 = ("fleet_job",)
 _WITHOUT_INDEXES_OF_15 = (
     "DROP INDEX ix_skiltpunkt_east_m; DROP INDEX ix_skiltplate_east_m; DROP INDEX ix_skiltplate_point_id"
 )
 
 
 def older(path: Path, version: int = 4) -> Path:
-    """Make a store as version 4 to 14 wrote it, with one decision."""
+    """Make a store as version 4 to 15 wrote it, with one decision."""
     Store.open(path).close()
     with sqlite3.connect(path) as raw:
         _older_log(raw, version)
-        raw.executescript(_WITHOUT_INDEXES_OF_15)
-        if version < 14:
-            raw.execute("ALTER TABLE crop_gap DROP COLUMN why")
+        _older_schema(raw, version)
         for table in ("sighting", "sighting_kept") if version < 11 else ():
             for column in ("width_px", "height_px", *(["is_measured"] if version < 10 else [])):
                 raw.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
-        gone = ((15, SINCE_15), (11, SINCE_11), (10, SINCE_10), (9, SINCE_9))
+        gone = ((16, SINCE_16), (15, SINCE_15), (11, SINCE_11), (10, SINCE_10), (9, SINCE_9))
         for table in (table for since, tables in gone if version < since for table in tables):
             raw.execute(f"DROP TABLE {table}")
         if version < 8:
@@ -65,6 +64,13 @@ def older(path: Path, version: int = 4) -> Path:
     return path
 
 
+def _older_schema(raw: sqlite3.Connection, version: int) -> None:
+    if version < 15:
+        raw.executescript(_WITHOUT_INDEXES_OF_15)
+    if version < 14:
+        raw.execute("ALTER TABLE crop_gap DROP COLUMN why")
+
+
 def _older_log(raw: sqlite3.Connection, version: int) -> None:
     if version < 13:
         raw.execute("ALTER TABLE decision_log DROP COLUMN cause")
@@ -76,7 +82,7 @@ def _older_log(raw: sqlite3.Connection, version: int) -> None:
         raw.execute(_VIEW_BEFORE_12)
 
 
-@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14])
+@pytest.mark.parametrize("version", [4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15])
 def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int) -> None:
     """The new columns are there, empty, and nothing that a user decided is lost."""
     path = older(tmp_path / "twin.db", version)
@@ -98,6 +104,7 @@ def test_older_store_is_upgraded_with_its_decisions(tmp_path: Path, version: int
         *SINCE_10,
         *SINCE_11,
         *SINCE_15,
+        *SINCE_16,
         *("skiltpunkt", "skiltplate"),
     ],
 )

@@ -1,0 +1,32 @@
+"""Short simulated drives for a fleet, and what a store holds of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import sqlalchemy as sa
+
+from geoloc.simulation.simulate import scenario, simulate_drive
+from twin.samples.write_drive import write_driveworks_trip
+from twin.store import schema
+from twin.store.store import Store
+
+RESULTS = (schema.drive, schema.drive_method, schema.sighting, schema.estimate)
+
+
+def drives(folder: Path, n: int, seconds: float = 15.0) -> list[str]:
+    """Write so many different drives, and return their folders."""
+    made = []
+    for seed in range(n):
+        made.append(folder / f"drive{seed}")
+        write_driveworks_trip(simulate_drive(scenario("approach", seconds, 3), seed), made[-1])
+    return [str(path) for path in made]
+
+
+def held(store: Store) -> dict[str, list[Any]]:
+    """Return every row that came of drives, in an order of its own."""
+    return {
+        table.name: [tuple(row.values()) for row in store.rows(sa.select(table).order_by(*table.primary_key))]
+        for table in RESULTS
+    }

@@ -1,0 +1,180 @@
+"""Workers: each drive in once and whole, whoever is killed, as `ingest_drive` in a row would have it."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import fsspec
+import pyarrow.parquet as pq
+import pytest
+import sqlalchemy as sa
+from checkout import ROOT
+from command_line import Twin
+from fleet_drives import drives, held
+
+from twin.fleet import DaskCluster, Queue, work
+from twin.ingest import ingest_drive
+from twin.store import schema
+from twin.store.kinds import Fault, JobKind, JobState
+from twin.store.store import Store
+
+KILLS = int(os.environ.get("TWIN_KILLS", "2"))
+QUICK = ("--method", "single-frame", "--no-match")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Three short drives."""
+    return drives(tmp_path_factory.mktemp("drives"), 3)
+
+
+@pytest.fixture(scope="module")
+def in_a_row(made: list[str], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    """A store with the drives, ingested one after the other."""
+    with Store.open(tmp_path_factory.mktemp("row") / "twin.db") as store:
+        for folder in made:
+            ingest_drive(store, folder, method="single-frame")
+        yield store
+
+
+def status(twin: Twin, store: Path) -> dict[str, int]:
+    """How many drives are in which state."""
+    counts: dict[str, int] = twin("fleet", "status", "--store", store, "--json").json["drives"]
+    return {state: n for state, n in counts.items() if n}
+
+
+def test_fleet_gives_what_ingests_in_a_row_give(
+    twin: Twin, made: list[str], in_a_row: Store, tmp_path: Path
+) -> None:
+    """Two processes, one of the drives twice under another name; nothing is done anew the second time."""
+    copied = shutil.copytree(made[0], tmp_path / "copy")
+    command = ("fleet", "ingest", *made, copied, *QUICK, "--workers", "2", "--store", tmp_path / "f.db")
+    answer = twin(*command, "--parquet", tmp_path / "pq", "--json")
+    assert answer.code == 0, answer.err
+    assert answer.json["n_ingested"] == 4
+    with Store.open(tmp_path / "f.db") as store:
+        rows = held(store)
+        names = [row[1] for row in rows["drive"]]
+        assert sorted(row[1:] for row in rows["estimate"]) == sorted(
+            row[1:] for row in held(in_a_row)["estimate"]
+        )
+        assert len(names) == 3
+        sightings = store.rows(sa.select(schema.sighting).order_by("drive_id", "number"))
+    (first, *_) = sorted((tmp_path / "pq").glob("*.sightings.parquet"))
+    table = pq.read_table(first).to_pylist()
+    assert table == [row for row in sightings if row["drive_id"] == table[0]["drive_id"]]
+    again = twin(*command, "--parquet", tmp_path / "pq", "--json").json
+    assert (again["n_ingested"], again["n_unchanged"]) == (0, 4)
+
+
+def test_bad_drive_is_parked_with_its_kind_and_the_others_are_in(
+    twin: Twin, made: list[str], tmp_path: Path
+) -> None:
+    """Exit code 4; mended and retried, it is done."""
+    bad = Path(shutil.copytree(made[1], tmp_path / "bad"))
+    rig = (bad / "rig.json").rename(tmp_path / "rig.json")
+    store = ("--workers", "1", "--store", tmp_path / "f.db")
+    answer = twin("fleet", "ingest", made[0], bad, *QUICK, *store)
+    assert answer.code == 4
+    assert f"{bad} is parked" in answer.err
+    shown = twin("fleet", "status", "--store", tmp_path / "f.db", "--json").json
+    (parked,) = shown["parked"]
+    assert (parked["address"], parked["fault"], parked["n_failed"]) == (str(bad), "drive", 3)
+    assert shown["drives"]["done"] == 1
+    rig.rename(bad / "rig.json")
+    assert twin("fleet", "retry", "--kind", "drive", "--store", tmp_path / "f.db").code == 0
+    assert twin("fleet", "work", *store).code == 0
+    assert status(twin, tmp_path / "f.db") == {"done": 2}
+
+
+def test_whoever_is_killed_every_drive_is_in_once_and_whole(
+    made: list[str], in_a_row: Store, twin: Twin, tmp_path: Path
+) -> None:
+    """SIGKILL of workers' children and of whole workers at random; the next ones go on where these were.
+
+    ``TWIN_KILLS=30`` makes a longer run of it.
+    """
+    draw, path = random.Random(0), tmp_path / "f.db"
+    twin("fleet", "ingest", *made, *QUICK, "--queue", "--store", path)
+    whole = held(in_a_row)
+    for kill in range(KILLS):
+        worker = subprocess.Popen(
+            [sys.executable, "-c", _WORKER, str(path)], cwd=ROOT, start_new_session=True
+        )
+        with Store.open(path) as store:
+            while not any(job.state is JobState.RUNNING for job in Queue(store).jobs()):
+                time.sleep(0.05)
+        time.sleep(draw.uniform(0.0, 2.0))
+        if kill % 2:
+            for child in _children(worker.pid):
+                with suppress(ProcessLookupError):
+                    os.kill(child, signal.SIGKILL)
+            time.sleep(draw.uniform(0.0, 1.0))
+        os.killpg(worker.pid, signal.SIGKILL)
+        worker.wait()
+        with Store.open(path) as store:
+            ids = {row[0] for row in held(store)["drive"]}
+            for name, rows in held(store).items():
+                drive_at = list(schema.metadata.tables[name].columns.keys()).index("drive_id")
+                assert rows == [row for row in whole[name] if row[drive_at] in ids]
+    subprocess.run([sys.executable, "-c", _WORKER, str(path)], cwd=ROOT, check=True)
+    with Store.open(path) as store:
+        assert held(store) == whole
+    assert status(twin, path) == {"done": 3}
+
+
+_WORKER = """
+import sys
+from twin.fleet import LocalProcesses, work
+from twin.store.store import Store
+
+if __name__ == "__main__":
+    with Store.open(sys.argv[1]) as store:
+        work(store, LocalProcesses(2), lease_s=1.0)
+"""
+
+
+def _children(pid: int) -> list[int]:
+    """Processes that a process and its children have started; none where there is no /proc."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = path.read_text().rpartition(")")[2].split()
+            if int(fields[1]) == pid:
+                found += [int(path.parent.name), *_children(int(path.parent.name))]
+    return found
+
+
+def test_drive_in_object_storage_is_located_on_a_cluster(
+    made: list[str], in_a_row: Store, tmp_path: Path
+) -> None:
+    """Dask fetches and locates, this process saves; the drive remembers its address."""
+    distributed = pytest.importorskip("distributed")
+    system = fsspec.filesystem("memory")
+    system.put(made[0], "/drives/a", recursive=True)
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as cluster,
+        Store.open(tmp_path / "f.db") as store,
+    ):
+        queue = Queue(store)
+        queue.add(JobKind.INGEST, ["memory://drives/a", "memory://drives/b"], {"method": "single-frame"})
+        tally = work(store, DaskCluster(cluster.scheduler_address))
+        assert (tally.n_ingested, tally.parked) == (1, ["memory://drives/b"])
+        assert [job.fault for job in queue.jobs()] == [None, Fault.LACKING]
+        assert queue.jobs()[0].state is JobState.DONE
+        rows = held(store)["estimate"]
+        assert rows
+        assert all(row in held(in_a_row)["estimate"] for row in rows)
+        folders = store.rows(sa.select(schema.annotation_set.c.folder))
+        assert folders == [{"folder": "memory://drives/a"}]

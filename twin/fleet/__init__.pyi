@@ -1,0 +1,9 @@
+from .executors import DaskCluster as DaskCluster
+from .executors import Executor as Executor
+from .executors import LocalProcesses as LocalProcesses
+from .fetch import drives_at as drives_at
+from .locating import locate_at as locate_at
+from .queue import Job as Job
+from .queue import Queue as Queue
+from .worker import Tally as Tally
+from .worker import work as work
