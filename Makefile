@@ -73,8 +73,9 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 	$(BIN)/python benchmarks/calibration_diff.py
 	$(BIN)/python benchmarks/extrinsics.py
 
-bench-fleet: $(VENV)/.installed   ## matching after one more drive, by how many the store has: time and memory, ten minutes
+bench-fleet: $(VENV)/.installed   ## matching after one more drive, by how many the store has: time and memory; two workers against one, and 30 kills; twenty minutes
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fleet.py
+	$(BIN)/python benchmarks/fleet_workers.py
 
 bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium
 	$(BIN)/python benchmarks/review.py

@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import os
-import random
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import fsspec
 import pyarrow.parquet as pq
 import pytest
 import sqlalchemy as sa
-from checkout import ROOT
 from command_line import Twin
 from fleet_drives import drives, held
+from fleet_workers import kill_at_random
 
 from twin.fleet import DaskCluster, Queue, work
 from twin.ingest import ingest_drive
@@ -99,59 +93,15 @@ def test_bad_drive_is_parked_with_its_kind_and_the_others_are_in(
 def test_whoever_is_killed_every_drive_is_in_once_and_whole(
     made: list[str], in_a_row: Store, twin: Twin, tmp_path: Path
 ) -> None:
-    """SIGKILL of workers' children and of whole workers at random; the next ones go on where these were.
+    """SIGKILL of processes and of whole workers at random; the next ones go on where these were.
 
-    ``TWIN_KILLS=30`` makes a longer run of it.
+    ``TWIN_KILLS=30`` makes a longer run of it; benchmarks/fleet_workers.py also kills scheduler and database.
     """
-    draw, path = random.Random(0), tmp_path / "f.db"
+    path = tmp_path / "f.db"
     twin("fleet", "ingest", *made, *QUICK, "--queue", "--store", path)
-    whole = held(in_a_row)
-    for kill in range(KILLS):
-        worker = subprocess.Popen(
-            [sys.executable, "-c", _WORKER, str(path)], cwd=ROOT, start_new_session=True
-        )
-        with Store.open(path) as store:
-            while not any(job.state is JobState.RUNNING for job in Queue(store).jobs()):
-                time.sleep(0.05)
-        time.sleep(draw.uniform(0.0, 2.0))
-        if kill % 2:
-            for child in _children(worker.pid):
-                with suppress(ProcessLookupError):
-                    os.kill(child, signal.SIGKILL)
-            time.sleep(draw.uniform(0.0, 1.0))
-        os.killpg(worker.pid, signal.SIGKILL)
-        worker.wait()
-        with Store.open(path) as store:
-            ids = {row[0] for row in held(store)["drive"]}
-            for name, rows in held(store).items():
-                drive_at = list(schema.metadata.tables[name].columns.keys()).index("drive_id")
-                assert rows == [row for row in whole[name] if row[drive_at] in ids]
-    subprocess.run([sys.executable, "-c", _WORKER, str(path)], cwd=ROOT, check=True)
-    with Store.open(path) as store:
-        assert held(store) == whole
+    killed = kill_at_random(str(path), held(in_a_row), kills=KILLS, seed=0, between_s=(2.0, 5.0))
+    assert killed.total() > 0
     assert status(twin, path) == {"done": 3}
-
-
-_WORKER = """
-import sys
-from twin.fleet import LocalProcesses, work
-from twin.store.store import Store
-
-if __name__ == "__main__":
-    with Store.open(sys.argv[1]) as store:
-        work(store, LocalProcesses(2), lease_s=1.0)
-"""
-
-
-def _children(pid: int) -> list[int]:
-    """Processes that a process and its children have started; none where there is no /proc."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError):
-            fields = path.read_text().rpartition(")")[2].split()
-            if int(fields[1]) == pid:
-                found += [int(path.parent.name), *_children(int(path.parent.name))]
-    return found
 
 
 def test_drive_in_object_storage_is_located_on_a_cluster(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,3 +31,15 @@ def held(store: Store) -> dict[str, list[Any]]:
         table.name: [tuple(row.values()) for row in store.rows(sa.select(table).order_by(*table.primary_key))]
         for table in RESULTS
     }
+
+
+def differing(found: Mapping[str, list[Any]], whole: Mapping[str, list[Any]], *, complete: bool) -> list[str]:
+    """Name the tables whose rows are not those of whole drives, or of all of them where that is asked for."""
+    ids = {row[0] for row in found["drive"]}
+    wrong = []
+    for name, rows in whole.items():
+        at = list(schema.metadata.tables[name].columns.keys()).index("drive_id")
+        expected = rows if complete else [row for row in rows if row[at] in ids]
+        if found[name] != expected:
+            wrong.append(name)
+    return wrong
