@@ -95,6 +95,7 @@ def ingest(
     """
     from twin.errors import ConfigError
     from twin.fleet import Queue, drives_at
+    from twin.store.store import Store
 
     asked: dict[str, Any] = {
         "method": method.value,
@@ -114,19 +115,21 @@ def ingest(
     if queue + (workers is not None) + (scheduler is not None) > 1:
         raise ConfigError("--workers, --scheduler and --queue each say who does the work: give one of them.")
     engines = nullcontext() if queue else _engine(workers, scheduler)
-    with engines as engine, made_store(store) as opened:
-        addresses = [address for one in drives for address in drives_at(one)]
-        waiting = Queue(opened)
-        added = waiting.add(JobKind.INGEST, addresses, options)
-        if match and opened.fact("mirror") is not None:
-            waiting.add(JobKind.MATCH, [""], {})
-        elif match:
+    with engines as engine:
+        with made_store(store) as opened:
+            addresses = [address for one in drives for address in drives_at(one)]
+            added = Queue(opened).add(JobKind.INGEST, addresses, options)
+            is_synced = opened.fact("mirror") is not None
+            if match and is_synced:
+                Queue(opened).add(JobKind.MATCH, [""], {})
+        if match and not is_synced:
             note("The store has no NVDB signs yet: nothing is matched until `twin sync-nvdb` has run.")
         note(f"{added.n_new:,} drives are new in the queue, {added.n_again:,} are looked at again.")
         if added.n_there:
             note(f"{added.n_there:,} were in it already: `twin fleet status` shows how far they are.")
         if engine is not None:
-            _work(opened, engine, stay=False, json_output=json_output)
+            with Store.open(store, create=False) as opened:
+                _work(opened, engine, stay=False, json_output=json_output)
         elif json_output:
             print_json(added)
 

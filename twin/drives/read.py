@@ -46,14 +46,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig
 from twin.drives.annotations.frame_numbers import first_frame_warnings
-from twin.drives.annotations.gather import stamped
+from twin.drives.annotations.gather import AnnotationsRead, stamped
 from twin.drives.annotations.key_frames import drawn_on_ground, key_frames
 from twin.drives.annotations.read import label_files, read_annotations
 from twin.drives.detection.read import read_detections
@@ -62,10 +62,10 @@ from twin.drives.folder.drive_toml import SETTINGS_FILE, DriveSettings, read_set
 from twin.drives.folder.files import DriveFolder
 from twin.drives.folder.notes import DriveDoubt, Progress, ReadingNotes
 from twin.drives.frames.clocks import StatedClock, of_host, worst
-from twin.drives.frames.find import find_pictures
+from twin.drives.frames.find import Pictures, find_pictures
 from twin.drives.frames.sizes import check_picture_sizes
 from twin.drives.frames.stamp_files import NO_STAMP
-from twin.drives.frames.stamps import read_stamps
+from twin.drives.frames.stamps import Stamps, read_stamps
 from twin.drives.motion.read import with_motion
 from twin.drives.plausibility import check_span
 from twin.drives.rig.rig_files import rig_of_folder
@@ -120,29 +120,10 @@ def read_drive(
     track = with_motion(folder, settings.motion, rig_text, track, notes)
     pictures = find_pictures(folder, settings, track.rig)
     if detector is None:
-        before = folder.entered()
-        image_frames = {camera: of.frame_of() for camera, of in pictures.items() if of.images}
-        annotated = read_annotations(
-            folder, settings, track.rig, notes, labels=labels, image_frames=image_frames
-        )
-        annotation_files = folder.entered() - before
-        timed = {
-            *annotated.cameras,
-            *(settings.annotations or ()),
-            *(track.rig.cameras.keys() & set(cameras)),
-        }
-        stamps, stamp_files, clocks = read_stamps(folder, settings, track.rig, timed, pictures, notes)
-        check_picture_sizes(pictures, annotated.unsized, track.rig)
-        if settings.first_frame is None:
-            notes.warn(
-                DriveDoubt.ANNOTATIONS,
-                *first_frame_warnings(annotated.annotations, annotated.numbered, stamps, stamp_files),
-            )
+        seen = _annotated(folder, settings, track, pictures, notes, labels, cameras)
     else:
-        stamps, stamp_files, clocks = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
-        before = folder.entered()
-        annotated = read_detections(folder, settings, track, pictures, stamps, detector, notes, labels=labels)
-        annotation_files = folder.entered() - before
+        seen = _detected(folder, settings, track, pictures, notes, labels, detector)
+    annotated, (stamps, stamp_files, clocks) = seen.annotated, seen.stamps
     in_view, unstamped = stamped(annotated.annotations, stamps, stamp_files)
     notes.skipped += unstamped
     offset_ns = settings.camera_offset_ns
@@ -154,7 +135,7 @@ def read_drive(
     return Drive(
         drive_id=folder.drive_id(),
         content_sha256=folder.content_sha256(),
-        annotations_sha256=folder.content_sha256(annotation_files - label_files(labels)),
+        annotations_sha256=folder.content_sha256(seen.files - label_files(labels)),
         name=settings.name or path.resolve().name,
         path=str(path),
         rig=track.rig,
@@ -180,6 +161,59 @@ def read_drive(
         on_ground=on_ground,
         motion=track.motion,
     )
+
+
+class _Seen(NamedTuple):
+    """What is to be seen in which frames, and when these were taken."""
+
+    annotated: AnnotationsRead
+    files: frozenset[str]
+    stamps: Stamps
+
+
+def _annotated(
+    folder: DriveFolder,
+    settings: DriveSettings,
+    track: Track,
+    pictures: Mapping[str, Pictures],
+    notes: ReadingNotes,
+    labels: Path | None,
+    cameras: Collection[str],
+) -> _Seen:
+    """Read what people annotated, and the stamps of the cameras that they annotated."""
+    before = folder.entered()
+    image_frames = {camera: of.frame_of() for camera, of in pictures.items() if of.images}
+    annotated = read_annotations(folder, settings, track.rig, notes, labels=labels, image_frames=image_frames)
+    files = folder.entered() - before
+    timed = {
+        *annotated.cameras,
+        *(settings.annotations or ()),
+        *(track.rig.cameras.keys() & set(cameras)),
+    }
+    stamps = read_stamps(folder, settings, track.rig, timed, pictures, notes)
+    check_picture_sizes(pictures, annotated.unsized, track.rig)
+    if settings.first_frame is None:
+        told = first_frame_warnings(annotated.annotations, annotated.numbered, stamps.epoch_ns, stamps.file)
+        notes.warn(DriveDoubt.ANNOTATIONS, *told)
+    return _Seen(annotated, files, stamps)
+
+
+def _detected(
+    folder: DriveFolder,
+    settings: DriveSettings,
+    track: Track,
+    pictures: Mapping[str, Pictures],
+    notes: ReadingNotes,
+    labels: Path | None,
+    detector: DetectorOptions,
+) -> _Seen:
+    """Let a network find what is to be seen in the pictures of all cameras."""
+    stamps = read_stamps(folder, settings, track.rig, set(pictures), pictures, notes)
+    before = folder.entered()
+    annotated = read_detections(
+        folder, settings, track, pictures, stamps.epoch_ns, detector, notes, labels=labels
+    )
+    return _Seen(annotated, folder.entered() - before, stamps)
 
 
 def _clock(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -42,6 +42,7 @@ from twin.ingest.save import save_drive
 from twin.ingest.terrain import ground_of
 from twin.store.drive_records import MethodRecord
 from twin.store.kinds import Method
+from twin.store.records import Estimate
 from twin.store.schema import METHODS
 from twin.store.store import Store
 
@@ -184,24 +185,17 @@ def locate_drive(
     )
     positions = positions_of(sighted)
     estimates = estimates_of(drive, sighted, positions, method)
-    placed = {estimate.object for estimate in estimates}
-    n_unplaced = _unplaced(drive, sighted, placed)
+    n_unplaced = _unplaced(drive, sighted, {estimate.object for estimate in estimates})
     id_doubts = () if detector is not None else _id_doubts(drive, trajectory, sighted, budget, say)
     misfits = misfits_of(drive, sighted, budget, id_doubts)
     gap = absence_gap(drive, sighted)
     warnings = (
         *drive.warnings,
         *track_doubts,
-        *(sighted.adjusted.doubts if sighted.adjusted else ()),
-        *clock_doubts(drive, budget, sighted.adjusted),
-        *lens_doubts(sighted.adjusted),
-        *_pose_doubts(trajectory, sighted),
-        *_motion_doubts(trajectory.motion),
+        *_adjustment_doubts(drive, trajectory, sighted, budget),
         *id_doubts,
         *(misfit.sentence for misfit in misfits),
-        *annotation_warnings(drive, int((sighted.reasons == "").sum()), placed),
-        *_absence_warning(drive, n_unplaced, gap),
-        *_partial_warning(drive),
+        *_annotation_doubts(drive, sighted, estimates, n_unplaced, gap),
         *told_readings(paper),
     )
     return LocatedDrive(
@@ -220,6 +214,32 @@ def locate_drive(
         n_objects=len(np.unique(drive.annotations.object)),
         motion=trajectory.motion,
         skipped=left_out(drive, trajectory, sighted, int(positions.n_rejected.sum())),
+    )
+
+
+def _adjustment_doubts(
+    drive: Drive, trajectory: Trajectory, sighted: SightedObjects, budget: ErrorBudget
+) -> tuple[Doubt, ...]:
+    """Say what a user should know of clocks, lenses, poses and wheels."""
+    return (
+        *(sighted.adjusted.doubts if sighted.adjusted else ()),
+        *clock_doubts(drive, budget, sighted.adjusted),
+        *lens_doubts(sighted.adjusted),
+        *_pose_doubts(trajectory, sighted),
+        *_motion_doubts(trajectory.motion),
+    )
+
+
+def _annotation_doubts(
+    drive: Drive, sighted: SightedObjects, estimates: Sequence[Estimate], n_unplaced: int, gap: str
+) -> tuple[Doubt | str, ...]:
+    """Say what a user should know of the annotations, and what they cannot show."""
+    placed = {estimate.object for estimate in estimates}
+    lost = mostly_left_out(drive)
+    return (
+        *annotation_warnings(drive, int((sighted.reasons == "").sum()), placed),
+        *_absence_warning(drive, n_unplaced, gap),
+        *([f"{lost}: this drive does not count as completely annotated."] if lost else []),
     )
 
 
@@ -321,9 +341,3 @@ def _absence_warning(drive: Drive, n_unplaced: int, gap: str) -> tuple[str, ...]
         " that a sign is missing: annotate the foot of each pole as a point."
     )
     return (missing,)
-
-
-def _partial_warning(drive: Drive) -> tuple[str, ...]:
-    """Say what a drive is taken for that was let in all the same."""
-    lost = mostly_left_out(drive)
-    return (f"{lost}: this drive does not count as completely annotated.",) if lost else ()

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import fsspec
 import pyarrow.parquet as pq
 import pytest
 import sqlalchemy as sa
+from checkout import ROOT
 from command_line import Twin
 from fleet_drives import drives, held
 from fleet_workers import kill_at_random
@@ -102,6 +106,25 @@ def test_whoever_is_killed_every_drive_is_in_once_and_whole(
     killed = kill_at_random(str(path), held(in_a_row), kills=KILLS, seed=0, between_s=(2.0, 5.0))
     assert killed.total() > 0
     assert status(twin, path) == {"done": 3}
+
+
+def test_worker_that_is_told_to_end_gives_back_what_it_has(
+    made: list[str], twin: Twin, tmp_path: Path
+) -> None:
+    """SIGTERM: exit code 143, and the drives wait again with no loss counted."""
+    path = tmp_path / "f.db"
+    twin("fleet", "ingest", *made, "--no-match", "--queue", "--store", path)
+    command = [sys.executable, "-m", "twin", "fleet", "work", "--workers", "2", "--store", path]
+    worker = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE)
+    with Store.open(path) as store:
+        while not any(job.state is JobState.RUNNING for job in Queue(store).jobs()):
+            time.sleep(0.05)
+        worker.terminate()
+        worker.communicate(timeout=60)
+        assert worker.returncode == 143
+        jobs = Queue(store).jobs()
+    assert {job.state for job in jobs} <= {JobState.WAITING, JobState.DONE}
+    assert {job.n_lost for job in jobs} == {0}
 
 
 def test_drive_in_object_storage_is_located_on_a_cluster(
