@@ -50,6 +50,8 @@ _QUIET = 0.3
 """Processes that others run, in the mean: below it a clock on the wall is fair."""
 _LEASE_S = 2.0
 _HERE = [sys.executable, __file__]
+_ROOT = str(Path(__file__).resolve().parents[1])
+_ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": _ROOT}
 
 
 # -- what the processes run ----------------------------------------------------------------------------------
@@ -87,7 +89,7 @@ class Running:
             start_new_session=True,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
+            env=_ENVIRONMENT,
         )
 
     def kill(self) -> None:
@@ -228,7 +230,7 @@ def timed(store: str, folders: Sequence[str], workers: int) -> tuple[float, floa
         before = _processor_s()
         began = time.perf_counter()
         # In a process of its own, whose children count when it has ended.
-        subprocess.run([*_HERE, "--work", store, str(workers)], check=True)
+        subprocess.run([*_HERE, "--work", store, str(workers)], check=True, env=_ENVIRONMENT)
         wall_s = time.perf_counter() - began
         # Its server of forks ends after it, and counts when it is waited for.
         with suppress(ChildProcessError):
