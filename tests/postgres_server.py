@@ -5,10 +5,12 @@ from __future__ import annotations
 import itertools
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psycopg
@@ -29,8 +31,9 @@ ABSENT = "PostgreSQL with PostGIS is not installed (Debian: apt install postgres
 class Server:
     """Makes databases."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, start: Callable[[], None]) -> None:
         self._folder = folder
+        self._start = start
         self._numbers = itertools.count()
 
     def address(self, database: str, user: str = "postgres") -> str:
@@ -42,6 +45,17 @@ class Server:
         name = f"test_{next(self._numbers)}"
         self.run(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
         return self.address(name)
+
+    def kill(self) -> None:
+        """Kill it, and start it again: what was committed is there, and nothing else."""
+        first = (self._folder / "data" / "postmaster.pid").read_text().split()[0]
+        os.kill(int(first), signal.SIGKILL)
+        for _ in range(50):  # what it had started still holds its memory for a moment
+            with suppress(subprocess.CalledProcessError):
+                self._start()
+                return
+            time.sleep(0.2)
+        raise RuntimeError("the server does not start again")
 
     def copy(self, address: str) -> str:
         """Make a database like another, which nobody is connected to."""
@@ -82,11 +96,14 @@ def running() -> Iterator[Server]:
             [*as_other, *map(str, command)], check=True, cwd="/", stdout=subprocess.DEVNULL, timeout=60
         )
 
+    def start() -> None:
+        call(pg_ctl, "-D", data, "-w", "-l", log, "-o", options, "start")
+
     try:
         call(initdb, "-D", data, "--no-sync", "-A", "trust", "-U", "postgres", "-E", "UTF8", "--locale=C")
-        call(pg_ctl, "-D", data, "-w", "-l", log, "-o", options, "start")
+        start()
         try:
-            server = Server(folder)
+            server = Server(folder, start)
             server.run("CREATE DATABASE postgis")
             server.run("CREATE EXTENSION postgis", database="postgis")
             server.run("CREATE DATABASE store TEMPLATE postgis")

@@ -20,6 +20,7 @@ from twin.store.annotation_sets import (
     put_aside,
     take_back,
 )
+from twin.store.sql import as_values, bulk_insert
 from twin.store.store import Row, Store, utc_now
 
 
@@ -186,8 +187,7 @@ def _replace_results(connection: sa.Connection, located: LocatedDrive) -> bool:
         if stored_sha256 == located.drive.content_sha256:
             old = old.where(table.c.method == method)
         connection.execute(old)
-        if rows:
-            connection.execute(sa.insert(table), rows)
+        bulk_insert(connection, table, [as_values(table, row) for row in rows])
     return True
 
 

@@ -4,32 +4,31 @@ from __future__ import annotations
 
 import sqlalchemy as sa
 
-from twin.store.mirror_tables import ROWID, metadata
+from twin.store.mirror_tables import metadata
+from twin.store.types import JSON, REAL, ROWID, TEXT
 
 fleet_job = sa.Table(
     "fleet_job",
     metadata,
     sa.Column("job_id", ROWID, primary_key=True, comment="counts the jobs"),
-    sa.Column("kind", sa.String, nullable=False, comment="ingest or match"),
+    sa.Column("kind", TEXT, nullable=False, comment="ingest or match"),
     sa.Column(
-        "address", sa.String, nullable=False, comment="where the drive is: folder or URL; empty for a match"
+        "address", TEXT, nullable=False, comment="where the drive is: folder or URL; empty for a match"
     ),
-    sa.Column("options", sa.JSON, nullable=False, comment="how it is located"),
-    sa.Column(
-        "digest", sa.String, nullable=False, unique=True, comment="SHA-256 of kind, address and options"
-    ),
-    sa.Column("state", sa.String, nullable=False, index=True, comment="waiting, running, done or parked"),
+    sa.Column("options", JSON, nullable=False, comment="how it is located"),
+    sa.Column("digest", TEXT, nullable=False, unique=True, comment="SHA-256 of kind, address and options"),
+    sa.Column("state", TEXT, nullable=False, index=True, comment="waiting, running, done or parked"),
     sa.Column("n_failed", sa.Integer, nullable=False, comment="runs that ended with a reason"),
     sa.Column("n_lost", sa.Integer, nullable=False, comment="runs whose process was killed"),
     sa.Column("claim", sa.Integer, nullable=False, comment="counts the runs: an earlier one saves nothing"),
-    sa.Column("worker", sa.String, nullable=False, comment="who runs it, or did so last"),
-    sa.Column("leased_until", sa.Float, comment="seconds since 1970; when it runs no more unless renewed"),
-    sa.Column("fault", sa.String, comment="kind of the last failure; null where there is none"),
-    sa.Column("reason", sa.String, nullable=False, comment="its sentence, for people"),
-    sa.Column("drive_id", sa.String, comment="what the drive turned out to be"),
-    sa.Column("fingerprint", sa.String, nullable=False, comment="of its files, when it was done"),
-    sa.Column("added_at", sa.String, nullable=False, comment="UTC"),
-    sa.Column("ended_at", sa.String, comment="of the last run, UTC"),
-    sa.Column("seconds", sa.Float, comment="that the last run took"),
+    sa.Column("worker", TEXT, nullable=False, comment="who runs it, or did so last"),
+    sa.Column("leased_until", REAL, comment="seconds since 1970; when it runs no more unless renewed"),
+    sa.Column("fault", TEXT, comment="kind of the last failure; null where there is none"),
+    sa.Column("reason", TEXT, nullable=False, comment="its sentence, for people"),
+    sa.Column("drive_id", TEXT, comment="what the drive turned out to be"),
+    sa.Column("fingerprint", TEXT, nullable=False, comment="of its files, when it was done"),
+    sa.Column("added_at", TEXT, nullable=False, comment="UTC"),
+    sa.Column("ended_at", TEXT, comment="of the last run, UTC"),
+    sa.Column("seconds", REAL, comment="that the last run took"),
     comment="A fleet's queue: drives to ingest, and the match after them.",
 )
