@@ -181,16 +181,5 @@ UPGRADES: Mapping[int, tuple[str, ...]] = {
         "CREATE INDEX ix_skiltplate_east_m ON skiltplate (east_m)",
         "CREATE INDEX ix_skiltplate_point_id ON skiltplate (point_id)",
     ),
-    15: (
-        (
-            "CREATE TABLE fleet_job (job_id INTEGER NOT NULL, kind VARCHAR NOT NULL, address VARCHAR NOT "
-            "NULL, options JSON NOT NULL, digest VARCHAR NOT NULL, state VARCHAR NOT NULL, n_failed INTEGER "
-            "NOT NULL, n_lost INTEGER NOT NULL, claim INTEGER NOT NULL, worker VARCHAR NOT NULL, "
-            "leased_until FLOAT, fault VARCHAR, reason VARCHAR NOT NULL, drive_id VARCHAR, fingerprint "
-            "VARCHAR NOT NULL, added_at VARCHAR NOT NULL, ended_at VARCHAR, seconds FLOAT, PRIMARY KEY "
-            "(job_id), UNIQUE (digest))"
-        ),
-        "CREATE INDEX ix_fleet_job_state ON fleet_job (state)",
-    ),
 }
 """What makes a store of one version one of the next; without an entry it is refused."""

@@ -115,8 +115,7 @@ def test_worker_that_is_told_to_end_gives_back_what_it_has(
     path = tmp_path / "f.db"
     twin("fleet", "ingest", *made, "--no-match", "--queue", "--store", path)
     command = [sys.executable, "-m", "twin", "fleet", "work", "--workers", "2", "--store", path]
-    worker = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE)
-    with Store.open(path) as store:
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE) as worker, Store.open(path) as store:
         while not any(job.state is JobState.RUNNING for job in Queue(store).jobs()):
             time.sleep(0.05)
         worker.terminate()
@@ -132,9 +131,12 @@ def test_drive_in_object_storage_is_located_on_a_cluster(
 ) -> None:
     """Dask fetches and locates, this process saves; the drive remembers its address."""
     distributed = pytest.importorskip("distributed")
+    dask = pytest.importorskip("dask")
     system = fsspec.filesystem("memory")
     system.put(made[0], "/drives/a", recursive=True)
     with (
+        # A busy machine may take longer than the 30 s after which a cluster gives up starting.
+        dask.config.set({"distributed.comm.timeouts.connect": "120s"}),
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
         ) as cluster,

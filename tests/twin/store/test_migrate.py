@@ -12,9 +12,9 @@ from twin.store import migrate, schema
 from twin.store.store import Store
 
 REVISIONS = {
-    "16": """op.add_column("change", sa.Column("colour", sa.String(), nullable=True))
+    schema.VERSION + 1: """op.add_column("change", sa.Column("colour", sa.String(), nullable=True))
     op.execute("UPDATE change SET colour = 'red'")""",
-    "17": """with op.batch_alter_table("change") as table:
+    schema.VERSION + 2: """with op.batch_alter_table("change") as table:
         table.alter_column("colour", new_column_name="paint")""",
 }
 
@@ -24,13 +24,13 @@ def test_newest_revision_is_the_schemas_version() -> None:
     assert migrate.revisions().get_current_head() == str(schema.VERSION)
 
 
-def with_revisions(folder: Path, monkeypatch: pytest.MonkeyPatch, bodies: dict[str, str]) -> None:
+def with_revisions(folder: Path, monkeypatch: pytest.MonkeyPatch, bodies: dict[int, str]) -> None:
     """Let twin be one that knows these revisions after its own."""
     (folder / "versions").mkdir(parents=True)
     (folder / "script.py.mako").touch()
     before = str(schema.VERSION)
     (folder / "versions" / "base.py").write_text(f"revision, down_revision = {before!r}, None\n")
-    for number, body in bodies.items():
+    for number, body in ((str(one), body) for one, body in bodies.items()):
         text = f"import sqlalchemy as sa\nfrom alembic import op\n\nrevision = {number!r}\ndown_revision = "
         text += f"{before!r}\n\ndef upgrade():\n    {body}\n"
         (folder / "versions" / f"r{number}.py").write_text(text)
@@ -73,7 +73,7 @@ def test_revision_that_fails_leaves_the_store_as_it_was(
     """Also what the revisions before it have done: an upgrade is one transaction."""
     one_finding(address)
     with monkeypatch.context() as later:
-        broken = {**REVISIONS, "18": 'op.execute("UPDATE nothing SET a = 1")'}
+        broken = {**REVISIONS, schema.VERSION + 3: 'op.execute("UPDATE nothing SET a = 1")'}
         with_revisions(tmp_path / "migrations", later, broken)
         with pytest.raises(StoreError, match="nothing"):
             Store.open(address, create=False)
