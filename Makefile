@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo reference docs test coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet pictures notebooks soak fuzz clean
+.PHONY: demo reference docs test slow coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet pictures notebooks soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -19,17 +19,19 @@ demo: $(VENV)/.installed          ## the whole job on the sample, into demo-out/
 test: $(VENV)/.installed          ## the whole suite
 	$(BIN)/python -m pytest $(SPREAD)
 
+slow: $(VENV)/.installed          ## what takes long for one fact: the wheel's demo and types, the paper's notebook, five minutes of town, draws of noise
+	TWIN_SLOW=1 $(BIN)/python -m pytest $(SPREAD) -m slow
+
 coverage: $(VENV)/.installed      ## the same, and which lines it runs: half as long again
 	$(BIN)/python -m pytest $(SPREAD) --cov --cov-report=term
 
-lint: $(VENV)/.installed          ## style, types and the walls between the packages, types that the wheel tells a user's mypy
+lint: $(VENV)/.installed          ## style, types and the walls between the packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	TWIN_WHEEL_TYPES=1 $(BIN)/python -m pytest -q tests/twin/test_wheel.py -k mypy
 
-check: lint test
+check: lint test slow
 
 real: $(VENV)/.installed          ## real recordings (../shared/real): errors on KITTI and Argoverse, between key frames, on real speeds and bends
 	$(BIN)/python benchmarks/real.py

@@ -71,7 +71,11 @@ _LONGEST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the long files first, each whole; the others keep their order."""
+    """Put the long files first, each whole; the others keep their order. Slow tests are for `make slow`."""
+    if "TWIN_SLOW" not in os.environ:
+        for item in items:
+            if item.get_closest_marker("slow"):
+                item.add_marker(pytest.mark.skip(reason="TWIN_SLOW=1: make slow"))
     place = {f"tests/{name}": at for at, name in enumerate(_LONGEST)}
     items.sort(key=lambda item: place.get(item.nodeid.partition("::")[0], len(place)))
 

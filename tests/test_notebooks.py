@@ -34,7 +34,11 @@ def shown(notebook: Any) -> Iterator[str]:
 
 
 @pytest.mark.filterwarnings("default")
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one.stem == "paper_experiments")) for one in NOTEBOOKS],
+    ids=lambda path: path.stem,
+)
 def test_notebook_shows_what_it_showed(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same words, and numbers that differ by no more than another processor's rounding can make."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))

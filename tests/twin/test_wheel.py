@@ -51,11 +51,20 @@ def _needed() -> set[str]:
     return {name for name, _ in needed}
 
 
-DEMO = """
+ALONE = """
 import sys
 sys.modules.update(dict.fromkeys({hidden}))
 import twin
 assert "site" in twin.__file__, twin.__file__
+"""
+"""The start of a script in which packages of the extras and of development are hidden."""
+LOCATE = """
+from twin.cli import run
+from twin.samples.demo import sample_folder
+trip = str(sample_folder() / "trip_trondheim")
+sys.exit(run(["ingest-drive", trip, "--method", "single-frame", "--store", "twin.db", "--json"]))
+"""
+DEMO = """
 from twin.cli import run
 from twin.samples import demo
 run_demo, made = demo.run_demo, []
@@ -72,27 +81,34 @@ sys.exit(run(["demo"]))
 """
 
 
-def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
-    """The sample travels with the wheel: `twin demo` needs nothing but itself and its dependencies.
-
-    Packages of the extras and of development are hidden from it. Its job is done once, half a minute, and
-    shown both ways.
-    """
+def run_alone(script: str, installed: Path, folder: Path) -> str:
+    """Run a script in a folder with the wheel and its dependencies alone; what it printed."""
     needed = _needed()
     owners = metadata.packages_distributions()
     hidden = [name for name, of in owners.items() if not {canonicalize_name(one) for one in of} & needed]
     hidden = sorted(set(hidden) - {"twin", "nvdb", "geoloc"})
     assert {"av", "pytest", "rasterio", "onnxruntime"} <= set(hidden)
     done = subprocess.run(
-        [sys.executable, "-c", DEMO.format(hidden=hidden)],
-        cwd=tmp_path,
+        [sys.executable, "-c", ALONE.format(hidden=hidden) + script],
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": str(installed)},
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    document, tables = done.stdout.split("AS TABLES")
+    return done.stdout
+
+
+def test_wheel_locates_the_samples_signs_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
+    """The sample travels with the wheel, which needs nothing but itself and its dependencies."""
+    assert json.loads(run_alone(LOCATE, installed, tmp_path))["n_objects"] == 15
+
+
+@pytest.mark.slow
+def test_wheel_runs_the_demo_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
+    """The whole job, half a minute: done once, and shown both ways."""
+    document, tables = run_alone(DEMO, installed, tmp_path).split("AS TABLES")
     numbers = json.loads(document)
     assert numbers["verdicts"] == numbers["verdicts_expected"]
     assert all((tmp_path / path).exists() for path in numbers["files"])
@@ -123,7 +139,7 @@ with twin.Store("twin.db") as store:
 """
 
 
-@pytest.mark.skipif("TWIN_WHEEL_TYPES" not in os.environ, reason="TWIN_WHEEL_TYPES=1: make lint")
+@pytest.mark.slow
 def test_wheel_tells_a_users_mypy_its_types(installed: Path, tmp_path: Path) -> None:
     """`mypy --strict` knows methods, arguments and results of an installed twin, through its lazy names."""
     (tmp_path / "script.py").write_text(SCRIPT, encoding="utf-8")

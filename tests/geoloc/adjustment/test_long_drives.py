@@ -8,8 +8,12 @@ from recordings import recorded
 
 from geoloc.locate.accuracy import nees
 
+URBAN_AND_HIGHWAY = pytest.mark.parametrize(
+    ("name", "seed"), [pytest.param("urban", 13, marks=pytest.mark.slow), ("highway", 14)]
+)
 
-@pytest.mark.parametrize(("name", "seed"), [("urban", 13), ("highway", 14)])
+
+@URBAN_AND_HIGHWAY
 def test_length_makes_no_bias_certain(name: str, seed: int) -> None:
     """After five minutes clock, boresight and places are as good as their sigmas say.
 
@@ -31,7 +35,7 @@ def test_length_makes_no_bias_certain(name: str, seed: int) -> None:
     assert np.median(np.hypot(*error[:, :2].T)) < 0.2
 
 
-@pytest.mark.parametrize(("name", "seed"), [("urban", 13), ("highway", 14)])
+@URBAN_AND_HIGHWAY
 def test_coarse_annotations_look_like_no_slower_shutter(name: str, seed: int) -> None:
     """The noise of a row is in its residual too: together they were 2 and 2.5 sigmas of readout."""
     recording = recorded(name, seed=seed, minutes=5.0)

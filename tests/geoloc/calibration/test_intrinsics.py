@@ -209,7 +209,9 @@ OCAM_DRONE = OcamCamera(
 )
 
 
-@pytest.mark.parametrize(("camera", "other"), [(OCAM_KODAK, "fisheye"), (OCAM_DRONE, "ftheta")])
+@pytest.mark.parametrize(
+    ("camera", "other"), [(OCAM_KODAK, "fisheye"), pytest.param(OCAM_DRONE, "ftheta", marks=pytest.mark.slow)]
+)
 def test_real_ocam_lenses_meet_the_bar(camera: OcamCamera, other: str) -> None:
     """Two real lenses with c, d and e: but for a turn rays are right to 0.01° on average, 0.05° at most."""
     rng, views = np.random.default_rng(1), []

@@ -49,7 +49,11 @@ def _squares(
 
 
 @pytest.mark.parametrize(
-    ("believed", "holds"), [(1.0, True), (0.5, False)], ids=["as drawn", "half as large"]
+    ("believed", "holds"),
+    [
+        pytest.param(1.0, True, id="as drawn"),
+        pytest.param(0.5, False, id="half as large", marks=pytest.mark.slow),
+    ],
 )
 def test_sigmas_hold_where_errors_are_those_stated(believed: float, holds: bool) -> None:
     """NEES of a standing car is between 0.75 and 1.3, and above it where ground and mounting are believed."""

@@ -252,6 +252,7 @@ def test_stated_vertical_sigma_is_that_of_the_height() -> None:
     assert poses.sigma_vertical_m.min() == pytest.approx(np.hypot(0.034, lean_m.min()), rel=0.1)
 
 
+@pytest.mark.slow
 def test_velocities_over_minutes_better_a_track_of_poor_fixes() -> None:
     """Ten minutes with fixes that are 2 m off an axis for two minutes: the track is better, and says so."""
     ratio, sigma_m = [], []

@@ -13,7 +13,7 @@ import pytest
 from sending_country import base_store
 from sending_history import run_history, story
 
-HISTORIES = int(os.environ.get("TWIN_HISTORIES", "16"))
+HISTORIES = int(os.environ.get("TWIN_HISTORIES", "8"))
 PARTS = 4
 
 

@@ -32,7 +32,7 @@ from twin.store.store import Store
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
 
-KILLS = int(os.environ.get("TWIN_KILLS", "8"))
+KILLS = int(os.environ.get("TWIN_KILLS", "4"))
 N_POINTS, N_PLATES, PAGE = 60, 140, 25
 STEP = 100
 """Steps of SQLite's virtual machine between two instants inside of a statement."""
