@@ -24,6 +24,8 @@ from twin.calibrate.extrinsics.example import write_yard
 from twin.calibrate.extrinsics.layout import FIRST_BOARD, read_layout
 from twin.calibrate.extrinsics.tag_corners import find_tags
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 
 @pytest.fixture(scope="module")
 def yard(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -71,27 +73,25 @@ def test_worked_example_finds_the_true_rig(yard: Path, tmp_path: Path, twin: Twi
 
 
 def test_written_rig_keeps_what_twin_does_not_know(yard: Path, tmp_path: Path, twin: Twin) -> None:
-    """Keys and sensors of other programs come through the new rig file unchanged."""
+    """Keys and sensors of other programs come through the new rig file unchanged.
+
+    The table names every camera with its sigmas; a tag that the layout lacks is told.
+    """
     document = json.loads((yard / "drawn_rig.json").read_text())
     document["rig"]["vehicle"] = {"valid": True, "value": {"body": {"length": 4.87}}}
     document["rig"]["sensors"][0]["calibrated-by"] = "someone"
     document["rig"]["sensors"].append({"name": "lidar", "protocol": "lidar.virtual"})
-    (tmp_path / "rig.json").write_text(json.dumps(document))
-    assert twin(*arguments(yard, tmp_path / "out", rig=tmp_path / "rig.json")).code == 0
+    rig, layout = tmp_path / "rig.json", tmp_path / "layout.toml"
+    rig.write_text(json.dumps(document))
+    layout.write_text((yard / "layout.toml").read_text().replace("id = 10\n", "id = 400\n"))
+    answer = twin(*arguments(yard, tmp_path / "out", rig=rig, tags=layout))
+    assert answer.code == 0
+    assert "C3_tricam120" in answer.out
+    assert "tag 10 is not in the layout" in answer.err
     written = json.loads((tmp_path / "out" / "rig.json").read_text())
     assert written["rig"]["vehicle"] == document["rig"]["vehicle"]
     assert written["rig"]["sensors"][0]["calibrated-by"] == "someone"
     assert written["rig"]["sensors"][-1] == document["rig"]["sensors"][-1]
-
-
-def test_table_and_warnings_say_what_was_found(yard: Path, tmp_path: Path, twin: Twin) -> None:
-    """The table names every camera with its sigmas; a tag that the layout lacks is told."""
-    text = (yard / "layout.toml").read_text()
-    (tmp_path / "layout.toml").write_text(text.replace("id = 10\n", "id = 400\n"))
-    answer = twin(*arguments(yard, tmp_path / "out", tags=tmp_path / "layout.toml"))
-    assert answer.code == 0
-    assert "C3_tricam120" in answer.out
-    assert "tag 10 is not in the layout" in answer.err
 
 
 def test_camera_that_is_blurred_is_named(yard: Path, tmp_path: Path, twin: Twin) -> None:
