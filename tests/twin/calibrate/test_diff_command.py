@@ -27,7 +27,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folders = []
     for seed in (1, 2):
         root = tmp_path_factory.mktemp(f"fit{seed}")
-        assert run(["calibrate", "example", str(root / "board"), "--seed", str(seed), "--pictures", "8"]) == 0
+        assert run(["calibrate", "example", str(root / "board"), "--seed", str(seed), "--pictures", "6"]) == 0
         options = ["--board", EXAMPLE_BOARD, "--camera", EXAMPLE_CAMERA, "--model", "ftheta"]
         pictures = str(root / "board" / "pictures")
         assert run(["calibrate", "intrinsics", pictures, *options, "--out", str(root / "out")]) == 0

@@ -167,6 +167,7 @@ def test_boards_yard_and_drive_are_one_recipe(
     assert max(np.linalg.norm(drawn[name] - true[name]) for name in true) > 0.2
 
 
+@pytest.mark.usefixtures("unarranged")
 def test_drive_with_cameras_is_a_rig_and_gets_its_tables(
     other_car: Path, trip: Path, tmp_path: Path, twin: Twin
 ) -> None:
@@ -201,6 +202,7 @@ def test_drive_with_cameras_is_a_rig_and_gets_its_tables(
     assert twin("ingest-drive", drive, "--store", tmp_path / "twin.db").code == 0
 
 
+@pytest.mark.usefixtures("unarranged")
 def test_files_of_other_programs_carry_the_mounting(other_car: Path, tmp_path: Path, twin: Twin) -> None:
     """Kalibr's T_cam_imu and T_cn_cnm1 and OpenCV's matrices say the same as the rig file."""
     answer = twin(
@@ -240,6 +242,7 @@ def test_files_of_other_programs_carry_the_mounting(other_car: Path, tmp_path: P
         file.release()
 
 
+@pytest.mark.usefixtures("unarranged")
 def test_only_camera_of_a_file_takes_all_pictures(other_car: Path, tmp_path: Path, twin: Twin) -> None:
     """A file of one camera needs no camera's name in the pictures."""
     (tmp_path / "pictures").mkdir()

@@ -12,6 +12,7 @@ from geoloc.adjustment.result import AdjustmentDoubt
 from geoloc.doubts import Doubt
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.trajectory.trajectory import Trajectory
+from twin.drives.annotations.gather import only
 from twin.drives.drive import Drive
 from twin.drives.folder.notes import DriveDoubt, SkipKind, Skipped
 from twin.drives.objects.identify import id_warnings
@@ -97,11 +98,12 @@ def test_late_clock_of_one_camera_is_named_and_no_id_doubted() -> None:
 def test_annotations_at_half_size_show_nothing_missing() -> None:
     """With ids of each camera hardly any of them is located, and the drive says so."""
     drive, trajectory = sample_drive()
-    notes = drive.annotations
+    some = np.isin(drive.annotations.object, np.unique(drive.annotations.object)[:7])
+    notes = only(drive.annotations, some)
     ids = np.char.add(notes.camera, notes.object)
     half = replace(drive, annotations=replace(notes, object=ids, pixel_px=notes.pixel_px / 2))
     gap = absence_gap(half, locate_annotations(half, trajectory, method="adjusted"))
-    assert gap.endswith(f" of 498 annotations of {TELE} could be located")
+    assert gap.endswith(f" of 206 annotations of {TELE} could be located")
 
 
 @pytest.mark.parametrize(
