@@ -163,7 +163,7 @@ def _sightings(view: Snapshot, members: Iterable[str], method: str) -> dict[tupl
     rows = view.rows(
         sa.select(t.c.drive_id, t.c.object, t.c.camera, t.c.frame, t.c.eye_east_m, t.c.eye_north_m)
         .where(t.c.method == method, t.c.rejected == "", member.in_(each_text(members)))
-        .order_by(t.c.drive_id, t.c.camera, t.c.frame)
+        .order_by(t.c.drive_id, t.c.camera, t.c.frame, t.c.number)
     )
     found: dict[tuple[str, str], list[Row]] = {}
     for row in rows:

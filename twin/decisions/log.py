@@ -117,7 +117,7 @@ def last_entries(ask: Ask, only: Collection[str] | None = None) -> dict[str, Ent
     """Return the last entry that holds of every change, or of those named, that has one, by ``change_id``."""
     said = schema.decision
     asked = sa.select(said) if only is None else sa.select(said).where(said.c.change_id.in_(only))
-    return {row["change_id"]: Entry.from_row(row) for row in ask(asked)}
+    return {row["change_id"]: Entry.from_row(row) for row in ask(asked.order_by(said.c.id))}
 
 
 def last_entries_by_people(ask: Ask, only: Collection[str] | None = None) -> dict[str, Entry]:

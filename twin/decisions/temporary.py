@@ -138,9 +138,9 @@ def _signs(ask: Ask) -> list[_Sign]:
     """Findings of signs of road works that NVDB does not have, by the day on which they were first seen."""
     table = schema.change.c
     rows = ask(
-        sa.select(table.change_id, table.terms, table.skiltnummer_seen).where(
-            table.nvdb_id.is_(None), table.verdict.in_([Verdict.NEW.value, Verdict.REVIEW.value])
-        )
+        sa.select(table.change_id, table.terms, table.skiltnummer_seen)
+        .where(table.nvdb_id.is_(None), table.verdict.in_([Verdict.NEW.value, Verdict.REVIEW.value]))
+        .order_by(table.change_id)
     )
     seen = {
         row["change_id"]: days

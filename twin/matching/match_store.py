@@ -229,7 +229,7 @@ def _observed(view: Snapshot, method: str, config: MatchConfig, kept: Kept) -> _
     # What is no sign has nothing to be compared with in a mirror of signs.
     is_sign = schema.estimate.c.nvdb_type.is_(None)
     asked = sa.select(schema.estimate).where(schema.estimate.c.method == method, is_sign)
-    estimates = [Estimate.from_row(row) for row in view.rows(asked)]
+    estimates = [Estimate.from_row(row) for row in view.rows(asked.order_by(schema.estimate.c.estimate_id))]
     has_network = view.fact(VEGNETT) is not None
     directions = seen_from(view, estimates, method) if has_network else {}
     pairs = may_be_one(estimates, config)

@@ -42,7 +42,10 @@ def counted(
 
 def document_from_counts(counts: Counts) -> dict[str, Any]:
     """JSON form."""
-    return {str(type_id): [[*kind, n] for kind, n in kinds.items() if n] for type_id, kinds in counts.items()}
+    return {
+        str(type_id): sorted(([*kind, n] for kind, n in kinds.items() if n), key=str)
+        for type_id, kinds in counts.items()
+    }
 
 
 def counts_from_document(document: Mapping[str, Any]) -> dict[int, Counter[Kind]]:

@@ -112,9 +112,11 @@ def _kommuner_near(store: Store, findings: Sequence[Placed]) -> list[tuple[int, 
     (west, south), (east, north) = at.min(axis=0) - NEAR_KOMMUNE_M, at.max(axis=0) + NEAR_KOMMUNE_M
     point = schema.skiltpunkt.c
     rows = store.rows(
-        sa.select(point.east_m, point.north_m, point.kommuner).where(
+        sa.select(point.east_m, point.north_m, point.kommuner)
+        .where(
             point.east_m.between(float(west), float(east)), point.north_m.between(float(south), float(north))
         )
+        .order_by(point.nvdb_id)
     )
     if not rows:
         return [()] * len(findings)

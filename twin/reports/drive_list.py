@@ -98,9 +98,8 @@ def drive_names(view: Snapshot) -> dict[str, str]:
 
 def _objects(view: Snapshot) -> dict[str, dict[str, int]]:
     estimate = schema.estimate.c
-    counted = sa.select(estimate.drive_id, estimate.method, sa.func.count().label("n")).group_by(
-        estimate.drive_id, estimate.method
-    )
+    by = estimate.drive_id, estimate.method
+    counted = sa.select(*by, sa.func.count().label("n")).group_by(*by).order_by(*by)
     found: dict[str, dict[str, int]] = {}
     for row in view.rows(counted):
         found.setdefault(row["drive_id"], {})[row["method"]] = row["n"]

@@ -192,7 +192,8 @@ def _sightings(store: Store) -> list[Placed]:
     table = schema.sighting.c
     columns = [table[name] for name in ("method", "drive_id", "object", "camera", "epoch_ns", *_NUMBERS)]
     sightings = []
-    for row in store.rows(sa.select(*columns).where(table.rejected == "")):
+    order = table.drive_id, table.method, table.number
+    for row in store.rows(sa.select(*columns).where(table.rejected == "").order_by(*order)):
         numbers = (math.nan if row[name] is None else row[name] for name in _NUMBERS)
         east_m, north_m, ee, en, nn, range_m, speed_mps = numbers
         whose = row["method"], row["drive_id"], row["object"]

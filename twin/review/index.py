@@ -273,17 +273,19 @@ def _signs(view: Snapshot, east_m: FloatArray, north_m: FloatArray) -> NvdbSigns
         return NvdbSigns([], np.zeros(0), np.zeros(0), {})
     point, plate = schema.skiltpunkt.c, schema.skiltplate.c
     found = view.columns(
-        sa.select(point.nvdb_id, point.east_m, point.north_m).where(
+        sa.select(point.nvdb_id, point.east_m, point.north_m)
+        .where(
             point.own_geometry,
             point.east_m.between(east_m.min() - NEAR_M, east_m.max() + NEAR_M),
             point.north_m.between(north_m.min() - NEAR_M, north_m.max() + NEAR_M),
         )
+        .order_by(point.nvdb_id)
     )
     codes: dict[int, list[str]] = {}
     for row in view.rows(
-        sa.select(plate.point_id, plate.skiltnummer).where(
-            plate.point_id.is_not(None), plate.skiltnummer != ""
-        )
+        sa.select(plate.point_id, plate.skiltnummer)
+        .where(plate.point_id.is_not(None), plate.skiltnummer != "")
+        .order_by(plate.nvdb_id)
     ):
         codes.setdefault(row["point_id"], []).append(row["skiltnummer"])
     east, north = (np.array(found[name], dtype=np.float64) for name in ("east_m", "north_m"))

@@ -95,7 +95,8 @@ class Estimate:
             covariance_m2=(row["cov_ee_m2"], row["cov_en_m2"], row["cov_nn_m2"]),
             cameras=tuple(row["cameras"]),
             flags=tuple(flag for flag in row["flags"].split(";") if flag),
-            budget={source: (ee, en, nn) for source, (ee, en, nn) in row["budget"].items()},
+            # In one order whatever the database keeps: what is added up is the same to the last bit.
+            budget={source: (ee, en, nn) for source, (ee, en, nn) in sorted(row["budget"].items())},
         )
 
     def to_row(self) -> dict[str, Any]:
