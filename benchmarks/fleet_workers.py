@@ -22,7 +22,6 @@ import ctypes
 import os
 import random
 import resource
-import shutil
 import signal
 import socket
 import subprocess
@@ -31,15 +30,18 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 from fleet_drives import differing, drives, held
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from postgres_server import running
+
 from twin.cli.output import print_table
 from twin.errors import StoreError
-from twin.fleet import DaskCluster, LocalProcesses, Queue, work
+from twin.fleet import DaskCluster, Job, LocalProcesses, Queue, work
 from twin.ingest import ingest_drive
 from twin.store.kinds import JobKind, JobState
 from twin.store.store import Store
@@ -116,7 +118,7 @@ def kill_at_random(
     *,
     kills: int,
     seed: int,
-    between_s: tuple[float, float] = (0.2, 2.0),
+    between_s: tuple[float, float] = (0.0, 1.5),
     dask: bool = False,
     database: Callable[[], None] | None = None,
 ) -> Counter[str]:
@@ -151,21 +153,20 @@ def kill_at_random(
         engines = [address]
     workers = [Running(*_HERE, "--work", store, engine) for engine in engines]
     victims = ["process", "worker", *["scheduler"] * dask, *["database"] * (database is not None)]
+    began = 0
     try:
-        while _n_open(store):
-            time.sleep(draw.uniform(*between_s))
-            if sum(done.values()) < kills:
-                victims = [
-                    "process",
-                    "worker",
-                    *(["scheduler"] if dask else []),
-                    *(["database"] if database else []),
-                ]
+        while jobs := _open_jobs(store):
+            # What is killed has begun something since the last time.
+            n_runs = sum(job.claim for job in jobs)
+            if n_runs > began and sum(done.values()) < kills:
+                time.sleep(draw.uniform(*between_s))
                 done[_kill(draw.choice(victims), draw, workers, cluster, database)] += 1
                 _check(store, whole, complete=False)
+                began = sum(job.claim for job in _open_jobs(store))
             for one in (*cluster, *workers):
                 if one.process.poll() not in (None, 0):
                     one.start()
+            time.sleep(0.1)
     finally:
         for one in (*workers, *cluster):
             one.kill()
@@ -192,10 +193,13 @@ def _kill(
     return what
 
 
-def _n_open(store: str) -> int:
+def _open_jobs(store: str) -> list[Job]:
+    """Return all jobs; none when each is done or parked."""
     for _ in range(60):
         with suppress(StoreError), Store.open(store, create=False) as opened:
-            return Queue(opened).n_open()
+            jobs = Queue(opened).jobs()
+            ended = (JobState.DONE, JobState.PARKED)
+            return [] if all(job.state in ended for job in jobs) else jobs
         time.sleep(0.5)
     raise AssertionError("the store does not come back")
 
@@ -320,24 +324,23 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=1.5)
     parser.add_argument("--kills", type=int, default=BAR_KILLS)
     parser.add_argument("--only", choices=("speed", "kills"))
+    parser.add_argument("--postgres", action="store_true", help="stores in a server of its own, killed too")
     parser.add_argument("--work", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.work:
         return run_worker(*options.work)
-    work_folder = Path(tempfile.mkdtemp(prefix="twin-fleet-bench-"))
-    try:
+    with tempfile.TemporaryDirectory(prefix="twin-fleet-bench-") as folder, ExitStack() as stack:
+        place, database = Path(folder), None
+        if options.postgres:
+            server = stack.enter_context(running())
+            database = server.kill
 
         def address(name: str) -> str:
-            return str(work_folder / f"{name}.db")
+            return server.new() if options.postgres else str(place / f"{name}.db")
 
-        held_all = True
-        if options.only != "kills":
-            held_all &= speed(work_folder, options.drives, options.minutes, address)
-        if options.only != "speed":
-            held_all &= kills(work_folder, options.kills, address, None)
-        return 0 if held_all else 1
-    finally:
-        shutil.rmtree(work_folder)
+        is_held = options.only == "kills" or speed(place, options.drives, options.minutes, address)
+        is_held &= options.only == "speed" or kills(place, options.kills, address, database)
+    return 0 if is_held else 1
 
 
 if __name__ == "__main__":

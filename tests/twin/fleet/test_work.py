@@ -18,6 +18,7 @@ from checkout import ROOT
 from command_line import Twin
 from fleet_drives import drives, held
 from fleet_workers import kill_at_random
+from postgres_server import Server
 
 from twin.fleet import DaskCluster, Queue, work
 from twin.ingest import ingest_drive
@@ -51,15 +52,15 @@ def status(twin: Twin, store: Path) -> dict[str, int]:
 
 
 def test_fleet_gives_what_ingests_in_a_row_give(
-    twin: Twin, made: list[str], in_a_row: Store, tmp_path: Path
+    twin: Twin, made: list[str], in_a_row: Store, address: str, tmp_path: Path
 ) -> None:
     """Two processes, one of the drives twice under another name; nothing is done anew the second time."""
     copied = shutil.copytree(made[0], tmp_path / "copy")
-    command = ("fleet", "ingest", *made, copied, *QUICK, "--workers", "2", "--store", tmp_path / "f.db")
+    command = ("fleet", "ingest", *made, copied, *QUICK, "--workers", "2", "--store", address)
     answer = twin(*command, "--parquet", tmp_path / "pq", "--json")
     assert answer.code == 0, answer.err
     assert answer.json["n_ingested"] == 4
-    with Store.open(tmp_path / "f.db") as store:
+    with Store.open(address) as store:
         rows = held(store)
         names = [row[1] for row in rows["drive"]]
         assert sorted(row[1:] for row in rows["estimate"]) == sorted(
@@ -95,17 +96,19 @@ def test_bad_drive_is_parked_with_its_kind_and_the_others_are_in(
 
 
 def test_whoever_is_killed_every_drive_is_in_once_and_whole(
-    made: list[str], in_a_row: Store, twin: Twin, tmp_path: Path
+    made: list[str], in_a_row: Store, postgres: Server
 ) -> None:
-    """SIGKILL of processes and of whole workers at random; the next ones go on where these were.
+    """SIGKILL of processes, whole workers and the database at random; the next ones go on where these were.
 
-    ``TWIN_KILLS=30`` makes a longer run of it; benchmarks/fleet_workers.py also kills scheduler and database.
+    ``TWIN_KILLS=30`` makes a longer run of it; benchmarks/fleet_workers.py also kills Dask's scheduler.
     """
-    path = tmp_path / "f.db"
-    twin("fleet", "ingest", *made, *QUICK, "--queue", "--store", path)
-    killed = kill_at_random(str(path), held(in_a_row), kills=KILLS, seed=0, between_s=(2.0, 5.0))
+    address = postgres.new()
+    with Store.open(address) as store:
+        Queue(store).add(JobKind.INGEST, made, {"method": "single-frame"})
+    killed = kill_at_random(address, held(in_a_row), kills=KILLS, seed=3, database=postgres.kill)
     assert killed.total() > 0
-    assert status(twin, path) == {"done": 3}
+    with Store.open(address) as store:
+        assert {job.state for job in Queue(store).jobs()} == {JobState.DONE}
 
 
 def test_worker_that_is_told_to_end_gives_back_what_it_has(
