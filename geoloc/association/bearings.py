@@ -96,9 +96,22 @@ class Bearings:
 
 
 def bearings_from_sightings(
-    observations: Observations, poses: Poses, label: IntArray, rules: AssociationRules
+    observations: Observations,
+    poses: Poses,
+    label: IntArray,
+    rules: AssociationRules,
+    about_m: FloatArray | None = None,
 ) -> tuple[Bearings, TextArray]:
     """Turn sightings into bearings, and say which cannot be used.
+
+    Parameters
+    ----------
+    observations : Observations (n,)
+    poses : Poses (n,)
+    label : int64 (n,)
+    rules : AssociationRules
+    about_m : float64 (3,), optional
+        Origin of the geocentric axes. Default: the middle of the sightings.
 
     Returns
     -------
@@ -119,13 +132,15 @@ def bearings_from_sightings(
     height = np.maximum(offset[:, 2], _MIN_CAMERA_HEIGHT_M)
     on_ground = -ray[:, 2] / height
     sigma_ground = np.hypot(np.radians(rules.ground_deg), on_ground * rules.ground_m) / height
-    place = _geocentric(poses.latitude_deg, poses.longitude_deg, poses.height_m)
+    place = geocentric_m(poses.latitude_deg, poses.longitude_deg, poses.height_m)
     place = place + np.einsum("nij,nj->ni", R, offset)
     order = np.lexsort((*sightings.pixel_px.T[::-1], sightings.camera, epoch_ns))
     order = order[reason[order] == ""]
+    if about_m is None:
+        about_m = place[order].sum(axis=0) / max(order.size, 1)
     bearings = Bearings(
         row=np.arange(label.size),
-        centre_m=place - place[order].sum(axis=0) / max(order.size, 1),
+        centre_m=place - about_m,
         ray=np.einsum("nij,nj->ni", R, ray),
         up=up,
         camera=np.unique(sightings.camera, return_inverse=True)[1].astype(np.int64),
@@ -188,8 +203,8 @@ def _axes(latitude_deg: FloatArray, longitude_deg: FloatArray) -> tuple[FloatArr
     return up, np.stack([east, np.cross(up, east), up], axis=-1)
 
 
-def _geocentric(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Geocentric coordinates: no map plane bends a drive of any length."""
+def geocentric_m(latitude_deg: FloatArray, longitude_deg: FloatArray, height_m: FloatArray) -> FloatArray:
+    """Geocentric coordinates (n, 3): no map plane bends a drive of any length."""
     up, _ = _axes(latitude_deg, longitude_deg)
     curve = GRS80_SEMI_MAJOR_AXIS_M / np.sqrt(1.0 - GRS80_E2 * np.sin(np.radians(latitude_deg)) ** 2)
     scale = np.stack([curve, curve, curve * (1.0 - GRS80_E2)], axis=-1)

@@ -12,7 +12,7 @@ from geoloc.arrays import BoolArray, FloatArray, IntArray, TextArray
 from geoloc.earth.geodesy import metres_per_degree
 from geoloc.errors import TrajectoryError
 from geoloc.reasons import REASON_TYPE, Reason
-from geoloc.trajectory.curves import pose_curves
+from geoloc.trajectory.curves import PoseCurves, pose_curves
 from geoloc.trajectory.fix_checks import check_positions, common_epochs, late_sigma_s, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
@@ -81,6 +81,7 @@ class Trajectory:
     late_sigma_s: float = 0.0
     is_fitted: bool = False
     motion: MotionFound | None = None
+    _curves: list[PoseCurves] = field(default_factory=list, init=False, repr=False)
 
     @property
     def epoch_ns(self) -> IntArray:
@@ -119,7 +120,9 @@ class Trajectory:
             with a reason.
         """
         asked = np.asarray(epoch_ns, dtype=np.int64)
-        columns, valid = pose_curves(self.knots, self.max_gap_s).at(asked)
+        if not self._curves:
+            self._curves.append(pose_curves(self.knots, self.max_gap_s))
+        columns, valid = self._curves[0].at(asked)
         bad = np.flatnonzero(~valid)
         reason = np.zeros(asked.size, dtype="U1" if valid.all() else REASON_TYPE)
         if bad.size:

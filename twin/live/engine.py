@@ -16,6 +16,7 @@ import numpy as np
 from geoloc.adjustment.build_model import Place
 from geoloc.arrays import FloatArray
 from geoloc.live.causal import CausalSettings, CausalTrajectory, Following
+from geoloc.live.followed import NOWHERE, Followed
 from geoloc.live.landmarks import (
     Landmark,
     Landmarks,
@@ -27,6 +28,7 @@ from geoloc.live.landmarks import (
 )
 from geoloc.live.samples import Fix, Lag, MotionSample, Quantity
 from geoloc.locate.error_budget import ErrorBudget
+from geoloc.locate.observations import Observations
 from geoloc.locate.records import Kind, Sightings
 from geoloc.locate.single_frame import locate_single_frame
 from geoloc.rig.rig import Rig
@@ -92,6 +94,7 @@ class _Passed:
     """One object, each time that it is passed."""
 
     number: int
+    name: str
     id: str
     object: str | None
     label: str = ""
@@ -131,11 +134,13 @@ class LiveEngine:
         Taken so far.
     unplaced : int
         Sightings of objects that never got a position.
+    unfollowed : int
+        Detections without an id where the car had no pose, or outside the camera's picture.
     """
 
     def __init__(self, car: LiveCar, settings: LiveSettings | None = None) -> None:
         self.car, self.settings = car, settings or LiveSettings()
-        self.frames = self.sightings = self.unplaced = 0
+        self.frames = self.sightings = self.unplaced = self.unfollowed = 0
         self._track = CausalTrajectory(
             {name: car.rig.antennas[name].rig_t_antenna_m for name in car.antennas},
             lags=car.lags,
@@ -151,7 +156,10 @@ class LiveEngine:
             settings=self.settings.landmarks,
         )
         self._open: dict[int, _Passed] = {}
-        self._by_object: dict[str, int] = {}
+        self._by_name: dict[str, int] = {}
+        self._followed = Followed()
+        # 0 is that of an object without one.
+        self._labels = {"": 0}
         self._times: dict[str, int] = {}
         self._count = 0
         self._now_ns = self._track_ns = self._landmarks_ns = self._seen_ns = 0
@@ -250,8 +258,11 @@ class LiveEngine:
         self.frames += 1
         self._seen_ns = max(self._seen_ns, frame.epoch_ns)
         new: list[tuple[_Passed, Detection]] = []
-        for seen in frame.detections:
-            passed = self._passed(seen)
+        for seen, name in zip(frame.detections, self._names(frame), strict=True):
+            if name is None:
+                self.unfollowed += 1
+                continue
+            passed = self._passed(seen, name)
             passed.take(seen, frame.epoch_ns)
             self.sightings += 1
             self._landmarks.add(
@@ -261,18 +272,38 @@ class LiveEngine:
                 new.append((passed, seen))
         return self._first(frame, new) if new else []
 
-    def _passed(self, seen: Detection) -> _Passed:
+    def _names(self, frame: Frame) -> list[str | None]:
+        """What each detection's object is called: by its source, else ``live-1`` and so on; None: nothing."""
+        names = [seen.object for seen in frame.detections]
+        rows = [i for i, name in enumerate(names) if name is None]
+        trajectory = self._track.trajectory
+        if not rows or trajectory is None:
+            return names
+        seen = [frame.detections[i] for i in rows]
+        label = [self._labels.setdefault(one.skiltnummer or one.label, len(self._labels)) for one in seen]
+        picture = Observations(
+            self.car.rig,
+            Sightings(np.full(len(rows), frame.camera), np.array([one.pixel_px for one in seen])),
+            np.array([one.kind for one in seen]),
+            np.full(len(rows), -1),
+            np.full(len(rows), frame.epoch_ns + self._landmarks.shift_ns, dtype=np.int64),
+            trajectory,
+        )
+        numbers = self._followed.join(picture, np.array(label, dtype=np.int64))
+        for i, number in zip(rows, numbers.tolist(), strict=True):
+            names[i] = None if number == NOWHERE else f"live-{number + 1}"
+        return names
+
+    def _passed(self, seen: Detection, name: str) -> _Passed:
         """Which object a detection shows: one that is open, else a new one."""
-        number = None if seen.object is None else self._by_object.get(seen.object)
+        number = self._by_name.get(name)
         if number is not None:
             return self._open[number]
         self._count += 1
-        name = seen.object or f"live-{self._count}"
         times = self._times[name] = self._times.get(name, 0) + 1
-        passed = _Passed(self._count, name if times == 1 else f"{name}#{times}", seen.object)
+        passed = _Passed(self._count, name, name if times == 1 else f"{name}#{times}", seen.object)
         self._open[self._count] = passed
-        if seen.object is not None:
-            self._by_object[seen.object] = self._count
+        self._by_name[name] = self._count
         return passed
 
     def _first(self, frame: Frame, new: Iterable[tuple[_Passed, Detection]]) -> list[Estimate]:
@@ -317,8 +348,7 @@ class LiveEngine:
             passed = self._open.pop(number, None)
             if passed is None:
                 continue
-            if passed.object is not None and self._by_object.get(passed.object) == number:
-                del self._by_object[passed.object]
+            del self._by_name[passed.name]
             last = passed.estimate
             if last is None:
                 self.unplaced += passed.sightings

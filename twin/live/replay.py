@@ -129,6 +129,8 @@ def _samples(quantity: Quantity, series: MotionSeries) -> Iterator[Arrival]:
 def _frames(drive: Drive, camera: str) -> Iterator[Arrival]:
     notes = drive.annotations
     rows = np.flatnonzero(notes.camera == camera)
+    # A track's number says nothing of what other cameras see.
+    known = notes.has_id & ~(notes.is_track & (np.unique(notes.camera).size > 1))
     of_frame: dict[int, list[Detection]] = {}
     box_px = notes.box_px[rows]
     columns = zip(
@@ -136,7 +138,7 @@ def _frames(drive: Drive, camera: str) -> Iterator[Arrival]:
         notes.pixel_px[rows].tolist(),
         notes.kind[rows].tolist(),
         notes.object[rows].tolist(),
-        notes.has_id[rows].tolist(),
+        known[rows].tolist(),
         notes.label[rows].tolist(),
         notes.skiltnummer[rows].tolist(),
         notes.text[rows].tolist(),
