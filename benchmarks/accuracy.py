@@ -167,10 +167,11 @@ def recorded(case: Case, speed_kmh: float | None, seed: int, *, stated: bool = F
 
 
 def _of_quality(fixes: GnssFixes, noise: StatedFixes) -> GnssFixes:
-    """Fixes with the quality that a receiver of this noise writes."""
+    """Fixes with the quality that a receiver of this noise writes, and as late as it usually is."""
     if noise == CARRIER_PHASE:
         return fixes
-    return replace(fixes, quality=np.ones_like(fixes.quality))
+    stamped_ns = fixes.epoch_ns + round(1e6 * noise.late_ms[0])
+    return replace(fixes, quality=np.ones_like(fixes.quality), epoch_ns=stamped_ns)
 
 
 def spread_clocks(drives: int) -> FloatArray:

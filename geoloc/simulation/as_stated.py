@@ -31,14 +31,14 @@ class StatedFixes:
     reflected_share: float
     lasting_share: float
     lasts_s: float
-    late_ms: float = 0.0
-    """By how much the receiver may be late."""
+    late_ms: tuple[float, float] = (0.0, 0.0)
+    """By how much the receiver is late, and one sigma of that."""
 
 
 # What two antennas share of a fixed solution is all that is left.
 CARRIER_PHASE = StatedFixes(0.015, 0.4, 0.33, float(np.sqrt(1.0 - 0.4**2 - 0.33**2)), 100.0)
 # Fixes of 10 s count as one in what is new; what lasts all day is in none of these.
-CODE = StatedFixes(2.0, 0.0, 0.4, 0.9, 120.0, late_ms=150.0)
+CODE = StatedFixes(2.0, 0.0, 0.4, 0.9, 120.0, late_ms=(120.0, 90.0))
 
 
 class _Stated(Protocol):
@@ -84,7 +84,8 @@ def as_stated(
     stated : ErrorBudget
         Or what has its fields: nothing of the estimator is imported here.
     fixes : StatedFixes
-        Fixes that are late look like frames that are early: that is drawn with the camera clock.
+        Fixes that are late look like frames that are early: both, without the mean of the one, are drawn with
+        the camera clock. That mean is for whoever stamps the fixes.
     """
     once = stream(seed, "as stated").normal(size=5)
     knots = np.array(world.road.curvature)
@@ -132,7 +133,7 @@ def _noise(stated: _Stated, antennas: int, fixes: StatedFixes) -> NoiseSpec:
         gnss_slow_horizontal_m=lasting_m,
         gnss_slow_vertical_m=lasting_m * UP,
         gnss_slow_tau_s=fixes.lasts_s,
-        frame_offset_ms=float(np.hypot(stated.time_ms, fixes.late_ms)),
+        frame_offset_ms=float(np.hypot(stated.time_ms, fixes.late_ms[1])),
         frame_jitter_ms=0.0,
         boresight_deg=stated.boresight_deg,
         camera_position_m=stated.camera_position_m,

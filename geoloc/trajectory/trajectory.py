@@ -13,7 +13,7 @@ from geoloc.earth.geodesy import metres_per_degree
 from geoloc.errors import TrajectoryError
 from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.trajectory.curves import PoseCurves, pose_curves
-from geoloc.trajectory.fix_checks import check_positions, common_epochs, late_sigma_s, without_jumps
+from geoloc.trajectory.fix_checks import check_positions, common_epochs, lateness_s, without_jumps
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
 from geoloc.trajectory.motion_readings import followed_epochs
@@ -63,7 +63,8 @@ class Trajectory:
     estimated : PoseSigmas or None
         Sigmas of recorded poses that were not stated but estimated (NaN: stated); None where all were.
     late_sigma_s : float
-        One sigma of how late the positions may be against their epochs, all alike.
+        One sigma of how late the positions may be against their epochs, all alike, beyond what is usual
+        (`fix_checks.lateness_s`): that is taken off.
     is_fitted : bool
         Whether poses were fitted to fixes, so that it is known how much of their errors lasts; else recorded.
     motion : MotionFound or None
@@ -256,10 +257,12 @@ def trajectory_from_gnss(
     kept, dropped = _without_jumps(fixes)
     kept, refused = _without_wrong_headings(kept)
     levers = [np.asarray(rig_antennas[f.antenna], dtype=np.float64) for f in kept]
-    knot_ns = common_epochs([f.epoch_ns for f in kept], max_gap_s)
+    late_s, late_sigma_s = lateness_s(kept)
+    early = [replace(one, epoch_ns=one.epoch_ns - round(late_s * NANOSECONDS)) for one in kept]
+    knot_ns = common_epochs([one.epoch_ns for one in early], max_gap_s)
     if motion is not None:
         knot_ns = followed_epochs(knot_ns, motion)
-    fit = fitted(kept, levers, knot_ns, max_gap_s, motion)
+    fit = fitted(early, levers, knot_ns, max_gap_s, motion)
     return Trajectory(
         knots=rig_poses(knot_ns, fit),
         fixes=raw_poses(kept, levers, max_gap_s),
@@ -268,7 +271,7 @@ def trajectory_from_gnss(
         dropped=(*dropped, *refused),
         measured_at_m=np.mean(levers, axis=0),
         lasting_roll=fit.tilt.lasting_roll,
-        late_sigma_s=late_sigma_s(kept),
+        late_sigma_s=late_sigma_s,
         is_fitted=True,
         motion=fit.motion,
     )

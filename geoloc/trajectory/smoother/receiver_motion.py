@@ -110,8 +110,10 @@ class Velocities:
             if state.shape[1] > YAW:
                 arm, rate = _arm(state, arms_m[:, antenna]), state[:, YAW_RATE, None]
                 jacobian[:, :, YAW], jacobian[:, :, YAW_RATE] = -rate * arm, turned(arm)
-            information = self.weight[:, antenna] * count
-            information = information / (self._sigma(antenna, state) * self.scale[antenna]) ** 2
+            # What velocities scatter beyond what is stated does not last: a roof that sways comes back.
+            scatter = 1.0 + (self.scale[antenna] ** 2 - 1.0) * count
+            information = self.weight[:, antenna] * count / scatter
+            information = information / self._sigma(antenna, state) ** 2
             residual = self._residual(antenna, state, arms_m)
             chain.observe(jacobian, residual, np.repeat(information[:, None], 2, axis=1), None)
 

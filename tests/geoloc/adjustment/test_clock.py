@@ -73,6 +73,6 @@ def test_clock_that_nothing_can_check_stays_and_is_told(stated_ms: float) -> Non
     adjusted = late.adjusted(budget=ErrorBudget(time_ms=stated_ms))
     assert AdjustmentDoubt.CLOCK_UNCHECKED in {doubt.kind for doubt in adjusted.doubts}
     assert adjusted.time_offset_ms.value == pytest.approx(0.0, abs=5.0)
-    assert adjusted.time_offset_ms.sigma == pytest.approx(np.hypot(stated_ms, 150.0), rel=0.01)
+    assert adjusted.time_offset_ms.sigma == pytest.approx(np.hypot(stated_ms, 90.0), rel=0.01)
     if stated_ms == 1000.0:
         assert (nees(late.errors_m(adjusted), adjusted.covariance_m2) < 5.99).mean() > 0.9

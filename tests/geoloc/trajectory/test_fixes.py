@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoloc.trajectory.fix_checks import SIGMA_FLOOR_M, late_sigma_s, noise_of_fixes, sigma_of_fixes
+from geoloc.trajectory.fix_checks import SIGMA_FLOOR_M, lateness_s, noise_of_fixes, sigma_of_fixes
 from geoloc.trajectory.poses import GnssFixes
 
 NAN = np.nan
@@ -36,11 +36,12 @@ def test_fixes_without_stated_sigmas_have_nan() -> None:
 @pytest.mark.parametrize(
     ("quality", "stated_m", "late_s"), [(4, NAN, 0.0), (5, NAN, 0.0), (1, NAN, 0.15), (1, 0.02, 0.0)]
 )
-def test_receivers_without_a_carrier_phase_solution_may_be_late(
+def test_receivers_without_a_carrier_phase_solution_are_late(
     quality: int, stated_m: float, late_s: float
 ) -> None:
-    """Those of surveyors are not, whatever they call their solution."""
+    """By half of a normal distribution; those of surveyors are not, whatever they call their solution."""
     stamp = np.arange(3)
     place = (np.zeros(3) for _ in range(3))
     one = GnssFixes("a", stamp, stamp, *place, np.full(3, quality), np.full(3, stated_m))
-    assert late_sigma_s([one]) == late_s
+    drawn_s = late_s * np.abs(np.random.default_rng(0).normal(size=100_000))
+    assert lateness_s([one]) == pytest.approx((drawn_s.mean(), drawn_s.std()), abs=0.002)

@@ -22,6 +22,7 @@ from geoloc.earth.geodesy import enu_offset, geographic_from_enu, wrap_deg
 from geoloc.locate.records import Sightings
 from geoloc.locate.single_frame import locate_single_frame
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.trajectory.fix_checks import lateness_s
 from geoloc.trajectory.heading import heading_against_course
 from geoloc.trajectory.poses import GnssFixes, Poses
 from geoloc.trajectory.trajectory import Trajectory, trajectory_from_gnss
@@ -61,8 +62,14 @@ def turned(fixes: GnssFixes, by_deg: float) -> GnssFixes:
     return replace(fixes, heading_deg=(fixes.heading_deg + by_deg) % 360.0)
 
 
+def as_late_as_usual(fixes: GnssFixes) -> GnssFixes:
+    """The same from a receiver that stamps them late, as most do without corrections."""
+    return replace(fixes, epoch_ns=fixes.epoch_ns + round(1e9 * lateness_s([fixes])[0]))
+
+
 def smoothed(drive: SimulatedDrive, fixes: GnssFixes) -> Trajectory:
     """Trajectory of one antenna with the lever arm of its rig."""
+    fixes = as_late_as_usual(fixes)
     return trajectory_from_gnss([fixes], {fixes.antenna: drive.rig.antennas[fixes.antenna].rig_t_antenna_m})
 
 
@@ -174,7 +181,7 @@ def test_velocity_of_an_antenna_ahead_of_the_axle_is_that_of_the_antenna() -> No
     """
     lever = np.array([3.0, 0.4, 1.5])
     fixes, heading = circling(lever)
-    poses = trajectory_from_gnss([fixes], {"roof": lever}).poses_at(fixes.epoch_ns[10:-10])
+    poses = trajectory_from_gnss([as_late_as_usual(fixes)], {"roof": lever}).poses_at(fixes.epoch_ns[10:-10])
     assert np.abs(wrap_deg(poses.heading_deg - heading[10:-10])).max() < 1.0
 
 
