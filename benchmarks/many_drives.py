@@ -70,6 +70,8 @@ class Estimates(NamedTuple):
     """Found, one sigma of that, one sigma beforehand, and how late the receiver may be."""
     solved_s: float
     """One sigma by the least squares alone."""
+    lasts_s: float
+    """Correlation time of what the track is off."""
 
 
 def road(seed: int, minutes: float, *, against: bool) -> Scenario:
@@ -113,6 +115,7 @@ def estimates_of(drive: SimulatedDrive, fixes: GnssFixes) -> Estimates:
         {source: covariance[there] for source, covariance in adjusted.by_source.items()},
         (1e-3 * clock.value, 1e-3 * clock.sigma, 1e-3 * adjusted.time_prior_ms, trajectory.late_sigma_s),
         1e-3 * adjusted.time_solved_ms,
+        trajectory.lasts_s,
     )
 
 
@@ -132,6 +135,7 @@ def fused_of(drives: Sequence[Estimates], known: Known | None = None) -> Fused:
                 one.heading_deg,
                 FoundClock(float(clocks.prior_s[number]), one.solved_s, one.clock_s[1]),
             ),
+            np.full(one.pole.size, one.lasts_s),
         )
         for number, one in enumerate(drives)
     ]

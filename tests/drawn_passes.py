@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoloc.fusion.fuse import TRACK_LASTS_S, Clocks, Passes
+from geoloc.fusion.fuse import Clocks, Passes
+from geoloc.trajectory.fix_checks import CODE_LASTS_S
 
 POLES, SPACING_S, SPEED_MPS = 12, 6.0, 15.0
 LATE_ALIKE_S, LATE_OWN_S, CLOCK_SIGMA_S = 0.14, 0.05, 0.1
 
 
 def passes(
-    rng: np.random.Generator, drives: int, *, both_ways: bool = True, poles: int = POLES
+    rng: np.random.Generator,
+    drives: int,
+    *,
+    both_ways: bool = True,
+    poles: int = POLES,
+    lasts_s: float = CODE_LASTS_S,
 ) -> tuple[Passes, Clocks]:
     """Draw drives past poles that stand at the origin, all as `fuse` takes them to be."""
     parts, clocks = [], []
@@ -22,7 +28,7 @@ def passes(
         back = both_ways and drive % 2 == 1
         epoch_s = np.arange(poles) * SPACING_S
         epoch_s = epoch_s[::-1] if back else epoch_s
-        lasts = np.exp(-np.abs(epoch_s[:, None] - epoch_s) / TRACK_LASTS_S)
+        lasts = np.exp(-np.abs(epoch_s[:, None] - epoch_s) / lasts_s)
         track = np.linalg.cholesky(lasts) @ rng.normal(size=(poles, 2)) * 2.0
         late = late_of_all + rng.normal() * LATE_OWN_S
         # Sightings show the clock to a tenth of a second, and the drive draws that towards 0.
@@ -42,6 +48,7 @@ def passes(
                 0.1**2 * unit,
                 np.full(poles, 2.0),
                 np.tile(ahead, (poles, 1)),
+                np.full(poles, lasts_s),
             )
         )
         clocks.append((found, sigma_s, prior_s, prior_s))

@@ -26,8 +26,6 @@ import numpy as np
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.locate.accuracy import nees
 
-TRACK_LASTS_S = 120.0
-"""Correlation time of a fix's error: atmosphere and the satellites' geometry change over minutes."""
 _STAMPED_S = 0.005
 # Shares of variances that all drives of a car have in common: of how frames are stamped, and of how late the
 # receiver's filter is. A clock that is known to the second only is each drive's own.
@@ -62,6 +60,8 @@ class Passes:
         One sigma a horizontal axis of the track.
     ahead_mps : float64 (n, 2)
         How far a second that the clock found is too large moves it: along the way the car drove.
+    lasts_s : float64 (n,)
+        Correlation time of the track's error, the same in all rows of a drive.
     """
 
     pole: IntArray
@@ -72,6 +72,7 @@ class Passes:
     common_m2: FloatArray
     track_m: FloatArray
     ahead_mps: FloatArray
+    lasts_s: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,9 +179,7 @@ class Fused:
     square: FloatArray
 
 
-def fuse(
-    passes: Passes, clocks: Clocks, known: Known | None = None, track_lasts_s: float = TRACK_LASTS_S
-) -> Fused:
+def fuse(passes: Passes, clocks: Clocks, known: Known | None = None) -> Fused:
     """Fuse all passes of all drives.
 
     Poles whose places are known tie the drives' tracks down. Such a pole itself is placed without its own
@@ -191,8 +190,6 @@ def fuse(
     passes : Passes (n,)
     clocks : Clocks (d,)
     known : Known (m,), optional
-    track_lasts_s : float
-        Correlation time of the track's error.
 
     Returns
     -------
@@ -211,7 +208,7 @@ def fuse(
         part = Passes(*(getattr(passes, name)[rows] for name in Passes.__dataclass_fields__))
         number = np.searchsorted(there[window], part.pole)
         of_window = None if known is None else known.part(there[window])
-        place, covariance, off = _solved(replace(part, pole=number), clocks, of_window, middle, track_lasts_s)
+        place, covariance, off = _solved(replace(part, pole=number), clocks, of_window, middle)
         wanted = np.searchsorted(window, some)
         mine = np.isin(number, wanted)
         square[rows[mine]] = off[mine]
@@ -233,7 +230,7 @@ def _neighbourhoods(place_m: FloatArray) -> Iterator[IntArray]:
 
 
 def _solved(
-    passes: Passes, clocks: Clocks, known: Known | None, origin_m: FloatArray, lasts_s: float
+    passes: Passes, clocks: Clocks, known: Known | None, origin_m: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places and covariances of all poles ``(m, 2)``, ``(m, 2, 2)``, no gaps, and squares of passes (n,).
 
@@ -246,7 +243,7 @@ def _solved(
     of_drives = []
     for number, drive in enumerate(drives):
         rows = np.flatnonzero(passes.drive == drive)
-        weight = np.linalg.inv(_covariance(passes, rows, lasts_s))
+        weight = np.linalg.inv(_covariance(passes, rows))
         ahead = passes.ahead_mps[rows].ravel()
         seen = (passes.place_m[rows] - origin_m).ravel() - mine.found_s[number] * ahead
         columns = (2 * passes.pole[rows, None] + np.arange(2)).ravel()
@@ -329,12 +326,12 @@ def _of_clocks(clocks: Clocks, first: int) -> tuple[FloatArray, FloatArray]:
     return normal, right
 
 
-def _covariance(passes: Passes, rows: IntArray, lasts_s: float) -> FloatArray:
+def _covariance(passes: Passes, rows: IntArray) -> FloatArray:
     """Covariance ``(2k, 2k)`` of what a drive says of poles, but for the clock: east and north in turn."""
     k = rows.size
     track, epoch_s = passes.track_m[rows], passes.epoch_ns[rows] / 1e9
     since_s = np.abs(epoch_s[:, None] - epoch_s)
-    moved = np.outer(track, track) * np.exp(-since_s / lasts_s)
+    moved = np.outer(track, track) * np.exp(-since_s / passes.lasts_s[rows])
     whole = np.kron(moved, np.eye(2)).reshape(k, 2, k, 2)
     one = np.arange(k)
     whole[one, :, one, :] += passes.own_m2[rows] + passes.common_m2[rows] + _FLOOR_M2 * np.eye(2)

@@ -31,8 +31,8 @@ _FILTER_LAG_S = (0.12, 0.09)
 _AS_GOOD_AS_FIXED_M = 0.05
 MULTIPATH_S = 10.0
 """Correlation time of reflections as a car moves past them."""
-# The same of what code solutions err by: the atmosphere, and which satellites are in view.
-_CODE_LASTS_S = 120.0
+CODE_LASTS_S = 120.0
+"""The same of what code solutions err by: the atmosphere, and which satellites are in view."""
 VERTICAL_FACTOR = 1.7
 """Vertical sigma of a fix over its horizontal one, where the receiver does not say."""
 
@@ -129,7 +129,7 @@ def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> FixNoise:
         sigma,
         0.4 * sigma,
         np.where(fixed, 0.33, 0.9) * sigma,
-        np.where(fixed, MULTIPATH_S, _CODE_LASTS_S),
+        np.where(fixed, MULTIPATH_S, CODE_LASTS_S),
         np.where(fixed, 0.0, MULTIPATH_S),
     )
 

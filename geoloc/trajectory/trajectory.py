@@ -13,7 +13,13 @@ from geoloc.earth.geodesy import metres_per_degree
 from geoloc.errors import TrajectoryError
 from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.trajectory.curves import PoseCurves, pose_curves
-from geoloc.trajectory.fix_checks import check_positions, common_epochs, lateness_s, without_jumps
+from geoloc.trajectory.fix_checks import (
+    CODE_LASTS_S,
+    check_positions,
+    common_epochs,
+    lateness_s,
+    without_jumps,
+)
 from geoloc.trajectory.heading import course_over_ground, heading_against_course
 from geoloc.trajectory.interpolation import NANOSECONDS, Bracket, apart_s, bracket, seconds, tangents
 from geoloc.trajectory.motion_readings import followed_epochs
@@ -65,6 +71,8 @@ class Trajectory:
     late_sigma_s : float
         One sigma of how late the positions may be against their epochs, all alike, beyond what is usual
         (`fix_checks.lateness_s`): that is taken off.
+    lasts_s : float
+        Correlation time of what its places are off.
     is_fitted : bool
         Whether poses were fitted to fixes, so that it is known how much of their errors lasts; else recorded.
     motion : MotionFound or None
@@ -80,6 +88,7 @@ class Trajectory:
     lasting_roll: LastingRoll = field(default_factory=LastingRoll)
     estimated: PoseSigmas | None = None
     late_sigma_s: float = 0.0
+    lasts_s: float = CODE_LASTS_S
     is_fitted: bool = False
     motion: MotionFound | None = None
     _curves: list[PoseCurves] = field(default_factory=list, init=False, repr=False)
@@ -272,6 +281,7 @@ def trajectory_from_gnss(
         measured_at_m=np.mean(levers, axis=0),
         lasting_roll=fit.tilt.lasting_roll,
         late_sigma_s=late_sigma_s,
+        lasts_s=fit.track.lasts_s,
         is_fitted=True,
         motion=fit.motion,
     )

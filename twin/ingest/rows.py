@@ -200,6 +200,7 @@ def corrections_of(adjusted: Adjusted | None, trajectory: Trajectory) -> Correct
         camera_prior_ms=finite(adjusted.time_prior_ms),
         receiver_late_ms=1e3 * trajectory.late_sigma_s,
         camera_solved_ms=finite(adjusted.time_solved_ms),
+        track_lasts_s=trajectory.lasts_s,
     )
 
 

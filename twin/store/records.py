@@ -251,6 +251,8 @@ class Corrections:
         One sigma of how late the positions may be, which is part of it.
     camera_solved_ms : float or None
         One sigma of the camera clock by the least squares alone; None of drives ingested before it was kept.
+    track_lasts_s : float
+        Correlation time of what the track's places are off.
     """
 
     pixel_noise_factor: float
@@ -260,6 +262,7 @@ class Corrections:
     camera_prior_ms: float | None = None
     receiver_late_ms: float = 0.0
     camera_solved_ms: float | None = None
+    track_lasts_s: float = 120.0
 
     @classmethod
     def from_json(cls, document: Mapping[str, Any]) -> Corrections | None:
@@ -277,6 +280,7 @@ class Corrections:
             camera_prior_ms=document.get("camera_prior_ms"),
             receiver_late_ms=document.get("receiver_late_ms", 0.0),
             camera_solved_ms=document.get("camera_solved_ms"),
+            track_lasts_s=document.get("track_lasts_s", 120.0),
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.trajectory.fix_checks import CODE_LASTS_S
 from geoloc.trajectory.smoother.chain import MEDIAN_2D, Chain, Known, Links, Window, robust_weight
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.odometry import MotionOnRoad, Odometry, shows_slip, unknowns
@@ -91,6 +92,9 @@ class PlaneTrack:
         1 for a fix that fits, towards 0 for one that does not, and 0 for none.
     onward : Known or None
         For the window after this one (`chain.Window`).
+    wander_m2ps : float
+        By how much the variance of the place grows in a second that velocities alone bridge; infinite
+        without.
     """
 
     state: FloatArray
@@ -99,6 +103,16 @@ class PlaneTrack:
     constants_covariance: FloatArray
     weight: FloatArray
     onward: Known | None = None
+    wander_m2ps: float = np.inf
+
+    @property
+    def lasts_s(self) -> float:
+        """Correlation time of what places are off.
+
+        That of fixes without corrections, or longer where velocities say how the car went on: by them places
+        a second apart differ by no more than they wander.
+        """
+        return max(CODE_LASTS_S, 2.0 * float(np.median(self.position_sigma_m**2)) / self.wander_m2ps)
 
     @property
     def position_m(self) -> FloatArray:
@@ -220,7 +234,8 @@ def smoothed_plane(
     if window is not None:
         left = fit.equations(state, constants, weight, until=window.leave)
         onward = left.known_at(window.leave, state, constants)
-    return PlaneTrack(state, covariance, constants, shared, weight, onward)
+    wander_m2ps = fit.velocities.wander_m2ps(state)
+    return PlaneTrack(state, covariance, constants, shared, weight, onward, wander_m2ps)
 
 
 class _Fit:

@@ -101,7 +101,6 @@ class Velocities:
     def observe(self, chain: Chain, state: FloatArray, arms_m: FloatArray) -> None:
         """Add the equations at a state; `arms_m` as in `_residual`."""
         for antenna in self.antennas:
-            count = np.minimum(1.0, self.fixes.fix_share_s[:, antenna] / VELOCITY_EVERY_S)
             late = self.fixes.late_s[:, antenna]
             jacobian = np.zeros((len(state), 2, state.shape[1]))
             for axis in range(2):
@@ -110,10 +109,7 @@ class Velocities:
             if state.shape[1] > YAW:
                 arm, rate = _arm(state, arms_m[:, antenna]), state[:, YAW_RATE, None]
                 jacobian[:, :, YAW], jacobian[:, :, YAW_RATE] = -rate * arm, turned(arm)
-            # What velocities scatter beyond what is stated does not last: a roof that sways comes back.
-            scatter = 1.0 + (self.scale[antenna] ** 2 - 1.0) * count
-            information = self.weight[:, antenna] * count / scatter
-            information = information / self._sigma(antenna, state) ** 2
+            information = self._information(antenna, state)
             residual = self._residual(antenna, state, arms_m)
             chain.observe(jacobian, residual, np.repeat(information[:, None], 2, axis=1), None)
 
@@ -124,6 +120,23 @@ class Velocities:
             residual = self._residual(antenna, state, arms_m)[told]
             off = np.hypot(residual[:, 0], residual[:, 1]) / self._sigma(antenna, state)[told]
             self.weight[told, antenna], self.scale[antenna] = robust_weight(off, MEDIAN_2D, power)
+
+    def wander_m2ps(self, state: FloatArray) -> float:
+        """By how much the variance of a place grows in a second that velocities alone bridge.
+
+        The median of the drive, an axis; infinite where half of it has no velocities.
+        """
+        a_second = np.zeros(len(state))
+        for antenna in self.antennas:
+            a_second += self._information(antenna, state) / self.fixes.fix_share_s[:, antenna]
+        known = float(np.median(a_second))
+        return 1.0 / known if known > 0.0 else np.inf
+
+    def _information(self, antenna: int, state: FloatArray) -> FloatArray:
+        count = np.minimum(1.0, self.fixes.fix_share_s[:, antenna] / VELOCITY_EVERY_S)
+        # What velocities scatter beyond what is stated does not last: a roof that sways comes back.
+        scatter = 1.0 + (self.scale[antenna] ** 2 - 1.0) * count
+        return np.asarray(self.weight[:, antenna] * count / scatter / self._sigma(antenna, state) ** 2)
 
     def _sigma(self, antenna: int, state: FloatArray) -> FloatArray:
         lag = _FILTER_LAG_S * np.hypot(*state[:, ACCELERATION].T)

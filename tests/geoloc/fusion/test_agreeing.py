@@ -59,6 +59,21 @@ def test_signs_that_were_moved_do_not_count() -> None:
     assert np.hypot(*fused.place_m[[2, 7]].T).max() < 1.0
 
 
+def test_neighbours_that_were_moved_alike_seldom_bend_a_track_that_velocities_hold() -> None:
+    """The last two of twelve stand 3 m aside: a track that errs alike for longer does not follow them."""
+    bent = []
+    for lasts_s in (120.0, 500.0, 1000.0):
+        drawn = (np.random.default_rng([14, seed]) for seed in range(20))
+        moved = {POLES - 2: 3.0, POLES - 1: 3.0}
+        used = [
+            fuse_with_agreeing(*passes(rng, 1, lasts_s=lasts_s), known(rng, off=moved))[1] for rng in drawn
+        ]
+        bent.append(sum(bool(one[-2:].any()) for one in used))
+    assert bent[0] > 10
+    assert bent[1] < 8
+    assert bent[2] < 4
+
+
 def test_fewer_than_three_count_for_nothing() -> None:
     """Two measured signs may both be wrong alike."""
     rng = np.random.default_rng(10)

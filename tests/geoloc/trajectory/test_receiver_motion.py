@@ -268,7 +268,10 @@ def test_velocities_over_minutes_better_a_track_of_poor_fixes() -> None:
         world = replace(world, poles=world.poles[:1], cameras=world.cameras[:1])
         spec = ConsumerSpec(error_m=(2.8, 2.8), lasts_s=(120.0, 120.0), late_s=(0.0, 0.0))
         drive, fixes = consumer_drive(world, seed, spec)
-        poses, truth = smoothed(drive, fixes).poses_at(drive.frame_epoch_ns[::30]), drive.poses
+        track, truth = smoothed(drive, fixes), drive.poses
+        poses = track.poses_at(drive.frame_epoch_ns[::30])
+        # Places differ from one another by no more than velocities let them.
+        assert 250.0 < track.lasts_s < 600.0
         there = truth.latitude_deg[::30], truth.longitude_deg[::30]
         off = np.hypot(*enu_offset(*there, poses.latitude_deg, poses.longitude_deg)) / np.sqrt(2.0)
         ratio.append(np.mean((off / poses.sigma_horizontal_m) ** 2))

@@ -14,6 +14,7 @@ from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg, ut
 from geoloc.fusion.agreeing import LEAST, fuse_with_agreeing
 from geoloc.fusion.fuse import Clocks, Known, Passes
 from geoloc.fusion.sources import FoundClock, parts_of
+from geoloc.trajectory.fix_checks import CODE_LASTS_S
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.kept import Kept, digest
 from twin.matching.poles.poles import ObservedPole
@@ -217,6 +218,7 @@ def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) ->
         last_ns,
         place,
         *parts_of(by_source, heading, _found_clock(drive)),
+        np.full(len(seen), CODE_LASTS_S if drive.corrections is None else drive.corrections.track_lasts_s),
     )
 
 
