@@ -26,7 +26,7 @@ from geoloc.adjustment.result import (
     adjusted_of,
     nothing_adjusted,
 )
-from geoloc.adjustment.task import WIDER, Task
+from geoloc.adjustment.task import WIDER, Solved, Task
 from geoloc.arrays import FloatArray
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.error_budget import LIKELY_READOUT_MS, ErrorBudget
@@ -85,7 +85,7 @@ def adjust(
     CalibrationError
         If the rig lacks one of the cameras.
     """
-    # A receiver that is late looks like a camera clock that is wrong.
+    # A receiver that is later than usual looks like a camera clock that is wrong.
     late_ms = 1e3 * observations.trajectory.late_sigma_s
     budget = replace(budget, time_ms=float(np.hypot(budget.time_ms, late_ms)))
     stated = budget if readout_ms is None else replace(budget, readout_ms=_STATED_READOUT_MS)
@@ -104,7 +104,7 @@ def adjust(
     at = task.settled(task.solved(seen, stated), stated)
     task, at = task.with_pose_sigmas(at, stated)
     held_s = 0.0
-    if late_ms and not shift_s and not task.tells_time(at, stated):
+    if late_ms and not shift_s and (_tells_little(at, stated) or not task.tells_time(at, stated)):
         # What bearings seem to say of the clock is noise of the fixes: the stated one stays.
         held = replace(stated, time_ms=_HELD_MS)
         at, held_s = task.with_lenses(task.solved(task.seen(0), held), held), 1e-3 * stated.time_ms
@@ -153,3 +153,9 @@ def adjust(
         task.observations.trajectory.estimated,
         stated.time_ms,
     )
+
+
+def _tells_little(at: Solved, priors: ErrorBudget) -> bool:
+    """Whether the bearings know the clock less well than it is stated, and do not speak against that."""
+    rays = clock_of_the_rays(at.solution, at.found, priors.time_ms, at.shift_s)
+    return rays.sigma > priors.time_ms and not may_not_be(rays, priors.time_ms)

@@ -139,6 +139,8 @@ def fitted(
     tilt = smoothed_tilt(knots, arms, LEVER_SIGMA_M, track.forward_mps, track.lateral_mps2)
     for iterations in _ITERATIONS:
         track, tilt = track_and_tilt(knots, car, drift, track, tilt, iterations)
+        if iterations == _ITERATIONS[0]:
+            knots = knots.as_large_as_found(*track.slow_error)
     found = None if readings is None else motion_found(readings, knots, track, turns_show=turns_show)
     return Fitted(knots, car, track, tilt, pair is not None, found)
 

@@ -27,6 +27,9 @@ _SHORTEST_STEP_S = 1e-3
 # Of the error of code solutions, what is the same all day: the receiver's own atmosphere model.
 _LASTING_SHARE = 0.3
 
+# As how many errors of a drive what is stated of their size counts: receivers and skies differ by half.
+_STATED_COUNTS = 4.0
+
 _BY_ANTENNA = (
     "plane_m",
     "height_m",
@@ -146,6 +149,32 @@ class KnotFixes:
         What lasts for minutes of code solutions does not scatter.
         """
         return np.where(self.white_every_s[:, antenna] > 0.0, 1.0, scale)
+
+    def as_large_as_found(self, slow: FloatArray, slow_variance: FloatArray) -> KnotFixes:
+        """Scale the noise of one antenna's code solutions by what a fit found of their slow error.
+
+        Estimates a variance component: squares of what was found over its redundancy, with the stated noise
+        counting as `_STATED_COUNTS` errors. Where nothing shows the slow error, that noise stays.
+
+        Parameters
+        ----------
+        slow, slow_variance : float64 (n, 2)
+            The slow error in units of `slow_m`, east and north, and the variance of that.
+
+        Notes
+        -----
+        Koch (1999), "Parameter estimation and hypothesis testing in linear models", section 3.6.
+        """
+        if self.seen.shape[1] > 1 or not (self.white_every_s[self.seen] > 0.0).all():
+            return self
+        # Of each axis there is a new one after twice the correlation time.
+        independent = float(self.share_s.sum() / np.median(self.slow_lasts_s[self.seen]))
+        shown = float(np.mean(np.maximum(1.0 - slow_variance, 0.0)))
+        found = independent * float(np.mean(slow**2)) + _STATED_COUNTS
+        factor = np.sqrt(found / (independent * shown + _STATED_COUNTS))
+        return replace(
+            self, **{name: factor * getattr(self, name) for name in ("sigma_m", "white_m", "slow_m")}
+        )
 
     def with_what_all_share(self, smoothed_m: FloatArray, *, is_height: bool = False) -> FloatArray:
         """One sigma ``(n,)`` of a place: what smoothing leaves ``(n,)``, and what no smoothing shows.

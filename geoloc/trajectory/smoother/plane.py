@@ -106,6 +106,12 @@ class PlaneTrack:
     wander_m2ps: float = np.inf
 
     @property
+    def slow_error(self) -> tuple[FloatArray, FloatArray]:
+        """What lasts of the first antenna's error, in sigmas, east and north ``(n, 2)``; and its variance."""
+        own = slice(OWN, OWN + 2)
+        return self.state[:, own], np.diagonal(self.covariance, axis1=1, axis2=2)[:, own]
+
+    @property
     def lasts_s(self) -> float:
         """Correlation time of what places are off.
 

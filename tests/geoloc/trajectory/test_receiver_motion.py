@@ -263,19 +263,22 @@ def test_stated_vertical_sigma_is_that_of_the_height() -> None:
 def test_velocities_over_minutes_better_a_track_of_poor_fixes() -> None:
     """Ten minutes with fixes that are 2 m off an axis for two minutes: the track is better, and says so."""
     ratio, sigma_m = [], []
-    for seed in range(4):
+    for seed in range(5):
         world = scenario("highway", None, seed, 10.0)
         world = replace(world, poles=world.poles[:1], cameras=world.cameras[:1])
-        spec = ConsumerSpec(error_m=(2.8, 2.8), lasts_s=(120.0, 120.0), late_s=(0.0, 0.0))
+        error_m = 2.8 if seed < 4 else 8.4
+        spec = ConsumerSpec(error_m=(error_m, error_m), lasts_s=(120.0, 120.0), late_s=(0.0, 0.0))
         drive, fixes = consumer_drive(world, seed, spec)
         track, truth = smoothed(drive, fixes), drive.poses
         poses = track.poses_at(drive.frame_epoch_ns[::30])
         # Places differ from one another by no more than velocities let them.
-        assert 250.0 < track.lasts_s < 600.0
+        assert 250.0 < track.lasts_s < 1500.0
         there = truth.latitude_deg[::30], truth.longitude_deg[::30]
         off = np.hypot(*enu_offset(*there, poses.latitude_deg, poses.longitude_deg)) / np.sqrt(2.0)
         ratio.append(np.mean((off / poses.sigma_horizontal_m) ** 2))
         sigma_m.append(poses.sigma_horizontal_m.mean())
-    assert np.mean(sigma_m) < 1.5
+    assert np.mean(sigma_m[:4]) < 1.5
+    # The last one is three times as far off, which its velocities show: √3 are left of that.
+    assert sigma_m[4] > 1.4 * np.mean(sigma_m[:4])
     # A drive of ten minutes is some five courses of the atmosphere.
     assert 0.5 < np.mean(ratio) < 1.8
