@@ -22,7 +22,7 @@ from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset
 from geoloc.errors import TrajectoryError
 from geoloc.live.samples import Fix, Lag, MotionBuffer, MotionSample, Quantity, gnss_fixes
-from geoloc.trajectory.fix_checks import common_epochs, late_sigma_s, without_jumps
+from geoloc.trajectory.fix_checks import common_epochs, lateness_s, without_jumps
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.motion_readings import LONGEST_BRIDGE_S, MotionReadings, followed_epochs
 from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses, part
@@ -40,6 +40,8 @@ _STEP_S = 0.2
 _ITERATIONS, _ITERATIONS_ALONE = 4, 3
 # A lag that is found differs from the stated one, and integrals begin before the first knot.
 _MOTION_MARGIN_S = 2.0
+_RECENT = 20
+"""Fixes before a new one that tell what receiver it comes from."""
 _by_epoch = attrgetter("epoch_ns")
 
 
@@ -146,7 +148,10 @@ class CausalTrajectory:
         place = (fix.latitude_deg, fix.longitude_deg, fix.height_m)
         if held is None or fix.quality <= 0 or not np.isfinite(place).all() or abs(fix.latitude_deg) > 90.0:
             self.refused += 1
-        elif self._solved is not None and fix.epoch_ns < self._solved.begin_ns:
+            return
+        late_s, _ = lateness_s([gnss_fixes(fix.antenna, [*held[-_RECENT:], fix])])
+        fix = fix._replace(epoch_ns=fix.epoch_ns - round(late_s * NANOSECONDS))
+        if self._solved is not None and fix.epoch_ns < self._solved.begin_ns:
             self.too_late += 1
         elif all(one.epoch_ns != fix.epoch_ns for one in reversed(held)):
             insort(held, fix, key=_by_epoch)
@@ -324,7 +329,7 @@ class CausalTrajectory:
             dropped=(),
             measured_at_m=np.mean(arms, axis=0),
             lasting_roll=roll,
-            late_sigma_s=late_sigma_s(fixes),
+            late_sigma_s=lateness_s(fixes)[1],
             is_fitted=True,
         )
 
