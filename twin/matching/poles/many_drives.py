@@ -17,8 +17,10 @@ from geoloc.fusion.sources import FoundClock, parts_of
 from geoloc.trajectory.fix_checks import CODE_LASTS_S
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.kept import Kept, digest
+from twin.matching.poles.kept_places import KeptPlaces
 from twin.matching.poles.poles import ObservedPole
-from twin.store.records import Corrections, Covariance, Estimate
+from twin.matching.poles.windows import Window, Windows
+from twin.store.records import Correction, Corrections, Covariance, Estimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +78,10 @@ def with_fused_places(
 ) -> Placed:
     """Place poles by the estimates of all drives that are tied together by poles that several of them saw.
 
-    Drives that no other one shares a pole with keep their places, and so do poles of drives whose method
-    tells nothing of where its errors come from: covariance intersection holds for these.
+    Poles of one square of the grid are placed at a time, by what drives say of them and of the poles about
+    (:mod:`twin.matching.poles.windows`). Drives that no other one shares a pole with there keep their places,
+    and so do poles of drives whose method tells nothing of where its errors come from: covariance
+    intersection holds for these.
 
     Parameters
     ----------
@@ -88,68 +92,112 @@ def with_fused_places(
     measured : mapping of a pole's number → Measured, optional
         Places that tie drives down where they agree with one another; never the pole itself.
     kept : Kept, optional
-        What earlier matches worked out for drives that are tied together.
+        What earlier matches worked out of the same squares.
     """
-    measured, kept = measured or {}, kept or Kept()
     by_id = {drive.drive_id: drive for drive in drives}
     by_member = {member: estimate for estimate in estimates for member in estimate.members}
     seen = [_best_of_drives(pole, by_member, by_id) for pole in poles]
-    number = {drive.drive_id: k for k, drive in enumerate(drives)}
-    group = _tied([[number[one.drive_id] for one in of_pole] for of_pole in seen], len(drives))
+    told = np.array([k for k, of_pole in enumerate(seen) if of_pole], dtype=np.int64)
+    if not told.size:
+        return Placed(list(poles), frozenset())
+    passes = _all_passes([seen[k] for k in told], drives)
+    known = np.array([(measured or {}).get(k, _NOWHERE) for k in told.tolist()])
+    place_m = np.array([(poles[k].east_m, poles[k].north_m) for k in told])
+    fusing = _Fusing(passes, drives, known, KeptPlaces(kept or Kept(), "aided" if measured else "fused"))
     placed, tied_by = list(poles), set[int]()
-    for tied in np.unique(group):
-        ids = [drive.drive_id for drive, one in zip(drives, group, strict=True) if one == tied]
-        of_group = [k for k, one in enumerate(seen) if one and group[number[one[0].drive_id]] == tied]
-        known = [measured.get(k, _NOWHERE) for k in of_group]
-        if len(ids) < 2 and sum(one is not _NOWHERE for one in known) < LEAST:
-            continue
-        fused, used = _fused([seen[k] for k in of_group], [by_id[i] for i in ids], known, kept)
-        if len(ids) < 2 and not used.any():
-            continue
-        tied_by |= {k for k, counts in zip(of_group, used, strict=True) if counts}
-        for k, (east, north), covariance in zip(of_group, *fused, strict=True):
-            if math.isnan(east):  # its drives do not agree on it: it ties nothing, and stays
-                continue
-            placed[k] = replace(
-                poles[k],
-                east_m=float(east),
-                north_m=float(north),
-                covariance_m2=covariance,
-                # What each drive has of its own is averaged in that covariance.
-                averaged=1.0,
-            )
+    for window in Windows(place_m):
+        for rows, found in fusing.groups_of(window):
+            for k, (east, north, ee, en, nn, used) in zip(told[rows].tolist(), found.tolist(), strict=True):
+                if used:
+                    tied_by.add(k)
+                if math.isnan(east):  # its drives do not agree on it: it ties nothing, and stays
+                    continue
+                placed[k] = replace(
+                    poles[k],
+                    east_m=east,
+                    north_m=north,
+                    covariance_m2=np.array([[ee, en], [en, nn]]),
+                    # What each drive has of its own is averaged in that covariance.
+                    averaged=1.0,
+                )
+    fusing.keep()
     return Placed(placed, frozenset(tied_by))
 
 
 _NOWHERE = Measured(math.nan, math.nan, 1.0)
 
 
-def _fused(
-    seen: Sequence[Sequence[Estimate]], drives: Sequence[Driven], known: Sequence[Measured], kept: Kept
-) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
-    """Places and covariances of the poles of one group, and which known places count."""
-    places = np.array(known).reshape(-1, 3)
-    key = digest(*(drive.content for drive in drives), places.tobytes(), *_said(seen))
-    found = kept.get(_KIND, key)
-    if found is None:
-        passes, clocks = _group_of(seen, drives)
-        fused, used = fuse_with_agreeing(passes, clocks, Known(places[:, :2], places[:, 2]))
-        found = {"place_m": fused.place_m, "covariance_m2": fused.covariance_m2, "used": used}
-        kept.put(_KIND, key, found)
-    return (found["place_m"], found["covariance_m2"]), found["used"]
+class _Fusing:
+    """Passes of all drives past all poles, of which those about one square are put together at a time."""
+
+    def __init__(self, passes: Passes, drives: Sequence[Driven], known: FloatArray, kept: KeptPlaces) -> None:
+        self._passes, self._known, self._kept = passes, known, kept
+        self._clocks = _clocks(drives)
+        self._order = np.argsort(passes.pole, kind="stable")
+        self._first = np.searchsorted(passes.pole[self._order], np.arange(len(known) + 1))
+        names = ("place_m", "own_m2", "common_m2", "track_m", "ahead_mps")
+        columns = [getattr(passes, name).reshape(len(passes.pole), -1) for name in names]
+        self._said = np.column_stack([passes.epoch_ns.view(np.float64), *columns])
+
+    def groups_of(self, window: Window) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Poles of a square that drives tie together, and what `_fused` says of them."""
+        inside = np.zeros(len(self._known), dtype=bool)
+        inside[window.inside] = True
+        rows = np.sort(
+            np.concatenate([self._order[self._first[k] : self._first[k + 1]] for k in window.about.tolist()])
+        )
+        group = _groups(self._passes.pole[rows], self._passes.drive[rows])
+        for one in np.unique(group[inside[self._passes.pole[rows]]]).tolist():
+            mine = rows[group == one]
+            there = np.unique(self._passes.pole[mine])
+            drives = np.unique(self._passes.drive[mine])
+            known = self._known[there]
+            if drives.size < 2 and np.isfinite(known[:, 0]).sum() < LEAST:
+                continue
+            wanted = inside[there]
+            found = self._fused(window.square, mine, there, drives, wanted)
+            if drives.size < 2 and not found[:, 5].any():
+                continue
+            yield there[wanted], found
+
+    def _fused(
+        self, square: int, rows: IntArray, there: IntArray, drives: IntArray, wanted: BoolArray
+    ) -> FloatArray:
+        """Easting, northing, three of the covariance, and whether its known place counts, of those wanted."""
+        known = self._known[there]
+        pole, drive = np.searchsorted(there, self._passes.pole[rows]), self._passes.drive[rows]
+        number = np.searchsorted(drives, drive)
+        clocks = Clocks(*(getattr(self._clocks, name)[drives] for name in Clocks.__dataclass_fields__))
+        clocks = replace(clocks, car=np.unique(clocks.car, return_inverse=True)[1])
+        rests_on = digest(
+            *(getattr(clocks, name).tobytes() for name in Clocks.__dataclass_fields__),
+            *(part.tobytes() for part in (known, pole, number, self._said[rows], wanted)),
+        )
+        found = self._kept.get(square, rests_on)
+        if found is None:
+            columns = {name: getattr(self._passes, name)[rows] for name in Passes.__dataclass_fields__}
+            passes = Passes(**(columns | {"pole": pole, "drive": number}))
+            fused, used = fuse_with_agreeing(passes, clocks, Known(known[:, :2], known[:, 2]))
+            covariance = fused.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
+            found = np.column_stack([fused.place_m, covariance, used])[wanted]
+        self._kept.put(square, rests_on, found)
+        return found
+
+    def keep(self) -> None:
+        """Leave what was used to the next match."""
+        self._kept.keep()
 
 
-_KIND = "fused"
+def _groups(pole: IntArray, drive: IntArray) -> IntArray:
+    """Group (n,) of each pass: drives that poles tie together have the same, and so have these poles."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-
-def _said(seen: Sequence[Sequence[Estimate]]) -> Iterator[bytes]:
-    """Everything that estimates of poles say where they stand."""
-    yield np.array([len(of_pole) for of_pole in seen]).tobytes()
-    every = [one for of_pole in seen for one in of_pole]
-    yield repr([(one.drive_id, tuple(one.budget)) for one in every]).encode()
-    yield np.array([one.last_ns for one in every]).tobytes()
-    yield np.array([(one.east_m, one.north_m) for one in every]).tobytes()
-    yield np.array([part for one in every for part in one.budget.values()]).tobytes()
+    there, of_pole = np.unique(pole, return_inverse=True)
+    drives, of_drive = np.unique(drive, return_inverse=True)
+    size = drives.size + there.size
+    graph = coo_array((np.ones(pole.size), (of_drive, drives.size + of_pole)), shape=(size, size))
+    return np.asarray(connected_components(graph, directed=False)[1][of_drive], dtype=np.int64)
 
 
 def _best_of_drives(
@@ -172,28 +220,21 @@ def _spread(estimate: Estimate) -> tuple[float, str]:
     return ee + nn, estimate.member
 
 
-def _tied(drives_of_poles: Sequence[Sequence[int]], drives: int) -> IntArray:
-    """Group ``(drives,)`` of each drive: those that poles tie together have the same."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    pairs = [(of_pole[0], one) for of_pole in drives_of_poles for one in of_pole[1:]]
-    ends = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    graph = coo_array((np.ones(len(pairs)), (ends[0], ends[1])), shape=(drives, drives))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def _group_of(seen: Sequence[Sequence[Estimate]], drives: Sequence[Driven]) -> tuple[Passes, Clocks]:
-    """What drives say of poles, whose numbers are their places in `seen`."""
+def _all_passes(seen: Sequence[Sequence[Estimate]], drives: Sequence[Driven]) -> Passes:
+    """What drives say of poles, whose numbers are their places in `seen`: drive by drive."""
     mine: dict[str, list[tuple[int, Estimate]]] = {drive.drive_id: [] for drive in drives}
     for k, of_pole in enumerate(seen):
         for estimate in of_pole:
             mine[estimate.drive_id].append((k, estimate))
-    parts = [_passes(number, drive, mine[drive.drive_id]) for number, drive in enumerate(drives)]
+    parts = [
+        _passes(number, drive, mine[drive.drive_id])
+        for number, drive in enumerate(drives)
+        if mine[drive.drive_id]
+    ]
     columns = (
         np.concatenate([getattr(part, name) for part in parts]) for name in Passes.__dataclass_fields__
     )
-    return Passes(*columns), _clocks(drives)
+    return Passes(*columns)
 
 
 def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) -> Passes:
@@ -242,9 +283,9 @@ def _found_clock(drive: Driven) -> FoundClock:
 
 
 def _clocks(drives: Sequence[Driven]) -> Clocks:
-    """Clocks of drives that were adjusted."""
+    """Clocks of drives; those that were not adjusted have no pass, and any clock."""
     cars = sorted({drive.car for drive in drives})
-    found = [drive.corrections for drive in drives if drive.corrections is not None]
+    found = [drive.corrections or _NOT_ADJUSTED for drive in drives]
     value, sigma = (
         np.array([(one.camera_offset_ms.value, one.camera_offset_ms.sigma) for one in found]).T / 1e3
     )
@@ -252,3 +293,6 @@ def _clocks(drives: Sequence[Driven]) -> Clocks:
     car = np.array([cars.index(drive.car) for drive in drives])
     late = np.array([one.receiver_late_ms for one in found]) / 1e3
     return Clocks.of_drives(car, value, sigma, prior, late)
+
+
+_NOT_ADJUSTED = Corrections(1.0, Correction(0.0, 1.0), Correction(0.0, 1.0), {})

@@ -64,3 +64,15 @@ def test_a_clock_that_was_doubted_moves_no_pole_by_itself(stated_ms: float | Non
     rows = [replace(estimate(name, "1", 10.0), budget=budget) for name in "ab"]
     _, (pole,) = placed(rows, [replace(driven(name), corrections=found) for name in "ab"])
     assert pole.north_m - NORTH_M == pytest.approx(10.0, abs=0.01)
+
+
+def test_what_lies_far_off_changes_no_place() -> None:
+    """Drives past poles two kilometres on: bit for bit the same places; past the next pole: others."""
+    near = [estimate(name, "1", 10.0, 0.1 * k) for k, name in enumerate("ab")]
+    far = [estimate(name, "2", 2010.0, 0.3 * k) for k, name in enumerate("abc")]
+    beside = [estimate(name, "3", 40.0, 0.3 * k) for k, name in enumerate("abc")]
+    of_first = []
+    for rows in (near, near + far, near + beside):
+        _, (pole, *_) = placed(rows, [driven(name) for name in "abc"])
+        of_first.append((pole.east_m, pole.north_m, pole.covariance_m2.tolist()))
+    assert of_first[0] == of_first[1] != of_first[2]
