@@ -222,12 +222,13 @@ def _sightings(estimate: dict[str, Any]) -> list[dict[str, Any]]:
 def let_next_come(path: Path) -> None:
     """Put the drive that was kept aside among the others."""
     with Store.open(path) as store, store.transaction() as connection:
+        come = connection.execute(sa.select(schema.KEPT[schema.drive].c.drive_id)).scalars().all()
         for table, kept in schema.KEPT.items():
             names = [column.name for column in table.columns]
             asked = sa.select(*(kept.c[name] for name in names))
             connection.execute(sa.insert(table).from_select(names, asked))
             connection.execute(sa.delete(kept))
-        store.touch(connection)
+        store.touch(connection, come)
 
 
 def measured(path: Path, profile: Path | None = None, *, anew: bool = False) -> Run:

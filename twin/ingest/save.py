@@ -126,7 +126,7 @@ def save_drive(
         put(connection, read)
         saved = _settle(connection, sets, before, read, unseen, replace=replace)
         if saved.annotation_set.is_current and is_new:
-            store.touch(connection)
+            store.touch(connection, [drive.drive_id])
         if also is not None:
             also(connection)
     return saved

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,10 @@ class Assignment:
         Log odds of the pair by term (:data:`twin.matching.likelihood.TERMS`); NaN for a pole alone.
     alternatives_of_pole, alternatives_of_site : dict
         What else it may be, where that has a probability worth naming.
+    together : Pairs
+        All that were weighed against one another.
+    reach_m : float
+        The longest distance in a pair within the gate.
     """
 
     site_of_pole: NDArray[np.int64]
@@ -52,6 +57,19 @@ class Assignment:
     terms_of_pole: FloatArray
     alternatives_of_pole: dict[int, Alternatives]
     alternatives_of_site: dict[int, Alternatives]
+    together: Pairs
+    reach_m: float
+
+    def groups(self) -> NDArray[np.int64]:
+        """Group of each pole, then of each site: those that pairs hold together have the same."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        n = len(self.site_of_pole)
+        size = n + len(self.confidence_of_site)
+        ends = self.together.pole, n + self.together.site
+        graph = coo_array((np.ones(ends[0].size), ends), shape=(size, size))
+        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
 def assign(
@@ -59,6 +77,7 @@ def assign(
     sites: Sequence[Site],
     p_unannotated: FloatArray,
     config: MatchConfig,
+    common: Mapping[str, float] | None = None,
 ) -> Assignment:
     """Assign poles to sites one-to-one, with "no match" as a hypothesis that competes.
 
@@ -67,6 +86,8 @@ def assign(
     p_unannotated : float64 (n_sites,)
         Probability that the site's pole, if it still stands, goes unannotated: about 1 where no drive had
         it in view, small where a completely annotated drive did.
+    common : mapping of a sign code to log odds, optional
+        As :func:`twin.matching.likelihood.cost_of_common` gives them; by default of these sites.
 
     Notes
     -----
@@ -74,7 +95,8 @@ def assign(
     being gone or overlooked. The assignment is the exact minimum over each connected cluster. A hypothesis
     competes by the best joint assignment in which it holds (:func:`twin.matching.one_to_one.extra_costs`).
     """
-    pairs = _that_matter(gated_pairs(poles, sites, p_unannotated, config), len(poles), len(sites))
+    gated = gated_pairs(poles, sites, p_unannotated, config, common)
+    pairs = _that_matter(gated, len(poles), len(sites))
     result = Assignment(
         site_of_pole=np.full(len(poles), -1, dtype=np.int64),
         confidence_of_pole=np.ones(len(poles)),
@@ -83,6 +105,8 @@ def assign(
         terms_of_pole=np.full((len(poles), len(TERMS)), np.nan),
         alternatives_of_pole={},
         alternatives_of_site={},
+        together=pairs,
+        reach_m=_longest(poles, sites, gated),
     )
     single = lonely_pairs(pairs.pole, pairs.site)
     _settle_single(pairs.part(single), result)
@@ -90,6 +114,14 @@ def assign(
     for cluster in clusters(rest.pole, rest.site, rest.cost):
         _settle_cluster(cluster, rest, result)
     return result
+
+
+def _longest(poles: Sequence[ObservedPole], sites: Sequence[Site], pairs: Pairs) -> float:
+    ends = zip(pairs.pole.tolist(), pairs.site.tolist(), strict=True)
+    apart = (
+        math.hypot(poles[i].east_m - sites[j].east_m, poles[i].north_m - sites[j].north_m) for i, j in ends
+    )
+    return max(apart, default=0.0)
 
 
 def _that_matter(pairs: Pairs, n_poles: int, n_sites: int) -> Pairs:

@@ -5,26 +5,31 @@ from __future__ import annotations
 import hashlib
 import json
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import sqlalchemy as sa
 
+from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
+from geoloc.trajectory.trajectory import Poses
 from twin.matching.absence import Passage, last_seen_by
+from twin.matching.cells import Grid, cells_about
 from twin.matching.config import MatchConfig
-from twin.matching.in_view import Asked, Counts, Grid, Places, Watcher, cells_about
+from twin.matching.in_view import VIEWS, Asked, Counts, Places, Watcher
 from twin.matching.kept import Kept, digest
+from twin.matching.left import KnownDrive
 from twin.matching.poles.ahead import NEAR_M, Ahead, ahead_of_nvdb, places_if_shifted
 from twin.matching.poles.many_drives import Driven
 from twin.matching.poles.poles import ObservedPole
+from twin.matching.reading import rows_of_drives
 from twin.matching.sites import Site
 from twin.store import schema
 from twin.store.poses import poses_from_blob
 from twin.store.records import Corrections, Estimate
-from twin.store.store import Snapshot
+from twin.store.store import Row, Snapshot
 from twin.words import sentence
 from twin.words.reasons import (
     DriveAhead,
@@ -55,7 +60,7 @@ class Drive:
     driven: Driven
     cameras: tuple[str, ...]
     watcher: Watcher
-    ahead: DriveAhead | DriveBehind | None = None
+    shift: Ahead | None = None
     """Of all its signs against NVDB's."""
 
     @property
@@ -66,7 +71,10 @@ class Drive:
     @property
     def doubt(self) -> DriveDoubted | None:
         """Why its positions are not trusted; None where they are."""
-        return DriveDoesNotFit(self.name, self.misfits) if self.misfits else self.ahead
+        if self.misfits or self.shift is None:
+            return DriveDoesNotFit(self.name, self.misfits) if self.misfits else None
+        kind = DriveAhead if self.shift.late_s > 0 else DriveBehind
+        return kind(self.name, abs(self.shift.along_m), abs(self.shift.late_s))
 
     def warnings(self) -> Iterator[str]:
         """What to know of its findings."""
@@ -81,43 +89,79 @@ class Drive:
         return Passage(self.drive_id, self.started_ns, self.is_evidence, counts)
 
 
-def drives_of(view: Snapshot, method: str, config: MatchConfig, kept: Kept) -> list[Drive]:
-    """Drives ingested by the method, in time order; only these can have seen or missed a sign."""
+def drives_of(
+    view: Snapshot,
+    method: str,
+    config: MatchConfig,
+    kept: Kept,
+    only: Collection[str] | None = None,
+    known: Mapping[str, KnownDrive] | None = None,
+) -> list[Drive]:
+    """Drives ingested by the method, in time order; only these can have seen or missed a sign.
+
+    Parameters
+    ----------
+    only : collection of str, optional
+        Those of these ids.
+    known : mapping of drive id to KnownDrive, optional
+        What the last match knows of drives that nobody touched since.
+    """
     d, m = schema.drive, schema.drive_method
-    statement = (
-        sa.select(d, m.c.n_unplaced, m.c.corrections, m.c.misfits, m.c.absence_gap)
-        .join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
-        .order_by(d.c.started_ns, d.c.drive_id)
+    statement = sa.select(
+        *(d.c[name] for name in _LIGHT), m.c.n_unplaced, m.c.corrections, m.c.misfits, m.c.absence_gap
+    ).join(m, (m.c.drive_id == d.c.drive_id) & (m.c.method == method))
+    rows = sorted(
+        rows_of_drives(view, statement, d.c.drive_id, only), key=lambda r: (r["started_ns"], r["drive_id"])
     )
-    drives = []
-    for row in view.rows(statement):
-        unplaced = f"{row['n_unplaced']} annotated objects have no position" if row["n_unplaced"] else ""
-        poses = cache(partial(poses_from_blob, row["poses"]))
-        rig, cameras = cache(partial(_rig, row["rig"], row["name"])), tuple(row["cameras"])
-        recorded = digest(row["rig"], row["poses"])
-        watcher = Watcher(rig, poses, recorded.encode(), cameras, config, kept)
-        drives.append(
-            Drive(
-                drive_id=row["drive_id"],
-                started_ns=row["started_ns"],
-                content_sha256=row["content_sha256"],
-                name=row["name"],
-                misfits=tuple(map(misfit_from_json, row["misfits"])),
-                is_complete=bool(row["annotations_complete"]),
-                absence_gap=row["absence_gap"] or unplaced,
-                driven=Driven(
-                    row["drive_id"],
-                    poses,
-                    Corrections.from_json(row["corrections"]),
-                    hashlib.sha256(row["rig"]).hexdigest(),
-                    recorded,
-                    has_poses=bool(watcher.coarse.size),
-                ),
-                cameras=cameras,
-                watcher=watcher,
-            )
-        )
-    return drives
+    return [_drive(view, row, config, kept, (known or {}).get(row["drive_id"])) for row in rows]
+
+
+_LIGHT = ("drive_id", "name", "started_ns", "content_sha256", "cameras", "annotations_complete")
+
+
+def _drive(view: Snapshot, row: Row, config: MatchConfig, kept: Kept, known: KnownDrive | None) -> Drive:
+    drive_id, name = row["drive_id"], row["name"]
+
+    def poses() -> Poses:
+        return poses_from_blob(_blob(view, drive_id, "poses"))
+
+    def rig() -> Rig:
+        return _rig(_blob(view, drive_id, "rig"), name)
+
+    if known is None:
+        packed = _blob(view, drive_id, "rig")
+        recorded, car = digest(packed, _blob(view, drive_id, "poses")), hashlib.sha256(packed).hexdigest()
+    else:
+        recorded, car = known.recorded, known.car
+    unplaced = f"{row['n_unplaced']} annotated objects have no position" if row["n_unplaced"] else ""
+    read_poses, cameras = cache(poses), tuple(row["cameras"])
+    watcher = Watcher(drive_id, cache(rig), read_poses, recorded.encode(), cameras, config, kept)
+    return Drive(
+        drive_id=drive_id,
+        started_ns=row["started_ns"],
+        content_sha256=row["content_sha256"],
+        name=name,
+        misfits=tuple(map(misfit_from_json, row["misfits"])),
+        is_complete=bool(row["annotations_complete"]),
+        absence_gap=row["absence_gap"] or unplaced,
+        driven=Driven(
+            drive_id,
+            read_poses,
+            Corrections.from_json(row["corrections"]),
+            car,
+            recorded,
+            has_poses=bool(watcher.coarse.size),
+        ),
+        cameras=cameras,
+        watcher=watcher,
+        shift=None if known is None else known.ahead,
+    )
+
+
+def _blob(view: Snapshot, drive_id: str, name: str) -> bytes:
+    """Read at once what is large, and of most drives never asked for."""
+    asked = sa.select(schema.drive.c[name]).where(schema.drive.c.drive_id == drive_id)
+    return bytes(view.rows(asked)[0][name])
 
 
 def _rig(packed: bytes, name: str) -> Rig:
@@ -125,23 +169,33 @@ def _rig(packed: bytes, name: str) -> Rig:
 
 
 def beside_nvdb(
-    drives: Sequence[Drive], sites: Sequence[Site], estimates: Sequence[Estimate], kept: Kept
+    drives: Sequence[Drive],
+    sites: Sequence[Site],
+    estimates: Sequence[Estimate],
+    kept: Kept,
+    only: Collection[str] | None = None,
 ) -> list[Drive]:
-    """Find out of each drive that fits itself whether one shift brings all its signs to NVDB's."""
+    """Find out of each drive that fits itself whether one shift brings all its signs to NVDB's.
+
+    Parameters
+    ----------
+    only : collection of str, optional
+        Ids of drives to look at; of these all estimates, and all sites about, have to be there.
+    """
     landmarks, mine = _Landmarks(sites), {drive.drive_id: list[Estimate]() for drive in drives}
     for one in estimates:
         mine[one.drive_id].append(one)
     return [
-        drive if drive.misfits else _beside(drive, landmarks, mine[drive.drive_id], kept) for drive in drives
+        drive
+        if drive.misfits or (only is not None and drive.drive_id not in only)
+        else replace(drive, shift=landmarks.shift_of(mine[drive.drive_id], drive, kept))
+        for drive in drives
     ]
 
 
-def _beside(drive: Drive, landmarks: _Landmarks, estimates: Sequence[Estimate], kept: Kept) -> Drive:
-    ahead = landmarks.shift_of(estimates, drive, kept)
-    if ahead is None:
-        return drive
-    kind = DriveAhead if ahead.late_s > 0 else DriveBehind
-    return replace(drive, ahead=kind(drive.name, abs(ahead.along_m), abs(ahead.late_s)))
+def cells_if_shifted(drive: Drive, estimates: Sequence[Estimate]) -> IntArray:
+    """Cells whose sites can tell by what the clock of a drive's camera is off."""
+    return cells_about(places_if_shifted(estimates, drive.driven.read_poses()), NEAR_M)
 
 
 class _Landmarks:
@@ -156,24 +210,33 @@ class _Landmarks:
     def shift_of(self, estimates: Sequence[Estimate], drive: Drive, kept: Kept) -> Ahead | None:
         """Return what `ahead_of_nvdb` finds; what it rests on are the sites that a shift can reach."""
         said = [(e.codes, e.last_ns, e.east_m, e.north_m, e.covariance_m2) for e in estimates]
-        key = digest(drive.watcher.content, repr(said).encode())
-        known = kept.get(_KIND, key)
-        if known is None:
-            reached = places_if_shifted(estimates, drive.driven.read_poses())
-            cells = cells_about(reached, NEAR_M)
-        else:
-            cells = known["cells"]
+        rests_on = digest(drive.watcher.content, repr(said).encode())
+        known = kept.get(_KIND, drive.drive_id)
+        if known is not None and known["rests_on"].item() != rests_on:
+            known = None
+        cells = cells_if_shifted(drive, estimates) if known is None else known["cells"]
         near = self._grid.inside(cells).tolist()
         beside = digest(*(self._all[j] for j in near))
         if known is None or known["beside"].item() != beside:
             found = ahead_of_nvdb(estimates, drive.driven.read_poses(), [self._sites[j] for j in near])
-            shift = np.array(found or (), dtype=np.float64)
-            known = {"cells": cells, "beside": np.array(beside), "shift": shift}
-            kept.put(_KIND, key, known)
+            known = {
+                "rests_on": np.array(rests_on),
+                "cells": cells,
+                "beside": np.array(beside),
+                "shift": np.array(found or (), dtype=np.float64),
+            }
+            kept.put(_KIND, drive.drive_id, known)
         return Ahead(*known["shift"].tolist()) if known["shift"].size else None
 
 
 _KIND = "clock"
+
+
+def forget(kept: Kept, drive_id: str) -> None:
+    """Forget what is kept of a drive that is gone."""
+    for kind in (_KIND, VIEWS):
+        kept.drop(kind, drive_id)
+    KnownDrive.drop(kept, drive_id)
 
 
 def past_poles(drives: Sequence[Drive], poles: Sequence[ObservedPole]) -> list[Passage]:
@@ -186,10 +249,18 @@ def past_poles(drives: Sequence[Drive], poles: Sequence[ObservedPole]) -> list[P
     ]
 
 
-def past_sites(drives: Sequence[Drive], sites: Sequence[Site]) -> list[Passage]:
-    """What drives had in view of sites; the last question: what they were asked is kept."""
+def past_sites(
+    drives: Sequence[Drive], sites: Sequence[Site], about: IntArray | None = None
+) -> list[Passage]:
+    """What drives had in view of sites; the last question: what they were asked is kept.
+
+    Parameters
+    ----------
+    about : int64 (n,), optional
+        The cells of all poles and sites that were asked for; what is known of others stays.
+    """
     asked = Asked(Places.of_sites(sites))
     passages = [drive.passage(drive.watcher.past(asked)) for drive in drives]
     for drive in drives:
-        drive.watcher.keep()
+        drive.watcher.keep(about)
     return passages

@@ -16,20 +16,19 @@ from geoloc.earth.geodesy import geographic_from_utm33, metres_per_degree, utm33
 from geoloc.locate.visibility import views
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.trajectory import Poses
+from twin.matching.cells import NOWHERE, Grid, are_among, cells_about, cells_of, cells_touched
 from twin.matching.config import MatchConfig
 from twin.matching.kept import Kept, digest
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
 
-_KIND = "views"
+VIEWS = "views"
+"""Kind of the parts that are kept of drives."""
 _MOST_FACES, _MOST_DIRECTIONS = 6, 12
 _SIDEWAYS, _ALIKE = 0.0, float(np.nextafter(0.5, 0.0))
 """Cosine that is to be exceeded: of a plate's face less than 90° off; of where a pole was seen from 60°."""
 COARSE_DEG = 0.002
 """To so many degrees it is enough to know where a drive was, to read NVDB's signs near it."""
-_CELL_M = 64.0
-_COLUMN = 1_000_000
-"""A cell's number is its column times this, plus its row."""
 _WIDER = 1.1
 """A metre of the grid is a metre on the ground to a few per cent."""
 
@@ -156,41 +155,8 @@ class Asked:
         )
         hashes = [hashlib.blake2b(row.tobytes(), digest_size=16).digest() for row in rows]
         self.keys: NDArray[np.bytes_] = np.array(hashes, dtype="S16")
+        self.cells = cells_of(places.place_m)
         self.grid = Grid(places.place_m)
-
-
-class Grid:
-    """Places by the cells that they lie in.
-
-    Parameters
-    ----------
-    place_m : float64 (n, 2)
-        EPSG:25833.
-    """
-
-    def __init__(self, place_m: FloatArray) -> None:
-        numbers = _numbers(place_m)
-        self._order = np.argsort(numbers, kind="stable")
-        self._sorted = numbers[self._order]
-
-    def inside(self, cells: IntArray) -> IntArray:
-        """Which places lie in one of the cells, in ascending order."""
-        first, last = (np.searchsorted(self._sorted, cells, side=side) for side in ("left", "right"))
-        some = first < last
-        rows = [self._order[a:b] for a, b in zip(first[some].tolist(), last[some].tolist(), strict=True)]
-        return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *rows]))
-
-
-def cells_about(place_m: FloatArray, reach_m: float) -> IntArray:
-    """Numbers, once each, of cells that hold everything within so far of places."""
-    around = math.ceil(reach_m / _CELL_M)
-    step = np.arange(-around, around + 1)
-    return np.unique(np.unique(_numbers(place_m))[:, None] + (step[:, None] * _COLUMN + step).ravel())
-
-
-def _numbers(place_m: FloatArray) -> IntArray:
-    column, row = np.floor(place_m / _CELL_M).astype(np.int64).T
-    return np.asarray(column * _COLUMN + row)
 
 
 class Watcher:
@@ -198,6 +164,7 @@ class Watcher:
 
     Parameters
     ----------
+    drive_id : str
     rig, poses : callables
         Read only if something has to be worked out.
     content : bytes
@@ -210,6 +177,7 @@ class Watcher:
 
     def __init__(
         self,
+        drive_id: str,
         rig: Callable[[], Rig],
         poses: Callable[[], Poses],
         content: bytes,
@@ -219,18 +187,27 @@ class Watcher:
     ) -> None:
         self._rig, self._poses, self._cameras, self._config = rig, poses, tuple(cameras), config
         self.content = content
-        self._key = digest(content, "\n".join(cameras).encode(), repr(config.view_range_m).encode())
-        self._kept = kept
-        known = kept.get(_KIND, self._key)
-        self._is_new = known is None
-        self._known = known or {
-            "cells": self._cells(),
-            "coarse": self._coarse(),
-            "place": np.zeros(0, dtype="S16"),
-            "views": np.zeros(0, dtype=np.int64),
-            "fronts": np.zeros(0, dtype=np.int64),
-        }
-        self._used: list[tuple[NDArray[np.bytes_], Counts]] = []
+        self._drive_id, self._kept = drive_id, kept
+        rests_on = digest(content, "\n".join(cameras).encode(), repr(config.view_range_m).encode())
+        known = kept.get(VIEWS, drive_id)
+        self._is_new = known is None or known["rests_on"].item() != rests_on
+        if known is None or self._is_new:
+            known = {
+                "rests_on": np.array(rests_on),
+                **self._cells(),
+                "coarse": self._coarse(),
+                "place": np.zeros(0, dtype="S16"),
+                "cell": NOWHERE,
+                "views": np.zeros(0, dtype=np.int64),
+                "fronts": np.zeros(0, dtype=np.int64),
+            }
+        self._known = known
+        self._used: list[tuple[NDArray[np.bytes_], IntArray, Counts]] = []
+
+    @property
+    def cells(self) -> IntArray:
+        """Cells of which it may have had some part in view."""
+        return np.asarray(self._known["touched"])
 
     @property
     def coarse(self) -> FloatArray:
@@ -251,19 +228,38 @@ class Watcher:
         new = asked.places.part(near[~there])
         for name, column, fresh in zip(Counts._fields, found, self._counted(new), strict=True):
             column[there], column[~there] = self._known[name][at[there]], fresh
-        self._used.append((keys, found))
+        self._used.append((keys, asked.cells[near], found))
         whole = Counts(*(np.zeros(len(asked.keys), dtype=np.int64) for _ in Counts._fields))
         for column, values in zip(whole, found, strict=True):
             column[near] = values
         return whole
 
-    def keep(self) -> None:
-        """Leave what was asked for to the next match."""
-        keys, first = np.unique(np.concatenate([keys for keys, _ in self._used]), return_index=True)
-        counts = (np.concatenate(of_all)[first] for of_all in zip(*(c for _, c in self._used), strict=True))
-        views, fronts = counts
-        if self._is_new or not np.array_equal(keys, self._known["place"]):
-            self._kept.put(_KIND, self._key, {**self._known, "place": keys, "views": views, "fronts": fronts})
+    def keep(self, about: IntArray | None = None) -> None:
+        """Leave what was asked for to the next match.
+
+        Parameters
+        ----------
+        about : int64 (n,), optional
+            Cells of all that was asked for; what is known of places elsewhere stays.
+        """
+        kept = self._known
+        stays = (
+            np.zeros(0, dtype=np.int64) if about is None else np.flatnonzero(~are_among(kept["cell"], about))
+        )
+        used = [
+            *self._used,
+            (kept["place"][stays], kept["cell"][stays], Counts(kept["views"][stays], kept["fronts"][stays])),
+        ]
+        keys, first = np.unique(np.concatenate([keys for keys, _, _ in used]), return_index=True)
+        if self._is_new or not np.array_equal(keys, kept["place"]):
+            cell = np.concatenate([cells for _, cells, _ in used])[first]
+            counts = (np.concatenate(of_all)[first] for of_all in zip(*(c for _, _, c in used), strict=True))
+            views, fronts = counts
+            self._kept.put(
+                VIEWS,
+                self._drive_id,
+                {**kept, "place": keys, "cell": cell, "views": views, "fronts": fronts},
+            )
 
     def _counted(self, places: Places) -> Counts:
         if not len(places.place_m):
@@ -279,12 +275,12 @@ class Watcher:
         place = np.stack([poses.latitude_deg, poses.longitude_deg], axis=1)
         return np.unique(np.round(place / COARSE_DEG), axis=0)
 
-    def _cells(self) -> IntArray:
-        """Cells that hold every place that can have been in view."""
+    def _cells(self) -> dict[str, IntArray]:
+        """Cells that hold every place that can have been in view, and those that it did touch."""
         poses, rig = self._poses(), self._rig()
         arms = [float(np.hypot(*rig.camera(name).rig_t_camera_m[:2])) for name in self._cameras]
         reach = _WIDER * (self._config.view_range_m + max(arms, default=0.0))
         driven = np.stack(
             utm33_from_geographic(poses.latitude_deg[poses.valid], poses.longitude_deg[poses.valid]), axis=1
         )
-        return cells_about(driven, reach)
+        return {"cells": cells_about(driven, reach), "touched": cells_touched(driven, reach)}

@@ -1,7 +1,7 @@
-"""What earlier matches worked out, kept in the store by everything that it rests on: it is never out of date.
+"""What earlier matches worked out, kept in the store.
 
-A part's key is a digest of all its input. What has changed has another key, is not found, and is worked out;
-what nobody asked for in a match is forgotten with it.
+A part is found by its kind and key. Where the key is a digest of all its input it is never out of date; of
+others :mod:`twin.matching.left` says when they hold.
 """
 
 from __future__ import annotations
@@ -21,6 +21,11 @@ from twin.store.sql import taking_place
 from twin.store.store import Snapshot
 
 Arrays = Mapping[str, NDArray[Any]]
+_Name = tuple[str, str]
+
+
+class NotSure(Exception):  # noqa: N818  # never leaves the package
+    """What was touched may reach further than what was read: everything has to be matched."""
 
 
 def digest(*parts: bytes) -> str:
@@ -37,26 +42,20 @@ class Kept:
 
     Parameters
     ----------
-    before : mapping of (kind, key) to packed arrays, optional
-        What earlier matches left; nothing by default: then all is worked out anew.
+    view : Snapshot, optional
+        Of the store with what earlier matches left; nothing by default: then all is worked out anew.
     """
 
-    def __init__(self, before: Mapping[tuple[str, str], bytes] | None = None) -> None:
-        self._before = dict(before or {})
-        self._now: dict[tuple[str, str], bytes] = {}
-
-    @classmethod
-    def of_store(cls, view: Snapshot) -> Kept:
-        """Read what the last match left."""
-        t = schema.kept_part.c
-        columns = view.columns(sa.select(t.kind, t.key, t.arrays))
-        names = zip(columns["kind"], columns["key"], strict=True)
-        return cls(dict(zip(names, columns["arrays"], strict=True)))
+    def __init__(self, view: Snapshot | None = None) -> None:
+        self._view = view
+        self._before: dict[_Name, bytes | None] = {}
+        self._now: dict[_Name, bytes] = {}
+        self._gone: set[_Name] = set()
 
     def get(self, kind: str, key: str) -> Arrays | None:
         """Return what was kept, and keep it; None where it has to be worked out."""
         name = kind, key
-        packed = self._now.get(name, self._before.get(name))
+        packed = self._now.get(name) or self._read(name)
         if packed is None:
             return None
         self._now[name] = packed
@@ -68,18 +67,39 @@ class Kept:
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **arrays)
         self._now[kind, key] = buffer.getvalue()
+        self._gone.discard((kind, key))
 
-    def save(self, connection: sa.Connection) -> None:
-        """Leave what this match used to the next one, inside the caller's transaction; the rest goes."""
+    def drop(self, kind: str, key: str) -> None:
+        """Forget a part."""
+        self._now.pop((kind, key), None)
+        self._gone.add((kind, key))
+
+    def _read(self, name: _Name) -> bytes | None:
+        if name not in self._before:
+            t, (kind, key) = schema.kept_part.c, name
+            asked = sa.select(t.arrays).where(t.kind == kind, t.key == key)
+            rows = [] if self._view is None else self._view.rows(asked)
+            self._before[name] = rows[0]["arrays"] if rows else None
+        return self._before[name]
+
+    def save(self, connection: sa.Connection, *, rest_goes: bool) -> None:
+        """Leave what this match used to the next one, inside the caller's transaction.
+
+        Parameters
+        ----------
+        rest_goes : bool
+            Whether what nobody asked for is forgotten: it was a match of everything.
+        """
         t = schema.kept_part
-        gone = [{"of_kind": kind, "of_key": key} for kind, key in self._before.keys() - self._now.keys()]
-        if gone:
+        gone = set(self._gone)
+        if rest_goes:
+            every = connection.execute(sa.select(t.c.kind, t.c.key))
+            gone |= {(kind, key) for kind, key in every} - self._now.keys()
+        fresh = [name for name, packed in self._now.items() if self._before.get(name) != packed]
+        left = [{"of_kind": kind, "of_key": key} for kind, key in sorted(gone | set(fresh))]
+        if left:
             same = (t.c.kind == sa.bindparam("of_kind")) & (t.c.key == sa.bindparam("of_key"))
-            connection.execute(sa.delete(t).where(same), gone)
-        fresh = [
-            {"kind": kind, "key": key, "arrays": packed}
-            for (kind, key), packed in self._now.items()
-            if self._before.get((kind, key)) != packed
-        ]
+            connection.execute(sa.delete(t).where(same), left)
         if fresh:
-            connection.execute(taking_place(connection, t), fresh)
+            rows = [{"kind": kind, "key": key, "arrays": self._now[kind, key]} for kind, key in fresh]
+            connection.execute(taking_place(connection, t), rows)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,13 +52,14 @@ def gated_pairs(
     sites: Sequence[Site],
     p_unannotated: FloatArray,
     config: MatchConfig,
+    common: Mapping[str, float] | None = None,
 ) -> Pairs:
     """Find and score the pairs within the gate.
 
     The gate is `MatchConfig.gate_m`, wider where four sigmas of both sides together reach further.
     """
     i, j = _near(poles, sites, config)
-    return Pairs(i, j, score(poles, sites, p_unannotated, i, j, config))
+    return Pairs(i, j, score(poles, sites, p_unannotated, i, j, config, common))
 
 
 def _near(
@@ -100,12 +101,14 @@ def score(
     i: IntArray,
     j: IntArray,
     config: MatchConfig,
+    common: Mapping[str, float] | None = None,
 ) -> FloatArray:
     """Score pairs ``poles[i], sites[j]``; see :class:`Pairs` for the result, (k, 6)."""
+    if common is None:
+        common = cost_of_common(Counter(code for site in sites for code in site.codes), config)
     position, side = _position(poles, sites, i, j, config)
     pairs = [(poles[a], sites[b]) for a, b in zip(i.tolist(), j.tolist(), strict=True)]
     codes: dict[tuple[tuple[str, ...], tuple[str, ...]], float] = {}
-    common = common_codes(sites)
     code = np.empty(i.size)
     text, facing = np.zeros(i.size), np.zeros(i.size)
     behind = float(np.log(max(config.p_behind, 1e-12)))
@@ -151,9 +154,11 @@ def _position(
         letters = np.array([s.side for s in sites])[j[beside]]
         turned = np.deg2rad(road[beside])
         axis = np.stack([np.sin(turned), np.cos(turned)], axis=1)
-        along = (offset[beside] * axis).sum(axis=1)
+        along = offset[beside, 0] * axis[:, 0] + offset[beside, 1] * axis[:, 1]
         right = offset[beside, 0] * axis[:, 1] - offset[beside, 1] * axis[:, 0]
-        own = np.einsum("ki,kij,kj->k", axis, covariance[beside], axis)
+        # Term by term: a sum by einsum may take another order where there are more pairs.
+        sin, cos, of_pair = axis[:, 0], axis[:, 1], covariance[beside]
+        own = of_pair[:, 0, 0] * sin**2 + 2 * of_pair[:, 0, 1] * sin * cos + of_pair[:, 1, 1] * cos**2
         spread = np.sqrt(config.along_road_sigma_m**2 + own)
         density = np.exp(-0.5 * (along / spread) ** 2) / (np.sqrt(2 * np.pi) * spread)
         in_place[beside] = density * (np.abs(right) <= config.verge_m) / (2 * config.verge_m)
@@ -178,13 +183,27 @@ def _faces_a_camera(pole: ObservedPole, site: Site) -> bool:
     return not plates or any(plate.shows_to(azimuth) for plate in plates for azimuth in pole.seen_from_deg)
 
 
-def common_codes(sites: Sequence[Site]) -> Counter[str]:
-    """How often each code occurs among the sites."""
-    return Counter(code for site in sites for code in site.codes)
+def cost_of_common(counts: Mapping[str, int], config: MatchConfig) -> dict[str, float]:
+    """What each code that is commoner than `MatchConfig.p_code` takes from the odds of a pair.
+
+    To a tenth, so that a few plates more or less change nothing.
+
+    Parameters
+    ----------
+    counts : mapping
+        How often each code occurs among NVDB's plates.
+    """
+    total = sum(counts.values()) + _SMOOTHING
+    cost = {
+        code: round(math.log((count + _SMOOTHING * config.p_code) / total / config.p_code), 1)
+        for code, count in counts.items()
+        if config.p_code > 0
+    }
+    return {code: odds for code, odds in sorted(cost.items()) if odds > 0}
 
 
 def _code_odds(
-    seen: tuple[str, ...], known: tuple[str, ...], common: Counter[str], config: MatchConfig
+    seen: tuple[str, ...], known: tuple[str, ...], common: Mapping[str, float], config: MatchConfig
 ) -> float:
     """Log odds of the codes seen, against a new pole that carries them by chance.
 
@@ -194,10 +213,7 @@ def _code_odds(
     if not seen or not known:
         return 0.0
     odds = math.log(code_probability(seen, known, config)) - len(seen) * math.log(config.p_code)
-    total = common.total() + _SMOOTHING
-    for code in set(seen) & set(known):
-        odds -= max(0.0, math.log((common[code] + _SMOOTHING * config.p_code) / total / config.p_code))
-    return odds
+    return odds - math.fsum(common.get(code, 0.0) for code in set(seen) & set(known))
 
 
 _SMOOTHING = 50.0

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import sqlalchemy as sa
 
+from twin.matching.reading import rows_of_drives
 from twin.store import schema
 from twin.store.kinds import QUIET, Verdict
+from twin.store.records import Finding
 from twin.store.store import Row, Snapshot
 
 FACT = "match_news"
@@ -83,13 +85,21 @@ class Known:
     pole: str | None
 
 
-def known_findings(view: Snapshot) -> list[Known]:
-    """Read the findings of the last match."""
+def known_findings(view: Snapshot, only: Collection[str] | None = None) -> list[Known]:
+    """Read the findings of the last match: all, or some of these ids."""
     change = schema.change.c
     pole = change.terms["pole"].as_string().label("pole")
     asked = sa.select(change.change_id, change.verdict, change.nvdb_type, change.nvdb_id, pole)
-    rows = view.rows(asked.order_by(change.change_id))
-    return [Known(**{**row, "verdict": Verdict(row["verdict"])}) for row in rows]
+    rows = rows_of_drives(view, asked, change.change_id, only)
+    found = (Known(**{**row, "verdict": Verdict(row["verdict"])}) for row in rows)
+    return sorted(found, key=lambda one: one.change_id)
+
+
+def known_of(finding: Finding) -> Known:
+    """The same of a finding of this match."""
+    return Known(
+        finding.change_id, finding.verdict, finding.nvdb_type, finding.nvdb_id, finding.terms.get("pole")
+    )
 
 
 def news_of(since: str, before: Sequence[Known], now: Sequence[Known]) -> News:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -201,7 +202,7 @@ def _in_force(row: Row) -> bool:
     return not row["end_date"] or row["end_date"] > row["synced_at"][:10]
 
 
-def along_the_road(sites: Sequence[Site], nett: Vegnett) -> list[Site]:
+def along_the_road(sites: Sequence[Site], nett: Vegnett, on_date: dt.date | None = None) -> list[Site]:
     """Give the sites that NVDB only has on the centre line the direction of their road."""
     from nvdb.vegnett import BILVEG
 
@@ -209,7 +210,9 @@ def along_the_road(sites: Sequence[Site], nett: Vegnett) -> list[Site]:
     if not loose:
         return list(sites)
     east, north = np.array([(sites[k].east_m, sites[k].north_m) for k in loose]).T
-    azimuth = stedfester(nett, type_veg=BILVEG).stedfest(east, north).metering_azimuth_grid_deg
+    azimuth = (
+        stedfester(nett, on_date=on_date, type_veg=BILVEG).stedfest(east, north).metering_azimuth_grid_deg
+    )
     placed = list(sites)
     for k, degrees in zip(loose, azimuth.tolist(), strict=True):
         placed[k] = replace(sites[k], road_azimuth_deg=degrees)
@@ -264,17 +267,20 @@ def _sigma_m(row: Row, config: MatchConfig) -> float:
     return float(accuracy_cm) / 100.0
 
 
-def mirror_near(view: Snapshot, places: FloatArray, config: MatchConfig) -> tuple[list[Row], list[Row]]:
+def mirror_near(
+    view: Snapshot, places: FloatArray, config: MatchConfig, within_m: float | None = None
+) -> tuple[list[Row], list[Row]]:
     """Read Skiltpunkt and Skiltplate near places, those that belong together always together.
 
-    Everything within `MatchConfig.mirrored_m` of a place is there, and some beyond: the mirror is cut by
-    squares of that size.
+    Everything within `MatchConfig.mirrored_m` of a place (or `within_m`) is there, and some beyond: the
+    mirror is cut by squares of that size.
 
     Parameters
     ----------
     view : Snapshot
     places : float64 (n, 2)
         EPSG:25833.
+    within_m : float, optional
 
     Returns
     -------
@@ -282,7 +288,7 @@ def mirror_near(view: Snapshot, places: FloatArray, config: MatchConfig) -> tupl
         Without the columns that matching does not need.
     """
     point, plate = schema.skiltpunkt, schema.skiltplate
-    size = max(config.mirrored_m, 1.0)
+    size = max(config.mirrored_m if within_m is None else within_m, 1.0)
     cells = _cells_about(places, size)
     of_points = _ids_in_cells(point, cells, size)
     parents = sa.select(plate.c.point_id).where(plate.c.nvdb_id.in_(_ids_in_cells(plate, cells, size)))
@@ -296,6 +302,14 @@ def mirror_near(view: Snapshot, places: FloatArray, config: MatchConfig) -> tupl
     asked = sa.select(*_columns(plate)).where(plate.c.nvdb_id.in_(of_plates))
     plates = view.rows(asked.order_by(plate.c.nvdb_id))
     return points, plates
+
+
+def codes_of_mirror(view: Snapshot) -> dict[str, int]:
+    """How many plates of the mirror carry each code."""
+    plate, count = schema.skiltplate.c, sa.func.count().label("n")
+    has_one = plate.skiltnummer.is_not(None) & (plate.skiltnummer != "")
+    rows = view.rows(sa.select(plate.skiltnummer, count).where(has_one).group_by(plate.skiltnummer))
+    return {row["skiltnummer"]: row["n"] for row in rows}
 
 
 _NOT_NEEDED = frozenset(

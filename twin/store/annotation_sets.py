@@ -150,7 +150,7 @@ def use_annotation_set(store: Store, drive: str, number: int) -> tuple[Annotatio
         if now.number != before.number:
             put_aside(connection, before)
             take_back(connection, now)
-            store.touch(connection)
+            store.touch(connection, [now.drive_id])
     return before, now
 
 

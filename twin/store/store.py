@@ -7,7 +7,7 @@ columns are declared in :mod:`twin.store.schema`.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from twin.store.address import StoreAddress
 from twin.store.backend import Backend
 from twin.store.clock import utc_now
 from twin.store.tables import Tables
+from twin.store.touched import FACT as TOUCHED
+from twin.store.touched import with_one_more
 
 __all__ = ["Row", "Snapshot", "Store", "utc_now"]
 
@@ -256,9 +258,20 @@ class Store(Tables):
         with self.snapshot() as view:
             return view.revision()
 
-    def touch(self, connection: sa.Connection) -> None:
-        """Count a change of drives or mirror, inside the caller's transaction."""
-        self.put_fact(connection, _REVISION, {"n": self.view(connection).revision() + 1})
+    def touch(self, connection: sa.Connection, drives: Collection[str] | None = None) -> None:
+        """Count a change of drives or mirror, inside the caller's transaction.
+
+        Parameters
+        ----------
+        connection : Connection
+        drives : collection of str, optional
+            All that changed are these drives: the next match is of what they touch. Default: anything may
+            have changed.
+        """
+        view = self.view(connection)
+        revision = view.revision() + 1
+        self.put_fact(connection, _REVISION, {"n": revision})
+        self.put_fact(connection, TOUCHED, with_one_more(view.fact(TOUCHED), revision, drives))
 
     def put_fact(self, connection: sa.Connection, key: str, value: Row) -> None:
         """Keep a JSON object under `key` inside the caller's transaction."""

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 
+from geoloc.earth.geodesy import geographic_from_utm33, utm33_from_geographic
 from twin.decisions import decide, undo
 from twin.errors import TwinError
 from twin.matching import match
@@ -47,11 +48,12 @@ class History:
     config: MatchConfig = SETTINGS[0]
     drives: int = 1
 
-    def ingest(self) -> None:
+    def ingest(self, east_m: float | None = None) -> None:
         """A drive comes: as the first one, on another day, over a part of the road, a bit elsewhere."""
         name, later_ns = f"drive{self.drives}", self.draw.randint(1, 400) * DAY_NS
         self.drives += 1
         first, moved_m = self._first(), [self.draw.gauss(0, 0.2) for _ in range(2)]
+        moved_m[0] += self.draw.choice([0.0, FAR_M]) if east_m is None else east_m
         made: dict[sa.Table, list[Row]] = {}
         objects = self.store.rows(sa.select(schema.estimate.c.object).distinct())
         unseen = {row["object"] for row in objects if self.draw.random() < 0.15}
@@ -63,7 +65,7 @@ class History:
         with self.store.transaction() as connection:
             for table, rows in made.items():
                 connection.execute(sa.insert(table), rows)
-            self.store.touch(connection)
+            self.store.touch(connection, [name])
 
     def _first(self) -> str:
         rows = self.store.rows(sa.select(schema.drive.c.drive_id).order_by(schema.drive.c.started_ns))
@@ -77,11 +79,30 @@ class History:
             half = self.draw.choice([slice(None), slice(None, len(poses.epoch_ns) // 2)])
             kept = {key: getattr(poses, key)[half] for key in poses.__slots__}
             kept["epoch_ns"] = kept["epoch_ns"] + later_ns
+            east, north = utm33_from_geographic(kept["latitude_deg"], kept["longitude_deg"])
+            kept["latitude_deg"], kept["longitude_deg"] = geographic_from_utm33(east + moved_m[0], north)
             own["poses"] = blob_from_poses(type(poses)(**kept))
             own["annotations_complete"] = self.draw.random() < 0.8
         if "cov_ee_m2" in row and row["east_m"] is not None:
             own |= {key: row[key] + by for key, by in zip(("east_m", "north_m"), moved_m, strict=True)}
         return {**row, **own}
+
+    def ingest_again(self) -> None:
+        """A drive is read anew: some of its signs stand a bit elsewhere, and one was left out."""
+        rows = self.store.rows(sa.select(schema.drive.c.drive_id).order_by(schema.drive.c.drive_id))
+        (row,) = self.draw.sample(rows, 1)
+        t = schema.estimate
+        mine = t.c.drive_id == row["drive_id"]
+        objects = self.store.rows(sa.select(t.c.object).where(mine).order_by(t.c.object))
+        with self.store.transaction() as connection:
+            for one in self.draw.sample(objects, min(3, len(objects))):
+                by_m = self.draw.gauss(0, 1.0)
+                this = mine & (t.c.object == one["object"])
+                connection.execute(sa.update(t).where(this).values(north_m=t.c.north_m + by_m))
+            if len(objects) > 3:
+                left_out = mine & (t.c.object == self.draw.choice(objects)["object"])
+                connection.execute(sa.delete(t).where(left_out))
+            self.store.touch(connection, [row["drive_id"]])
 
     def lose(self) -> None:
         """All that is known of a drive goes."""
@@ -90,7 +111,7 @@ class History:
             with self.store.transaction() as connection:
                 for table in OF_DRIVES:
                     connection.execute(sa.delete(table).where(table.c.drive_id == gone))
-                self.store.touch(connection)
+                self.store.touch(connection, [gone])
 
     def sync(self) -> None:
         """NVDB has moved a sign, taken one away, or changed a code."""
@@ -127,7 +148,24 @@ class History:
             return
 
 
+FAR_M, MORE = 3000.0, 10_000_000_000
 _IDS = ("drive_id", "estimate_id", "name")
+
+
+def with_another_place(path: Path) -> None:
+    """Let NVDB have the same signs once more, far to the east."""
+    with Store.open(path) as store, store.transaction() as connection:
+        for table, parent in ((schema.skiltpunkt, None), (schema.skiltplate, "point_id")):
+            rows = [dict(row) for row in store.view(connection).rows(sa.select(table))]
+            for row in rows:
+                row["nvdb_id"] += MORE
+                row["east_m"] = None if row["east_m"] is None else row["east_m"] + FAR_M
+                if parent is None:
+                    row["plate_ids"] = [one + MORE for one in row["plate_ids"]]
+                elif row[parent] is not None:
+                    row[parent] += MORE
+            connection.execute(sa.insert(table), rows)
+        store.touch(connection)
 
 
 def findings(store: Store) -> str:
@@ -148,8 +186,16 @@ def test_a_match_is_that_of_everything_after_any_history(
     """Drives that come and go, syncs, decisions and other settings: the same findings, bit for bit."""
     path, other = tmp_path / "twin.db", tmp_path / "other.db"
     shutil.copy(matched_store, path)
+    with_another_place(path)
     history = History(Store(path), random.Random(seed))
-    can = (history.ingest, history.lose, history.sync, history.change_a_setting, history.decide)
+    can = (
+        history.ingest,
+        history.ingest_again,
+        history.lose,
+        history.sync,
+        history.change_a_setting,
+        history.decide,
+    )
     for number in range(STEPS):
         step = history.ingest if number < 2 else history.draw.choice((*can, history.undo))
         step()
@@ -165,18 +211,38 @@ def test_a_match_is_that_of_everything_after_any_history(
     assert match(history.store, method=METHOD, config=history.config, anew=True).kept_agree is True
 
 
+def test_what_no_drive_touched_is_not_looked_at(matched_store: Path, tmp_path: Path) -> None:
+    """A finding that somebody has falsified stays so while drives come elsewhere; `--all` finds it."""
+    path = tmp_path / "twin.db"
+    shutil.copy(matched_store, path)
+    with_another_place(path)
+    history = History(Store(path), random.Random(1))
+    match(history.store, method=METHOD)
+    ids = [row["change_id"] for row in history.store.rows(sa.select(schema.change.c.change_id))]
+    with history.store.transaction() as connection:
+        connection.execute(sa.update(schema.change).values(confidence=0.5))
+    history.ingest(FAR_M)
+    match(history.store, method=METHOD)
+    asked = sa.select(schema.change.c.confidence).where(schema.change.c.change_id.in_(ids))
+    assert history.store.count(schema.change) > len(ids)
+    assert {row["confidence"] for row in history.store.rows(asked)} == {0.5}
+    assert match(history.store, method=METHOD, anew=True).kept_agree is False
+    assert 0.5 not in {row["confidence"] for row in history.store.rows(asked)}
+
+
 def test_all_finds_a_kept_part_that_is_wrong(opened: Store) -> None:
     """A match believes what was kept, only `--all` does not; and it puts it right."""
     match(opened, method=METHOD)
     right = findings(opened)
     with opened.transaction() as connection:
-        kept = Kept.of_store(opened.view(connection))
+        kept = Kept(opened.view(connection))
         for kind, key in connection.execute(sa.select(schema.kept_part.c.kind, schema.kept_part.c.key)):
             if kind == "views":
                 part = dict(kept.get(kind, key) or {})
                 zero = np.zeros_like(part["views"])
                 kept.put(kind, key, {**part, "views": zero, "fronts": zero})
-        kept.save(connection)
+        kept.save(connection, rest_goes=False)
+        opened.touch(connection)
     match(opened, method=METHOD)
     assert findings(opened) != right
     assert match(opened, method=METHOD, anew=True).kept_agree is False

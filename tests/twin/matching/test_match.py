@@ -19,7 +19,7 @@ from drive_damage import frames_later
 from geoloc.locate.single_frame import ErrorBudget
 from twin.errors import ConfigError, RefusedError
 from twin.ingest.ingest import ingest_drive
-from twin.matching import match_store
+from twin.matching import found as work_of_match
 from twin.matching.config import MatchConfig
 from twin.matching.match_store import match
 from twin.store import schema
@@ -193,6 +193,7 @@ def test_match_does_not_miss_what_was_put_up_later(opened: Store) -> None:
     """A sign that NVDB starts a year after the drive could not be seen."""
     with opened.transaction() as connection:
         connection.execute(sa.update(schema.skiltpunkt).values(start_date="2027-06-01"))
+        opened.touch(connection)
     assert match(opened).verdicts["missing"] == 0
 
 
@@ -292,7 +293,9 @@ def test_findings_are_stale_where_nvdb_was_read_while_they_were_found(
     opened: Store, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     """A sync that lands while a match computes: the findings are of the state before it, and are told so."""
-    work = getattr(match_store, step)
+    with opened.transaction() as connection:
+        opened.touch(connection)
+    work = getattr(work_of_match, step)
 
     def overtaken(*arguments: object, **options: object) -> object:
         with opened.transaction() as connection:
@@ -300,7 +303,7 @@ def test_findings_are_stale_where_nvdb_was_read_while_they_were_found(
         return work(*arguments, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr(match_store, step, overtaken)
+        patched.setattr(work_of_match, step, overtaken)
         match(opened)
     with pytest.raises(RefusedError, match="has changed since the last match"):
         opened.matched()
@@ -354,6 +357,7 @@ def test_match_knows_by_the_road_which_side_of_a_sign_was_seen(opened: Store) ->
     with_it = match(opened).verdicts
     with opened.transaction() as connection:
         connection.execute(sa.update(schema.veglenke).values(retning=-1))
+        opened.touch(connection)
     against = match(opened).verdicts
     assert with_it == AS_MADE
     assert against["missing"] == 0

@@ -52,7 +52,11 @@ class KnownMark:
 
 
 def with_known_keys(
-    poles: Sequence[ObservedPole], marks: Mapping[str, Mark], known: Sequence[KnownMark]
+    poles: Sequence[ObservedPole],
+    marks: Mapping[str, Mark],
+    known: Sequence[KnownMark],
+    elsewhere: Set[str] = frozenset(),
+    used: Set[str] = frozenset(),
 ) -> list[ObservedPole]:
     """Give each pole the key that it had in earlier matches, or one that no pole ever had.
 
@@ -63,6 +67,10 @@ def with_known_keys(
     known : sequence of KnownMark
         The oldest first: of poles that have come together the oldest key stays, of one that has come apart
         the oldest part keeps it.
+    elsewhere : set of str
+        Keys that other poles have.
+    used : set of str
+        Keys that no pole may get for a new one.
 
     Returns
     -------
@@ -70,12 +78,12 @@ def with_known_keys(
         In the order of their keys.
     """
     own = [[marks[member] for member in pole.members if member in marks] for pole in poles]
-    key_of = _by_clicks(own, known)
-    named = set(key_of.values())
+    key_of = _by_clicks(own, known, elsewhere)
+    named = {*key_of.values(), *elsewhere}
     free = [one for one in known if one.pole not in named]
     left = [i for i in range(len(poles)) if i not in key_of and own[i]]
     key_of |= _by_place(poles, own, left, free)
-    taken = {one.pole for one in known}
+    taken = {*elsewhere, *used, *(one.pole for one in known)}
     for i, pole in enumerate(poles):
         if i not in key_of:
             key_of[i] = _new_key(pole, taken)
@@ -83,11 +91,13 @@ def with_known_keys(
     return sorted((replace(p, key=key_of[i]) for i, p in enumerate(poles)), key=lambda pole: pole.key)
 
 
-def _by_clicks(own: Sequence[Sequence[Mark]], known: Sequence[KnownMark]) -> dict[int, str]:
+def _by_clicks(
+    own: Sequence[Sequence[Mark]], known: Sequence[KnownMark], elsewhere: Set[str]
+) -> dict[int, str]:
     """Pole → key, of those that have an object with the clicks of before."""
     holder = {(mark.drive_id, mark.clicks): i for i, of_pole in enumerate(own) for mark in of_pole}
     key_of: dict[int, str] = {}
-    taken: set[str] = set()
+    taken = set(elsewhere)
     for one in known:
         i = holder.get((one.mark.drive_id, one.mark.clicks))
         if i is not None and i not in key_of and one.pole not in taken:

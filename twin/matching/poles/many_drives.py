@@ -16,7 +16,7 @@ from geoloc.fusion.fuse import Clocks, Known, Passes
 from geoloc.fusion.sources import FoundClock, parts_of
 from geoloc.trajectory.fix_checks import CODE_LASTS_S
 from geoloc.trajectory.trajectory import Poses
-from twin.matching.kept import Kept, digest
+from twin.matching.kept import Kept, NotSure, digest
 from twin.matching.poles.kept_places import KeptPlaces
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.poles.windows import Window, Windows
@@ -75,6 +75,7 @@ def with_fused_places(
     drives: Sequence[Driven],
     measured: Mapping[int, Measured] | None = None,
     kept: Kept | None = None,
+    only: Mapping[int, float] | None = None,
 ) -> Placed:
     """Place poles by the estimates of all drives that are tied together by poles that several of them saw.
 
@@ -93,34 +94,43 @@ def with_fused_places(
         Places that tie drives down where they agree with one another; never the pole itself.
     kept : Kept, optional
         What earlier matches worked out of the same squares.
+    only : mapping of a square's number → metres, optional
+        Squares to be placed, and how far about each the poles are all there. Elsewhere poles stand where the
+        last match has them.
+
+    Raises
+    ------
+    NotSure
+        Poles further away count for one of these squares.
     """
     by_id = {drive.drive_id: drive for drive in drives}
     by_member = {member: estimate for estimate in estimates for member in estimate.members}
     seen = [_best_of_drives(pole, by_member, by_id) for pole in poles]
     told = np.array([k for k, of_pole in enumerate(seen) if of_pole], dtype=np.int64)
+    before = KeptPlaces(kept or Kept(), "aided" if measured else "fused")
     if not told.size:
+        before.keep(only)
         return Placed(list(poles), frozenset())
     passes = _all_passes([seen[k] for k in told], drives)
     known = np.array([(measured or {}).get(k, _NOWHERE) for k in told.tolist()])
-    place_m = np.array([(poles[k].east_m, poles[k].north_m) for k in told])
-    fusing = _Fusing(passes, drives, known, KeptPlaces(kept or Kept(), "aided" if measured else "fused"))
+    fusing = _Fusing(passes, [poles[k].members[0] for k in told], drives, known, before)
+    windows = Windows(np.array([(poles[k].east_m, poles[k].north_m) for k in told]))
     placed, tied_by = list(poles), set[int]()
-    for window in Windows(place_m):
-        for rows, found in fusing.groups_of(window):
-            for k, (east, north, ee, en, nn, used) in zip(told[rows].tolist(), found.tolist(), strict=True):
-                if used:
-                    tied_by.add(k)
-                if math.isnan(east):  # its drives do not agree on it: it ties nothing, and stays
-                    continue
-                placed[k] = replace(
-                    poles[k],
-                    east_m=east,
-                    north_m=north,
-                    covariance_m2=np.array([[ee, en], [en, nn]]),
-                    # What each drive has of its own is averaged in that covariance.
-                    averaged=1.0,
-                )
-    fusing.keep()
+    for rows, found in fusing.everywhere(windows) if only is None else fusing.there(windows, only):
+        for k, (east, north, ee, en, nn, used) in zip(told[rows].tolist(), found.tolist(), strict=True):
+            if used:
+                tied_by.add(k)
+            if math.isnan(east):  # its drives do not agree on it: it ties nothing, and stays
+                continue
+            placed[k] = replace(
+                poles[k],
+                east_m=east,
+                north_m=north,
+                covariance_m2=np.array([[ee, en], [en, nn]]),
+                # What each drive has of its own is averaged in that covariance.
+                averaged=1.0,
+            )
+    before.keep(only)
     return Placed(placed, frozenset(tied_by))
 
 
@@ -130,8 +140,15 @@ _NOWHERE = Measured(math.nan, math.nan, 1.0)
 class _Fusing:
     """Passes of all drives past all poles, of which those about one square are put together at a time."""
 
-    def __init__(self, passes: Passes, drives: Sequence[Driven], known: FloatArray, kept: KeptPlaces) -> None:
-        self._passes, self._known, self._kept = passes, known, kept
+    def __init__(
+        self,
+        passes: Passes,
+        names: Sequence[str],
+        drives: Sequence[Driven],
+        known: FloatArray,
+        kept: KeptPlaces,
+    ) -> None:
+        self._passes, self._names, self._known, self._kept = passes, names, known, kept
         self._clocks = _clocks(drives)
         self._order = np.argsort(passes.pole, kind="stable")
         self._first = np.searchsorted(passes.pole[self._order], np.arange(len(known) + 1))
@@ -139,8 +156,28 @@ class _Fusing:
         columns = [getattr(passes, name).reshape(len(passes.pole), -1) for name in names]
         self._said = np.column_stack([passes.epoch_ns.view(np.float64), *columns])
 
-    def groups_of(self, window: Window) -> Iterator[tuple[IntArray, FloatArray]]:
+    def everywhere(self, windows: Windows) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Place the poles of every square."""
+        for window in windows:
+            yield from self._groups_of(window)
+
+    def there(self, windows: Windows, only: Mapping[int, float]) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Place the poles of some squares; of the others give what was kept."""
+        for square in np.unique(windows.square_of).tolist():
+            if square not in only:
+                continue
+            window = windows.window(square)
+            if window.margin_m > only[square]:
+                raise NotSure
+            yield from self._groups_of(window)
+        for k, square in enumerate(windows.square_of.tolist()):
+            row = None if square in only else self._kept.of_pole(square, self._names[k])
+            if row is not None:
+                yield np.array([k]), row[None]
+
+    def _groups_of(self, window: Window) -> Iterator[tuple[IntArray, FloatArray]]:
         """Poles of a square that drives tie together, and what `_fused` says of them."""
+        self._kept.looked(window.square, window.margin_m, window.inside.size)
         inside = np.zeros(len(self._known), dtype=bool)
         inside[window.inside] = True
         rows = np.sort(
@@ -180,12 +217,8 @@ class _Fusing:
             fused, used = fuse_with_agreeing(passes, clocks, Known(known[:, :2], known[:, 2]))
             covariance = fused.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
             found = np.column_stack([fused.place_m, covariance, used])[wanted]
-        self._kept.put(square, rests_on, found)
+        self._kept.put(square, rests_on, (self._names[k] for k in there[wanted].tolist()), found)
         return found
-
-    def keep(self) -> None:
-        """Leave what was used to the next match."""
-        self._kept.keep()
 
 
 def _groups(pole: IntArray, drive: IntArray) -> IntArray:

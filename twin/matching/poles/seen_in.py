@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import sqlalchemy as sa
 
+from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
 from twin.matching.poles.keys import KnownMark, Mark
 from twin.matching.poles.same_pole import Picture
+from twin.matching.reading import rows_of_drives
 from twin.store import schema
 from twin.store.records import Estimate, split_codes
 from twin.store.sql import rounded
@@ -33,51 +35,97 @@ def pictures_of(
     return {member: frozenset(pictures) for member, pictures in found.items()}
 
 
-def clicks_of(view: Snapshot, method: str) -> dict[str, str]:
-    """What was clicked for each object, by member: the same clicks are the same object whatever its id is.
+def clicks_of(view: Snapshot, method: str, only: Collection[str] | None = None) -> dict[str, dict[str, str]]:
+    """What was clicked for each object, by drive and object: the same clicks are the same object.
 
     Count and sums of frames and pixels (to the thousandth) tell a drive's objects apart, and depend on
-    neither the order nor the rig.
+    neither the order nor the rig, nor on an object's id.
+
+    Parameters
+    ----------
+    only : collection of str, optional
+        Drives of these ids.
     """
     t = schema.sighting.c
     sums = {"n": sa.func.count(), "frames": sa.func.sum(t.frame)}
     for name in ("u_px", "v_px"):
         sums[name] = sa.func.sum(rounded(t[name] * 1000))
     asked = sa.select(t.drive_id, t.object, *(total.label(name) for name, total in sums.items()))
-    rows = view.rows(asked.where(t.method == method).group_by(t.drive_id, t.object))
-    return {f"{r['drive_id']}:{r['object']}": ":".join(str(r[name]) for name in sums) for r in rows}
+    asked = asked.where(t.method == method).group_by(t.drive_id, t.object)
+    found: dict[str, dict[str, str]] = {}
+    for row in rows_of_drives(view, asked, t.drive_id, only):
+        said = ":".join(str(row[name]) for name in sums)
+        found.setdefault(row["drive_id"], {})[row["object"]] = said
+    return found
 
 
-def marks_of(view: Snapshot, estimates: Sequence[Estimate], method: str) -> dict[str, Mark]:
-    """Each estimate's mark, by member."""
-    clicks = clicks_of(view, method)
+def marks_of(estimates: Sequence[Estimate], clicks: Mapping[str, Mapping[str, str]]) -> dict[str, Mark]:
+    """Each estimate's mark, by member; `clicks` by drive and object."""
     return {
-        e.member: Mark(e.drive_id, clicks[e.member], e.east_m, e.north_m, e.codes)
+        e.member: Mark(e.drive_id, clicks[e.drive_id][e.object], e.east_m, e.north_m, e.codes)
         for e in estimates
-        if e.member in clicks
+        if clicks.get(e.drive_id, {}).get(e.object)
     }
 
 
-def known_marks(view: Snapshot) -> list[KnownMark]:
-    """Every mark of earlier matches, the oldest first."""
-    t = schema.known_mark
-    return [
-        KnownMark(
+def known_marks(
+    view: Snapshot, only: Collection[str] | None = None, near_m: FloatArray | None = None
+) -> list[tuple[int, KnownMark]]:
+    """Marks of earlier matches, each with its number, the oldest first.
+
+    Parameters
+    ----------
+    only : collection of str, optional
+        Drives of these ids.
+    near_m : float64 (2, 2), optional
+        And those of any drive between these two corners, EPSG:25833.
+    """
+    t = schema.known_mark.c
+    asked = sa.select(t.id, t.drive_id, t.clicks, t.pole, t.east_m, t.north_m, t.skiltnummer)
+    rows = rows_of_drives(view, asked, t.drive_id, only)
+    if near_m is not None:
+        (west, south), (east, north) = near_m.tolist()
+        rows += view.rows(asked.where(t.east_m.between(west, east), t.north_m.between(south, north)))
+    found = {
+        r["id"]: KnownMark(
             Mark(r["drive_id"], r["clicks"], r["east_m"], r["north_m"], split_codes(r["skiltnummer"])),
             r["pole"],
         )
-        for r in view.rows(sa.select(t).order_by(t.c.id))
-    ]
+        for r in rows
+    }
+    return sorted(found.items())
 
 
-def seen_from(view: Snapshot, estimates: Sequence[Estimate], method: str) -> dict[str, frozenset[float]]:
+def ever_used(view: Snapshot, keys: Collection[str]) -> set[str]:
+    """Which keys some pole of an earlier match had."""
+    t = schema.known_mark.c
+    asked = sa.select(t.pole).distinct()
+    return {row["pole"] for row in rows_of_drives(view, asked, t.pole, keys)}
+
+
+def keys_held(view: Snapshot, members: Collection[str]) -> dict[str, str]:
+    """Key of the pole that each of these estimates belonged to at the last match, by member."""
+    t = schema.pole_key.c
+    rows = rows_of_drives(view, sa.select(t.member, t.pole), t.member, members)
+    return {row["member"]: row["pole"] for row in rows}
+
+
+def holders_of(view: Snapshot, keys: Collection[str]) -> list[tuple[str, str]]:
+    """Members of the poles that had these keys at the last match, each with its key."""
+    t = schema.pole_key.c
+    rows = rows_of_drives(view, sa.select(t.member, t.pole), t.pole, keys)
+    return [(row["member"], row["pole"]) for row in rows]
+
+
+def seen_from(
+    view: Snapshot, estimates: Sequence[Estimate], method: str, only: Collection[str] | None = None
+) -> dict[str, frozenset[float]]:
     """From which directions each estimate's object was seen, in steps of 30° from true north."""
     t = schema.sighting
-    rows = view.rows(
-        sa.select(t.c.drive_id, t.c.object, t.c.eye_east_m, t.c.eye_north_m).where(
-            t.c.method == method, t.c.rejected == "", t.c.eye_east_m.is_not(None)
-        )
+    asked = sa.select(t.c.drive_id, t.c.object, t.c.eye_east_m, t.c.eye_north_m).where(
+        t.c.method == method, t.c.rejected == "", t.c.eye_east_m.is_not(None)
     )
+    rows = rows_of_drives(view, asked, t.c.drive_id, only)
     foot = {(e.drive_id, e.object): (e.east_m, e.north_m) for e in estimates}
     kept = [row for row in rows if (row["drive_id"], row["object"]) in foot]
     if not kept:

@@ -51,6 +51,12 @@ def corner_of(square: int) -> FloatArray:
     return np.array(divmod(square, _COLUMN), dtype=np.float64) * SQUARE_M
 
 
+def ring_of(squares: IntArray, around: int) -> IntArray:
+    """Squares and those so many about them, once each."""
+    step = np.arange(-around, around + 1)
+    return np.unique(np.unique(squares)[:, None] + (step[:, None] * _COLUMN + step).ravel())
+
+
 class Windows:
     """Places by squares.
 

@@ -61,6 +61,7 @@ def judge(
     *,
     p_unannotated: FloatArray | None = None,
     passed: BoolArray | None = None,
+    mirrored: BoolArray | None = None,
 ) -> list[Finding]:
     """Give every pole and every site in view its verdict.
 
@@ -76,6 +77,8 @@ def judge(
         As :func:`twin.matching.assign.assign` got it. Default: `p_missed` where `views` are enough, else 1.
     passed : bool (n_sites,), optional
         Whether a completely annotated drive had the place in view at all. Default: where there are views.
+    mirrored : bool (n_poles,), optional
+        Whether NVDB has any sign in a pole's neighbourhood. Default: among these sites.
 
     Returns
     -------
@@ -92,7 +95,7 @@ def judge(
         drives=complete_drives,
         p_gone=config.p_gone / (config.p_gone + (1 - config.p_gone) * p_unannotated),
         passed=views > 0 if passed is None else passed,
-        mirrored=_mirrored(poles, sites, config),
+        mirrored=is_mirrored(poles, sites, config) if mirrored is None else mirrored,
         config=config,
     )
     findings: list[Finding] = []
@@ -105,7 +108,7 @@ def judge(
     return sorted(findings, key=lambda finding: finding.change_id)
 
 
-def _mirrored(poles: Sequence[ObservedPole], sites: Sequence[Site], config: MatchConfig) -> BoolArray:
+def is_mirrored(poles: Sequence[ObservedPole], sites: Sequence[Site], config: MatchConfig) -> BoolArray:
     """Whether the mirror has any sign in the neighbourhood of each pole."""
     from scipy.spatial import cKDTree
 

@@ -115,6 +115,7 @@ def test_match_puts_every_finding_of_a_shifted_drive_up_for_review(opened: Store
             place |= {"cov_ee_m2": 121.0, "cov_en_m2": 0.0, "cov_nn_m2": 121.0}
             this = ADJUSTED & (schema.estimate.c.object == one.object)
             connection.execute(sa.update(schema.estimate).where(this).values(**place))
+        opened.touch(connection)
     report = match(opened)
     claims = [report.verdicts[verdict] for verdict in ("moved", "wrong_type", "new", "missing")]
     assert claims == [0, 0, 0, 0]

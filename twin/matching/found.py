@@ -1,0 +1,581 @@
+"""What a match finds: of everything, or of what lies about the drives touched since the last one."""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.earth.geodesy import utm33_from_geographic
+from twin.matching.absence import evidence_of_absence, still_seen
+from twin.matching.assign import Assignment, assign
+from twin.matching.cells import CELL_M, NOWHERE, are_among, cells_of, middles_of
+from twin.matching.config import MatchConfig
+from twin.matching.drives import (
+    Drive,
+    beside_nvdb,
+    cells_if_shifted,
+    drives_of,
+    forget,
+    past_poles,
+    past_sites,
+)
+from twin.matching.in_view import COARSE_DEG
+from twin.matching.kept import Kept, NotSure, digest
+from twin.matching.left import KnownDrive, Results, State, put_results
+from twin.matching.likelihood import cost_of_common
+from twin.matching.poles.kept_places import KeptPlaces
+from twin.matching.poles.keys import Mark, with_known_keys
+from twin.matching.poles.many_drives import with_fused_places
+from twin.matching.poles.map_aided import map_aided
+from twin.matching.poles.poles import ObservedPole, observed_poles
+from twin.matching.poles.same_pole import each_pole_once, may_be_one
+from twin.matching.poles.seen_in import (
+    clicks_of,
+    ever_used,
+    holders_of,
+    keys_held,
+    known_marks,
+    marks_of,
+    pictures_of,
+    seen_from,
+)
+from twin.matching.reading import estimates_of
+from twin.matching.scope import NEAR_M, Scope, scope_about
+from twin.matching.sites import Site, along_the_road, codes_of_mirror, mirror_near, sites_from_mirror
+from twin.matching.verdicts.finding import doubtful_as_review
+from twin.matching.verdicts.judge import is_mirrored, judge
+from twin.mirror.names import KATALOG_FACT
+from twin.mirror.vegnett.network import FACT as VEGNETT
+from twin.store.records import Estimate, Finding
+from twin.store.store import Row, Snapshot, Store
+from twin.store.touched import FACT as TOUCHED
+from twin.store.touched import touched_since
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a match found, and what it leaves to the next one.
+
+    Attributes
+    ----------
+    revision : int
+        Of the store, that it is of.
+    findings : list of Finding
+    gone : list of str or None
+        Ids of findings of the last match that these replace; None for all.
+    keys : mapping of member to the key of its pole
+    members_gone : frozenset of str
+        Of which nothing is left.
+    marks : mapping of member to Mark
+    drives : list of Drive
+        All that were looked at.
+    known : mapping of drive id to KnownDrive
+        Of these.
+    state : State
+    kept : Kept
+    map_aided : str
+    has_network : bool
+    """
+
+    revision: int
+    findings: list[Finding]
+    gone: list[str] | None
+    keys: dict[str, str]
+    members_gone: frozenset[str]
+    marks: dict[str, Mark]
+    drives: list[Drive]
+    known: dict[str, KnownDrive]
+    state: State
+    kept: Kept
+    map_aided: str
+    has_network: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Of which store by which settings findings are asked for."""
+
+    store: Store
+    view: Snapshot
+    method: str
+    config: MatchConfig
+    say: Say
+
+    @property
+    def has_network(self) -> bool:
+        """Whether the store has the road network."""
+        return self.view.fact(VEGNETT) is not None
+
+    def rests_on(self) -> str:
+        """Digest of everything that findings rest on but drives and NVDB's signs."""
+        network = [self.view.fact(VEGNETT), self.view.fact(KATALOG_FACT)] if self.has_network else []
+        said = json.dumps([self.method, asdict(self.config), network], sort_keys=True)
+        return digest(said.encode())
+
+
+def everything(asked: Asked, kept: Kept) -> Found:
+    """Work out the findings of the whole store."""
+    view, method, config = asked.view, asked.method, asked.config
+    asked.say("grouping estimates into poles")
+    drives = drives_of(view, method, config, kept)
+    estimates = estimates_of(view, method)
+    once, gathered = _gathered(asked, estimates, drives)
+    placed = with_fused_places(gathered, once, [drive.driven for drive in drives], kept=kept).poles
+    clicks = clicks_of(view, method)
+    marks = marks_of(estimates, clicks)
+    poles = with_known_keys(placed, marks, [mark for _, mark in known_marks(view)])
+    sites = _sites(asked, mirror_near(view, _places(drives, poles), config))
+    drives = beside_nvdb(drives, sites, once, kept)
+    tied = ""
+    if config.map_aided:
+        asked.say("tying drives to measured signs")
+        poles, tied = map_aided(poles, sites, once, [drive.driven for drive in drives], config, kept)
+    codes = cost_of_common(codes_of_mirror(view), config)
+    compared = _compared(asked, poles, sites, drives, codes)
+    passed = np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)]))
+    results = compared.results(passed, None)
+    put_results(kept, results, None)
+    known = _known(drives, estimates, clicks)
+    for drive_id, one in known.items():
+        one.put(kept, drive_id)
+    squares = {drive_id: one.squares for drive_id, one in known.items()}
+    state = State(asked.rests_on(), view.revision(), results.totals, codes, squares, _warnings(drives))
+    state.put(kept)
+    return Found(
+        revision=state.revision,
+        findings=compared.findings,
+        gone=None,
+        keys={member: pole.key for pole in poles for member in pole.members},
+        members_gone=frozenset(),
+        marks=marks,
+        drives=drives,
+        known=known,
+        state=state,
+        kept=kept,
+        map_aided=tied,
+        has_network=asked.has_network,
+    )
+
+
+def touched_part(asked: Asked, kept: Kept) -> Found | None:
+    """Work out what drives that were touched since the last match can have changed.
+
+    Returns
+    -------
+    Found or None
+        None where everything has to be matched: nothing was, or by other settings, or NVDB's signs have
+        changed.
+
+    Raises
+    ------
+    NotSure
+    """
+    view, method, config = asked.view, asked.method, asked.config
+    state = None if config.map_aided else State.of(kept)
+    if state is None or state.rests_on != asked.rests_on():
+        return None
+    revision = view.revision()
+    touched = touched_since(view.fact(TOUCHED), state.revision, revision)
+    if touched is None:
+        return None
+    asked.say("reading what the drives touch that came since the last match")
+    before = {one: known for one in sorted(touched) if (known := KnownDrive.of(kept, one)) is not None}
+    came = drives_of(view, method, config, kept, touched)
+    own = estimates_of(view, method, touched)
+    passed = [drive.watcher.cells for drive in came] + [known.touched for known in before.values()]
+    places = KeptPlaces(kept, "fused")
+    scope = scope_about(
+        touched,
+        np.concatenate([np.zeros((0, 2)), *(known.place_m for known in before.values())]),
+        _place_of(own),
+        np.concatenate([NOWHERE, *passed]),
+        places,
+    )
+    part = _part(asked, kept, state, scope, came, own, before)
+    for drive_id in touched - {drive.drive_id for drive in came}:
+        forget(kept, drive_id)
+        state.squares.pop(drive_id, None)
+        state.warnings.pop(drive_id, None)
+    part.state.put(kept)
+    return part
+
+
+def _part(
+    asked: Asked,
+    kept: Kept,
+    state: State,
+    scope: Scope,
+    came: Sequence[Drive],
+    own: Sequence[Estimate],
+    before: Mapping[str, KnownDrive],
+) -> Found:
+    view, method, config = asked.view, asked.method, asked.config
+    others = state.near(scope.read) - scope.drives
+    known = {one: drive for one in others if (drive := KnownDrive.of(kept, one)) is not None}
+    drives = sorted(
+        [*came, *drives_of(view, method, config, kept, others, known)],
+        key=lambda drive: (drive.started_ns, drive.drive_id),
+    )
+    estimates = estimates_of(view, method, {drive.drive_id for drive in drives}, scope.read)
+    asked.say("grouping estimates into poles")
+    once, gathered = _gathered(asked, estimates, drives)
+    held = keys_held(view, [member for pole in gathered for member in pole.members])
+    _check_grouping(gathered, held, scope)
+    clicks = clicks_of(view, method, scope.drives)
+    marks = marks_of(estimates, clicks | {drive_id: drive.clicks for drive_id, drive in known.items()})
+    placed = with_fused_places(
+        gathered, once, [drive.driven for drive in drives], kept=kept, only=scope.squares
+    ).poles
+    where = cells_of(_places_of(placed))
+    wanted, rivals = are_among(where, scope.results), are_among(where, scope.about)
+    mine = [pole for pole, counts in zip(placed, wanted, strict=True) if counts]
+    beside = [
+        replace(pole, key=held[pole.members[0]])
+        for pole, counts, own_ in zip(placed, rivals, wanted, strict=True)
+        if counts and not own_
+    ]
+    named = _named(asked, scope, mine, marks, held, [drive.drive_id for drive in drives])
+    poles = sorted([*named, *beside], key=lambda pole: pole.key)
+    sites, drives = _sites_about(asked, scope, kept, drives, once)
+    compared = _compared(asked, poles, sites, drives, state.codes, scope)
+    every = np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)])
+    results = compared.results(np.unique(every), scope.results)
+    gone, counted = put_results(kept, results, scope.results)
+    fresh = _known(came, own, clicks)
+    for drive_id, one in fresh.items():
+        one.put(kept, drive_id)
+        state.squares[drive_id] = one.squares
+    for looked in drives:
+        state.warnings.pop(looked.drive_id, None)
+    state.warnings.update(_warnings(drives))
+    state = replace(state, revision=view.revision(), totals=state.totals - counted + results.totals)
+    there = are_among(cells_of(_place_of(compared.findings)), scope.results)
+    keys = {member: pole.key for pole in named for member in pole.members}
+    old = {f"{drive_id}:{name}" for drive_id, drive in before.items() for name in drive.clicks}
+    now = {estimate.member for estimate in own}
+    return Found(
+        revision=state.revision,
+        findings=[one for one, counts in zip(compared.findings, there, strict=True) if counts],
+        gone=gone,
+        keys=keys,
+        members_gone=frozenset(old - now),
+        marks={member: mark for member, mark in marks.items() if member in keys},
+        drives=drives,
+        known=known | fresh,
+        state=state,
+        kept=kept,
+        map_aided="",
+        has_network=asked.has_network,
+    )
+
+
+def _gathered(
+    asked: Asked, estimates: Sequence[Estimate], drives: Sequence[Drive]
+) -> tuple[list[Estimate], list[ObservedPole]]:
+    """Estimates of which each pole has one a drive and camera, and the poles that they are of."""
+    config, ids = asked.config, [drive.drive_id for drive in drives]
+    directions = seen_from(asked.view, estimates, asked.method, ids) if asked.has_network else {}
+    pairs = may_be_one(estimates, config)
+    once = each_pole_once(estimates, pairs, pictures_of(asked.view, pairs, asked.method))
+    return once, observed_poles(once, ids, config, directions)
+
+
+def _check_grouping(poles: Sequence[ObservedPole], held: Mapping[str, str], scope: Scope) -> None:
+    """Make sure that estimates far from those that were touched are grouped as they were."""
+    from scipy.spatial import cKDTree
+
+    place_m = _places_of(poles)
+    rest = [
+        [held.get(member) for member in pole.members if member.partition(":")[0] not in scope.drives]
+        for pole in poles
+    ]
+    size: dict[str | None, int] = {}
+    for keys in rest:
+        for key in keys:
+            size[key] = size.get(key, 0) + 1
+    as_before = [not keys or (len(set(keys)) == 1 and size[keys[0]] == len(keys)) for keys in rest]
+    same = np.array(as_before, dtype=np.bool_)
+    others = np.flatnonzero(~same & are_among(cells_of(place_m), scope.about))
+    if others.size:
+        if not len(scope.changed_m):
+            raise NotSure
+        far, _ = cKDTree(scope.changed_m).query(place_m[others])
+        if np.max(far) > NEAR_M:
+            raise NotSure
+
+
+def _named(
+    asked: Asked,
+    scope: Scope,
+    poles: Sequence[ObservedPole],
+    marks: Mapping[str, Mark],
+    held: Mapping[str, str],
+    drive_ids: Sequence[str],
+) -> list[ObservedPole]:
+    """Give the poles of a part the keys that they would have among all poles.
+
+    Raises
+    ------
+    NotSure
+        One of them has clicks of a pole that stands elsewhere.
+    """
+    if not poles:
+        return []
+    members = {member for pole in poles for member in pole.members}
+    place_m = _places_of(poles)
+    reach_m = 3.0 * max(pole.sigma_m for pole in poles) + NEAR_M
+    corners = np.array([place_m.min(axis=0) - reach_m, place_m.max(axis=0) + reach_m])
+    clicked = {(marks[m].drive_id, marks[m].clicks) for m in members if m in marks}
+    every = [one for _, one in known_marks(asked.view, drive_ids, corners)]
+    near = are_among(cells_of(np.array([(one.mark.east_m, one.mark.north_m) for one in every])), scope.about)
+    mine = [(one.mark.drive_id, one.mark.clicks) in clicked for one in every]
+    known = [one for one, a, b in zip(every, near.tolist(), mine, strict=True) if a or b]
+    beside = {key for member, key in held.items() if member not in members}
+    strange = {one.pole for one in known} - set(held.values())
+    beside |= {
+        key
+        for member, key in holders_of(asked.view, strange)
+        if member not in members and member.partition(":")[0] not in scope.drives
+    }
+    if any(one.pole in beside for one in known if (one.mark.drive_id, one.mark.clicks) in clicked):
+        raise NotSure
+    names = [f"{member}{more}" for member in sorted(members) for more in ("", "+", "++", "+++")]
+    return with_known_keys(poles, marks, known, beside, ever_used(asked.view, names))
+
+
+def _sites_about(
+    asked: Asked, scope: Scope, kept: Kept, drives: Sequence[Drive], once: Sequence[Estimate]
+) -> tuple[list[Site], list[Drive]]:
+    """Sites in a part of the store, and the drives with what the sites say of those that were touched."""
+    mine: dict[str, list[Estimate]] = {drive_id: [] for drive_id in scope.drives}
+    for one in once:
+        if one.drive_id in mine:
+            mine[one.drive_id].append(one)
+    touched = [drive for drive in drives if drive.drive_id in mine]
+    shifted = [cells_if_shifted(drive, mine[drive.drive_id]) for drive in touched if not drive.misfits]
+    cells = np.unique(np.concatenate([scope.about, *shifted]))
+    rows = mirror_near(asked.view, middles_of(cells), asked.config, CELL_M)
+    sites = _sites(asked, rows)
+    seen = beside_nvdb(drives, sites, once, kept, scope.drives)
+    place_m = np.array([(site.east_m, site.north_m) for site in sites]).reshape(-1, 2)
+    inside = are_among(cells_of(place_m), scope.about)
+    return [site for site, counts in zip(sites, inside, strict=True) if counts], seen
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """Findings, and the poles and sites that were compared."""
+
+    findings: list[Finding]
+    poles: Sequence[ObservedPole]
+    current: Sequence[ObservedPole]
+    sites: Sequence[Site]
+    in_view: BoolArray
+
+    def results(self, passed: IntArray, only: IntArray | None) -> Results:
+        """What is left of it to the next match: all, or what lies in some cells.
+
+        Parameters
+        ----------
+        passed : int64 (n,)
+            Cells that drives passed: of sites, those there count.
+        """
+        sites = cells_of(np.array([(site.east_m, site.north_m) for site in self.sites]).reshape(-1, 2))
+        now = {pole.key for pole in self.current}
+        counted = [
+            cells_of(_places_of(self.current)),
+            sites[are_among(sites, passed)],
+            sites[self.in_view],
+            cells_of(_places_of([pole for pole in self.poles if pole.key not in now])),
+        ]
+        cells, ids = cells_of(_place_of(self.findings)), [one.change_id for one in self.findings]
+        if only is not None:
+            inside = are_among(cells, only)
+            ids = [one for one, counts in zip(ids, inside.tolist(), strict=True) if counts]
+            cells, counted = cells[inside], [some[are_among(some, only)] for some in counted]
+        return Results(ids, cells, counted)
+
+
+def _compared(
+    asked: Asked,
+    poles: Sequence[ObservedPole],
+    sites: Sequence[Site],
+    drives: Sequence[Drive],
+    codes: Mapping[str, float],
+    scope: Scope | None = None,
+) -> _Compared:
+    """Compare poles with sites."""
+    config = asked.config
+    asked.say("finding which signs were in view")
+    current = still_seen(poles, past_poles(drives, poles), config)
+    about = None if scope is None else scope.about
+    seen = evidence_of_absence(past_sites(drives, sites, about), sites, config)
+    asked.say("assigning")
+    assignment = assign(current, sites, seen.p_unannotated, config, codes)
+    if scope is not None:
+        ends = [_places_of(current), np.array([(s.east_m, s.north_m) for s in sites]).reshape(-1, 2)]
+        scope.check(np.concatenate(ends), assignment.groups(), assignment.reach_m)
+    findings = judge(
+        current,
+        sites,
+        assignment,
+        seen.complete,
+        seen.watched_by,
+        config,
+        p_unannotated=seen.p_unannotated,
+        passed=seen.passed,
+        mirrored=None if scope is None else _mirrored(asked, current, sites, assignment, scope),
+    )
+    findings = _with_evidence(findings, current, drives)
+    return _Compared(findings, poles, current, sites, seen.complete >= config.min_views)
+
+
+def _mirrored(
+    asked: Asked,
+    poles: Sequence[ObservedPole],
+    sites: Sequence[Site],
+    assignment: Assignment,
+    scope: Scope,
+) -> BoolArray:
+    """Whether NVDB has any sign in the neighbourhood of each pole, asked where it matters: of new ones."""
+    found = is_mirrored(poles, sites, asked.config)
+    inside = are_among(cells_of(_places_of(poles)), scope.results)
+    left = np.flatnonzero(~found & (assignment.site_of_pole < 0) & inside).tolist()
+    if left:
+        some = [poles[k] for k in left]
+        points, plates = mirror_near(asked.view, _places_of(some), asked.config)
+        found[left] = is_mirrored(some, sites_from_mirror(points, plates, asked.config), asked.config)
+    return found
+
+
+def _with_evidence(
+    findings: Sequence[Finding], poles: Sequence[ObservedPole], drives: Sequence[Drive]
+) -> list[Finding]:
+    """Put drives that are not trusted up for review, and add covariances and cameras."""
+    doubted = doubtful_as_review(
+        findings, {drive.drive_id: drive.doubt for drive in drives if drive.doubt is not None}
+    )
+    measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in poles}
+    watched = _Cameras.of(poles, drives)
+    return [
+        replace(finding, covariance_m2=_covariance(finding, measured), cameras=watched.for_finding(finding))
+        for finding in doubted
+    ]
+
+
+def _known(
+    drives: Sequence[Drive], estimates: Sequence[Estimate], clicks: Mapping[str, Mapping[str, str]]
+) -> dict[str, KnownDrive]:
+    """What the next match has to know of drives of which all estimates are there.
+
+    How a drive was ingested (terrain, error budget, installed grids) is known by what came of it: the hash of
+    its estimates.
+    """
+    mine: dict[str, list[Estimate]] = {drive.drive_id: [] for drive in drives}
+    for estimate in estimates:
+        if estimate.drive_id in mine:
+            mine[estimate.drive_id].append(estimate)
+    found = {}
+    for drive in drives:
+        digests, of_drive = hashlib.sha256(), mine[drive.drive_id]
+        for estimate in sorted(of_drive, key=lambda e: e.estimate_id):
+            row = estimate.to_row()
+            digests.update(json.dumps([row[name] for name in _HASHED], sort_keys=True).encode())
+        said = clicks.get(drive.drive_id, {})
+        found[drive.drive_id] = KnownDrive(
+            recorded=drive.driven.recorded,
+            car=drive.driven.car,
+            touched=drive.watcher.cells,
+            place_m=_place_of(of_drive),
+            clicks={one.object: said.get(one.object, "") for one in of_drive},
+            ahead=drive.shift,
+            estimates_sha256=digests.hexdigest(),
+        )
+    return found
+
+
+def _warnings(drives: Sequence[Drive]) -> dict[str, tuple[int, list[str]]]:
+    told = {drive.drive_id: (drive.started_ns, list(drive.warnings())) for drive in drives}
+    return {drive_id: said for drive_id, said in told.items() if said[1]}
+
+
+_HASHED = (
+    "object",
+    "east_m",
+    "north_m",
+    "cov_ee_m2",
+    "cov_en_m2",
+    "cov_nn_m2",
+    "skiltnummer",
+    "text",
+    "cameras",
+)
+
+
+def _places_of(poles: Sequence[ObservedPole]) -> FloatArray:
+    return np.array([(pole.east_m, pole.north_m) for pole in poles]).reshape(-1, 2)
+
+
+def _place_of(some: Sequence[Estimate] | Sequence[Finding]) -> FloatArray:
+    return np.array([(one.east_m, one.north_m) for one in some]).reshape(-1, 2)
+
+
+def _places(drives: Sequence[Drive], poles: Sequence[ObservedPole]) -> FloatArray:
+    """Where something was seen, or driven past: EPSG:25833, to some hundred metres."""
+    coarse = np.unique(np.concatenate([drive.watcher.coarse for drive in drives]), axis=0) * COARSE_DEG
+    east, north = utm33_from_geographic(*coarse.T)
+    return np.concatenate([np.stack([east, north], axis=1), _places_of(poles)])
+
+
+def _sites(asked: Asked, rows: tuple[Sequence[Row], Sequence[Row]]) -> list[Site]:
+    """Sites of the mirror; with the road network also which way they face, and their road."""
+    points, plates = rows
+    if not asked.has_network:
+        return sites_from_mirror(points, plates, asked.config)
+    from twin.mirror.vegnett import facing, load_vegnett
+
+    # As the roads were when they were read: findings do not change from one day to the next by themselves.
+    fact = asked.view.fact(VEGNETT) or {}
+    day = dt.date.fromisoformat(fact["fetched_at"][:10]) if "fetched_at" in fact else None
+    sites = sites_from_mirror(points, plates, asked.config, facing(asked.store, on_date=day))
+    return along_the_road(sites, load_vegnett(asked.store), day)
+
+
+@dataclass(frozen=True, slots=True)
+class _Cameras:
+    """Cameras that saw each pole, by its key, and those of each drive that were annotated."""
+
+    of_pole: Mapping[str, frozenset[str]]
+    of_drive: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, poles: Sequence[ObservedPole], drives: Sequence[Drive]) -> _Cameras:
+        return cls({pole.key: pole.cameras for pole in poles}, {d.drive_id: d.cameras for d in drives})
+
+    def for_finding(self, finding: Finding) -> tuple[str, ...]:
+        """Their names; of a sign that was not seen, the cameras of the drives that looked for it."""
+        of_pole = self.of_pole.get(finding.terms.get("pole", ""))
+        if of_pole is not None:
+            names = {camera.partition("/")[2] for camera in of_pole}
+        else:
+            names = {name for drive in finding.drive_ids for name in self.of_drive.get(drive, ())}
+        return tuple(sorted(names))
+
+
+def _covariance(
+    finding: Finding, measured: Mapping[tuple[float, float], FloatArray]
+) -> tuple[float, float, float] | None:
+    """Covariance of the measured position; None where a finding stands at NVDB's position."""
+    covariance_m2 = measured.get((finding.east_m, finding.north_m))
+    if covariance_m2 is None:
+        return None
+    (ee, en), (_, nn) = covariance_m2.tolist()
+    return ee, en, nn
