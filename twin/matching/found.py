@@ -41,6 +41,7 @@ from twin.matching.poles.seen_in import (
     holders_of,
     keys_held,
     known_marks,
+    known_marks_about,
     marks_of,
     pictures_of,
     seen_from,
@@ -131,7 +132,7 @@ def everything(asked: Asked, kept: Kept) -> Found:
     placed = with_fused_places(gathered, once, [drive.driven for drive in drives], kept=kept).poles
     clicks = clicks_of(view, method)
     marks = marks_of(estimates, clicks)
-    poles = with_known_keys(placed, marks, [mark for _, mark in known_marks(view)])
+    poles = with_known_keys(placed, marks, known_marks(view))
     sites = _sites(asked, mirror_near(view, _places(drives, poles), config))
     drives = beside_nvdb(drives, sites, once, kept)
     tied = ""
@@ -330,14 +331,8 @@ def _named(
     if not poles:
         return []
     members = {member for pole in poles for member in pole.members}
-    place_m = _places_of(poles)
-    reach_m = 3.0 * max(pole.sigma_m for pole in poles) + NEAR_M
-    corners = np.array([place_m.min(axis=0) - reach_m, place_m.max(axis=0) + reach_m])
     clicked = {(marks[m].drive_id, marks[m].clicks) for m in members if m in marks}
-    every = [one for _, one in known_marks(asked.view, drive_ids, corners)]
-    near = are_among(cells_of(np.array([(one.mark.east_m, one.mark.north_m) for one in every])), scope.about)
-    mine = [(one.mark.drive_id, one.mark.clicks) in clicked for one in every]
-    known = [one for one, a, b in zip(every, near.tolist(), mine, strict=True) if a or b]
+    known = known_marks_about(asked.view, clicked, drive_ids, scope.about, _places_of(poles))
     beside = {key for member, key in held.items() if member not in members}
     strange = {one.pole for one in known} - set(held.values())
     beside |= {

@@ -109,7 +109,8 @@ class Places:
         fronts = np.full((len(poles), _MOST_DIRECTIONS), np.nan)
         for k, pole in enumerate(poles):
             fronts[k, : len(pole.seen_from_deg)] = sorted(pole.seen_from_deg)
-        return cls(_coordinates(poles), fronts, _ALIKE)
+        # To a decimetre: where one more drive has moved a pole by less, what others had in view is known.
+        return cls(np.round(_coordinates(poles), 1), fronts, _ALIKE)
 
     def part(self, rows: IntArray) -> Places:
         """Some of them."""

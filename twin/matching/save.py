@@ -12,7 +12,7 @@ from twin.decisions.temporary import settle_road_works
 from twin.matching.kept import Kept, NotSure
 from twin.matching.news import FACT, News, known_findings, known_of, news_of
 from twin.matching.poles.keys import Mark
-from twin.matching.poles.seen_in import keys_held, known_marks
+from twin.matching.poles.seen_in import keys_held, marks_named
 from twin.store import schema
 from twin.store.records import Finding
 from twin.store.store import Row, Snapshot, Store, utc_now
@@ -86,7 +86,7 @@ def save_changes(
         if findings:
             connection.execute(sa.insert(schema.change), [finding.to_row() for finding in findings])
         _put_keys(connection, view, pole_keys, part)
-        _remember(connection, view, pole_keys, marks or {}, part)
+        _remember(connection, view, pole_keys, marks or {})
         if kept is not None:
             kept.save(connection, rest_goes=part is None)
         now = utc_now()
@@ -129,28 +129,27 @@ def _put_keys(
 
 
 def _remember(
-    connection: sa.Connection,
-    view: Snapshot,
-    pole_keys: Mapping[str, str],
-    marks: Mapping[str, Mark],
-    part: Part | None,
+    connection: sa.Connection, view: Snapshot, pole_keys: Mapping[str, str], marks: Mapping[str, Mark]
 ) -> None:
     """Keep by what each pole is known again; one that is absent now is not forgotten."""
     t = schema.known_mark
-    known = {
-        (one.mark.drive_id, one.mark.clicks, one.pole): (number, one.mark)
-        for number, one in known_marks(view, None if part is None else {m.drive_id for m in marks.values()})
+    now = {
+        (mark.drive_id, mark.clicks, pole_keys[member]): {
+            "east_m": mark.east_m,
+            "north_m": mark.north_m,
+            "skiltnummer": ";".join(mark.codes),
+        }
+        for member, mark in marks.items()
     }
-    now = {(mark.drive_id, mark.clicks, pole_keys[member]): mark for member, mark in marks.items()}
-    rows = {
-        name: {"east_m": mark.east_m, "north_m": mark.north_m, "skiltnummer": ";".join(mark.codes)}
-        for name, mark in now.items()
-        if name not in known or known[name][1] != mark
-    }
-    moved = [{"number": known[name][0], **row} for name, row in rows.items() if name in known]
+    known = marks_named(view, now.keys())
+    moved = [
+        {"number": row["id"], **now[name]}
+        for name, row in known.items()
+        if any(row[column] != value for column, value in now[name].items())
+    ]
     if moved:
         connection.execute(sa.update(t).where(t.c.id == sa.bindparam("number")), moved)
     columns = ("drive_id", "clicks", "pole")
-    fresh = [dict(zip(columns, name, strict=True)) | row for name, row in rows.items() if name not in known]
+    fresh = [dict(zip(columns, name, strict=True)) | row for name, row in now.items() if name not in known]
     if fresh:
         connection.execute(sa.insert(t), fresh)

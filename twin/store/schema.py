@@ -370,9 +370,14 @@ known_mark = sa.Table(
 kept_part = sa.Table(
     "kept_part",
     metadata,
-    sa.Column("kind", TEXT, primary_key=True, comment="views, clock or fused"),
-    sa.Column("key", TEXT, primary_key=True, comment="digest of everything that it rests on"),
-    sa.Column("arrays", sa.LargeBinary, nullable=False, comment="what was worked out: npz"),
+    sa.Column("kind", TEXT, primary_key=True, comment="views, clock, fused, drive, results, …"),
+    sa.Column("key", TEXT, primary_key=True, comment="drive, or square of the grid, that it is of"),
+    sa.Column(
+        "arrays",
+        sa.LargeBinary,
+        nullable=False,
+        comment="what was worked out: a line of JSON that names arrays, then these",
+    ),
     comment="What the last match worked out that the next one may use: it can be deleted at any time.",
 )
 

@@ -125,6 +125,7 @@ def test_match_compares_the_texts_of_plates(synced: Path, trip: Path) -> None:
             plates = schema.skiltplate
             with store.transaction() as connection:
                 connection.execute(sa.update(plates).where(plates.c.skiltnummer == "906V").values(text=text))
+                store.touch(connection)
             assert match(store).verdicts == AS_MADE
             rows = store.rows(sa.select(schema.change))
             ids.add(frozenset(row["change_id"] for row in rows))

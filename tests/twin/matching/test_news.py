@@ -61,6 +61,7 @@ def test_match_says_what_is_new_since_the_last_one(twin: Twin, store: Path) -> N
         new = schema.change.c.verdict == V.NEW
         (gone,) = opened.view(connection).rows(sa.select(schema.change.c.change_id).where(new))
         connection.execute(sa.delete(schema.change).where(new))
+        opened.touch(connection)
     found = twin("match", "--store", store, "--json").json["news"]
     assert found["new"] == [gone["change_id"]]
     with Store.open(store) as opened:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence, Set
 
 import numpy as np
 import sqlalchemy as sa
 
-from geoloc.arrays import FloatArray
+from geoloc.arrays import FloatArray, IntArray
 from geoloc.earth.geodesy import geographic_from_utm33, grid_convergence_deg
+from twin.matching.cells import CELL_M, are_among, cells_of
 from twin.matching.poles.keys import KnownMark, Mark
 from twin.matching.poles.same_pole import Picture
 from twin.matching.reading import rows_of_drives
 from twin.store import schema
 from twin.store.records import Estimate, split_codes
 from twin.store.sql import rounded
-from twin.store.store import Snapshot
+from twin.store.store import Row, Snapshot
 
 
 def pictures_of(
@@ -68,32 +69,60 @@ def marks_of(estimates: Sequence[Estimate], clicks: Mapping[str, Mapping[str, st
     }
 
 
-def known_marks(
-    view: Snapshot, only: Collection[str] | None = None, near_m: FloatArray | None = None
-) -> list[tuple[int, KnownMark]]:
-    """Marks of earlier matches, each with its number, the oldest first.
+def known_marks(view: Snapshot) -> list[KnownMark]:
+    """Every mark of earlier matches, the oldest first."""
+    return [_mark(row) for row in view.rows(_MARKS.order_by(schema.known_mark.c.id))]
+
+
+def known_marks_about(
+    view: Snapshot,
+    clicked: Set[tuple[str, str]],
+    drives: Collection[str],
+    about: IntArray,
+    place_m: FloatArray,
+) -> list[KnownMark]:
+    """Marks of earlier matches that can be of some poles, the oldest first.
 
     Parameters
     ----------
-    only : collection of str, optional
-        Drives of these ids.
-    near_m : float64 (2, 2), optional
-        And those of any drive between these two corners, EPSG:25833.
+    clicked : set of (drive, clicks)
+        Marks of these are wanted wherever they are.
+    drives : collection of str
+        Of these, and of others that went, which have a mark there.
+    about : int64 (n,)
+        Cells in which marks are wanted, sorted.
+    place_m : float64 (m, 2)
+        Of the poles.
     """
     t = schema.known_mark.c
-    asked = sa.select(t.id, t.drive_id, t.clicks, t.pole, t.east_m, t.north_m, t.skiltnummer)
-    rows = rows_of_drives(view, asked, t.drive_id, only)
-    if near_m is not None:
-        (west, south), (east, north) = near_m.tolist()
-        rows += view.rows(asked.where(t.east_m.between(west, east), t.north_m.between(south, north)))
-    found = {
-        r["id"]: KnownMark(
-            Mark(r["drive_id"], r["clicks"], r["east_m"], r["north_m"], split_codes(r["skiltnummer"])),
-            r["pole"],
-        )
-        for r in rows
-    }
-    return sorted(found.items())
+    rows = rows_of_drives(view, _MARKS, t.drive_id, drives)
+    (west, south), (east, north) = place_m.min(axis=0) - CELL_M, place_m.max(axis=0) + CELL_M
+    box = t.east_m.between(float(west), float(east)) & t.north_m.between(float(south), float(north))
+    rows += view.rows(_MARKS.where(box, t.drive_id.not_in(sorted(drives))))
+    near = are_among(cells_of(np.array([(row["east_m"], row["north_m"]) for row in rows])), about)
+    wanted = (
+        row
+        for row, is_near in zip(rows, near.tolist(), strict=True)
+        if is_near or (row["drive_id"], row["clicks"]) in clicked
+    )
+    return [_mark(row) for row in sorted(wanted, key=lambda row: row["id"])]
+
+
+def marks_named(view: Snapshot, names: Set[tuple[str, str, str]]) -> dict[tuple[str, str, str], Row]:
+    """Rows of marks by drive, clicks and pole."""
+    t = schema.known_mark.c
+    rows = rows_of_drives(view, _MARKS, t.drive_id, {drive_id for drive_id, _, _ in names})
+    found = {(row["drive_id"], row["clicks"], row["pole"]): row for row in rows}
+    return {name: row for name, row in found.items() if name in names}
+
+
+_COLUMNS = ("id", "drive_id", "clicks", "pole", "east_m", "north_m", "skiltnummer")
+_MARKS = sa.select(*(schema.known_mark.c[name] for name in _COLUMNS))
+
+
+def _mark(row: Row) -> KnownMark:
+    codes = split_codes(row["skiltnummer"])
+    return KnownMark(Mark(row["drive_id"], row["clicks"], row["east_m"], row["north_m"], codes), row["pole"])
 
 
 def ever_used(view: Snapshot, keys: Collection[str]) -> set[str]:
