@@ -97,6 +97,7 @@ class _Commands(_LazyGroup):
         "restore": "backup",
         "config": "config",
         "confidence": "reports",
+        "belief": "belief",
         "simulate": "samples",
         "demo": "samples",
         "help": "help",

@@ -73,13 +73,15 @@ class Placed(Protocol):
         ...
 
 
-def roads_of(store: Store, findings: Sequence[Placed]) -> dict[str, Road]:
+def roads_of(store: Store, findings: Sequence[Placed], *, streets: bool = True) -> dict[str, Road]:
     """Say on which road each finding's sign stands.
 
     Parameters
     ----------
     store : Store
     findings : sequence of Placed
+    streets : bool
+        Whether streets are asked for, which are read from whole objects: slow for all signs of an area.
 
     Returns
     -------
@@ -89,7 +91,8 @@ def roads_of(store: Store, findings: Sequence[Placed]) -> dict[str, Road]:
     """
     with store.snapshot() as view:
         known = {
-            nvdb_type: _of_objects(view, nvdb_type, _ids(findings, nvdb_type)) for nvdb_type in schema.MIRROR
+            nvdb_type: _of_objects(view, nvdb_type, _ids(findings, nvdb_type), streets=streets)
+            for nvdb_type in schema.MIRROR
         }
     roads = {one.change_id: known[one.nvdb_type].get(one.nvdb_id or 0, Road()) for one in findings}
     lost = [one for one in findings if not roads[one.change_id].reference]
@@ -130,12 +133,14 @@ def _ids(findings: Iterable[Placed], nvdb_type: int) -> list[int]:
     return [one.nvdb_id for one in findings if one.nvdb_type == nvdb_type and one.nvdb_id is not None]
 
 
-def _of_objects(view: Snapshot, nvdb_type: int, ids: Sequence[int]) -> Mapping[int, Road]:
+def _of_objects(view: Snapshot, nvdb_type: int, ids: Sequence[int], *, streets: bool) -> Mapping[int, Road]:
     table = schema.MIRROR[nvdb_type].visible.c
     wanted = each_number(ids)
-    columns = (table.nvdb_id, table.road_reference, table.kommuner, table.raw)
+    columns = [table.nvdb_id, table.road_reference, table.kommuner, *([table.raw] if streets else [])]
     return {
-        row["nvdb_id"]: Road(row["road_reference"] or "", _street(row["raw"]), tuple(row["kommuner"]))
+        row["nvdb_id"]: Road(
+            row["road_reference"] or "", _street(row["raw"]) if streets else "", tuple(row["kommuner"])
+        )
         for row in view.rows(sa.select(*columns).where(table.nvdb_id.in_(wanted)))
     }
 
