@@ -13,38 +13,14 @@ from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import geographic_from_utm33
 from nvdb.datakatalog import SKILTPUNKT
 from twin.belief.evidence import Evidence, evidence_of
-from twin.belief.filter import Places, Rates, closing_rate, entropy_bits
-from twin.belief.lifetimes import Lifetimes, lifetimes_of, rates_of, sign_class
+from twin.belief.filter import entropy_bits
+from twin.belief.lifetimes import Lifetimes, lifetimes_of
+from twin.belief.model import Assumed, probabilities
 from twin.belief.state import State
 from twin.errors import ConfigError
 from twin.matching.verdicts.finding import utc_time
 from twin.mirror.roads import roads_of
 from twin.store.store import Store
-
-NS_PER_YEAR = 365.25 * 86_400e9
-
-
-@dataclass(frozen=True, slots=True)
-class Assumed:
-    """What the belief assumes beside the settings of the last match.
-
-    Attributes
-    ----------
-    put_up_per_year : float
-        Share of places without their sign that get one again in a year.
-    p_false : float
-        Chance that a drive marks a sign of which NVDB knows nothing where none stands.
-    p_found : float
-        Probability that a sign stands where NVDB has none and a drive is to mark one, before any has passed.
-    """
-
-    put_up_per_year: float = 0.02
-    p_false: float = 0.001
-    p_found: float = 0.5
-
-
-_NEVER = 1e-12
-"""A pole that is a site's cannot have been seen where the site's sign was gone; whether it is, is weighed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,64 +134,9 @@ def believe(
         raise ConfigError(
             f"The store {store.path} knows of {newest:%Y-%m-%dT%H:%M:%SZ}: ask for a moment from then on."
         )
-    stands, visible, p_pair = _probabilities(evidence, lifetimes, assumed, synced, at)
+    stands, visible, p_pair = probabilities(evidence, lifetimes, assumed, synced=synced, at=at)
     places = tuple(_told(store, evidence, stands, visible, p_pair))
     return Belief(at, places, lifetimes, 1 - evidence.config.p_missed)
-
-
-def _probabilities(
-    evidence: Evidence, lifetimes: Lifetimes, assumed: Assumed, synced: dt.datetime, at: dt.datetime
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Probability that each place's sign stands, that it can be seen too, and that its pole is the site's."""
-    paired, alone = (
-        _filtered(evidence, lifetimes, assumed, synced, at, with_poles=with_poles)
-        for with_poles in (True, False)
-    )
-    # Either the pole is the site's or the site has none: each by what it says of all that was seen and not.
-    more_likely = paired.log_evidence - alone.log_evidence
-    n_sites = len(evidence.sites)
-    with np.errstate(divide="ignore"):
-        more_likely[:n_sites] += np.log(evidence.pair_odds)
-    more_likely[n_sites:] = np.inf
-    p = 1 / (1 + np.exp(-np.clip(more_likely, -700.0, 700.0)))
-    stands, visible = (
-        p * one + (1 - p) * other
-        for one, other in ((paired.stands, alone.stands), (paired.visible, alone.visible))
-    )
-    return stands, visible, p
-
-
-def _filtered(
-    evidence: Evidence,
-    lifetimes: Lifetimes,
-    assumed: Assumed,
-    synced: dt.datetime,
-    at: dt.datetime,
-    *,
-    with_poles: bool,
-) -> Places:
-    """Run the filter over all passes, as if each site's pole were the site's, or as if it were not."""
-    config, n_sites, n_found = evidence.config, len(evidence.sites), len(evidence.found)
-    is_site = np.arange(n_sites + n_found) < n_sites
-    down = rates_of([sign_class(codes) for codes in evidence.codes], lifetimes)
-    up = np.full(down.size, assumed.put_up_per_year)
-    # What drives found NVDB does not list: that it does not close it says nothing.
-    closed = np.where(is_site, closing_rate(down, up, config.p_gone), 0.0)
-    places = Places(
-        np.where(is_site, 1 - config.p_gone, assumed.p_found),
-        Rates(down, up, closed),
-        p_hidden=config.p_hidden,
-        p_false=np.where(is_site, _NEVER, assumed.p_false),
-        listed_until=_years(synced),
-    )
-    for one in evidence.passes:
-        seen = one.seen & (with_poles | ~is_site[one.rows])
-        says = seen | one.counts
-        rows = one.rows[says]
-        places.wait(rows, one.started_ns / NS_PER_YEAR)
-        places.measure(rows, seen[says], one.p_seen[says])
-    places.wait(np.arange(n_sites + n_found), _years(at))
-    return places
 
 
 class _Placed(NamedTuple):
@@ -278,7 +199,3 @@ def _told(
 
 def _utc(epoch_ns: int) -> dt.datetime:
     return dt.datetime.fromtimestamp(int(epoch_ns) // 1_000_000_000, tz=dt.UTC)
-
-
-def _years(at: dt.datetime) -> float:
-    return at.timestamp() * 1e9 / NS_PER_YEAR

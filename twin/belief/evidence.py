@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ from twin.mirror.vegnett import facing
 from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store import schema
 from twin.store.kinds import Verdict
-from twin.store.records import Estimate
+from twin.store.records import Estimate, split_codes
 from twin.store.store import Row, Snapshot, Store
 
 SiteId = tuple[int, int]
@@ -259,17 +259,24 @@ class _Poles:
 
     def observed(self, keys: Sequence[str], view: Snapshot) -> list[ObservedPole]:
         """Poles as matching has them, each at its best estimate."""
-        members = {member for key in keys for member in self._members[key]}
+        members = [member for key in keys for member in self._members[key]]
         if not members:
             return []
-        t = schema.estimate.c
-        drives = sorted({member.partition(":")[0] for member in members})
-        rows = view.rows(sa.select(schema.estimate).where(t.method == self._method, t.drive_id.in_(drives)))
-        estimates = {one.member: one for one in map(Estimate.from_row, rows) if one.member in members}
+        estimates = {one.member: one for one in self._estimates(view, members)}
         directions = {}
         if view.fact(VEGNETT) is not None:
             directions = seen_from(view, list(estimates.values()), self._method)
         return [self._pole(key, estimates, directions) for key in keys]
+
+    def _estimates(self, view: Snapshot, members: Sequence[str]) -> Iterator[Estimate]:
+        columns = [schema.estimate.c[name] for name in _OF_ESTIMATES]
+        for start in range(0, len(members), _AT_ONCE):
+            ids = [f"{member}:{self._method}" for member in members[start : start + _AT_ONCE]]
+            for row in view.rows(sa.select(*columns).where(schema.estimate.c.estimate_id.in_(ids))):
+                ee, en, nn = (row[f"cov_{axes}_m2"] for axes in ("ee", "en", "nn"))
+                codes = split_codes(row["skiltnummer"])
+                kept = {name: row[name] for name in _AS_THEY_ARE}
+                yield Estimate(**kept, codes=codes, covariance_m2=(ee, en, nn), cameras=())
 
     def _pole(
         self, key: str, estimates: Mapping[str, Estimate], directions: Mapping[str, frozenset[float]]
@@ -291,6 +298,12 @@ class _Poles:
             last_ns=max(one.last_ns for one in mine),
             seen_from_deg=frozenset().union(*(directions.get(one.member, ()) for one in mine)),
         )
+
+
+_AT_ONCE = 500
+"""Ids in one statement: SQLite of some systems takes no more than 999 parameters."""
+_AS_THEY_ARE = ("drive_id", "object", "east_m", "north_m", "n_sightings", "first_ns", "last_ns")
+_OF_ESTIMATES = (*_AS_THEY_ARE, "skiltnummer", "cov_ee_m2", "cov_en_m2", "cov_nn_m2")
 
 
 def _paired(

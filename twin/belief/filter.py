@@ -1,12 +1,13 @@
 """Whether a sign stands, from what drives saw and did not see of it over the years: exact and recursive.
 
 A place is in one of three states: the sign stands and can be seen, it stands and is hidden from every drive
-(a hedge), or it is gone. It is taken down and put up at constant rates, a pass of a drive is a measurement,
-and what is left is the probability of each state given all passes. With nothing ever put up again this is
-the persistence filter of Rosen, Mason and Leonard (2016, "Towards lifelong feature-based mapping in
-semi-static environments", doi:10.1109/ICRA.2016.7487237) with an exponential survival time; with nothing
-ever taken down it is the emergence filter of Saavedra-Ruiz et al. (2025, "Perpetua", arXiv:2507.18808); both
-chained without bound otherwise.
+(a hedge), or it is gone. It is taken down, put up and grown over at constant rates, a pass of a drive is a
+measurement, and what is left is the probability of each state given all passes.
+
+With nothing ever put up again this is the persistence filter of Rosen, Mason and Leonard (2016, "Towards
+lifelong feature-based mapping in semi-static environments", doi:10.1109/ICRA.2016.7487237) with an
+exponential survival time; with nothing ever taken down it is the emergence filter of Saavedra-Ruiz et al.
+(2025, "Perpetua", arXiv:2507.18808). Otherwise it is both, chained without bound.
 
 Arrays alone: nothing here knows of NVDB, of a store or of geometry. Times are years from any instant.
 """
@@ -29,11 +30,13 @@ class Rates:
     ----------
     down : signs that stand are taken down.
     up : a sign is put up where one is gone.
+    grown_over : a sign that can be seen is hidden from every drive from then on.
     closed : the register closes what is gone. That it has not yet done so is a measurement at every instant.
     """
 
     down: FloatArray
     up: FloatArray
+    grown_over: FloatArray
     closed: FloatArray
 
 
@@ -56,8 +59,7 @@ class Places:
         Probability that the sign stands when a drive first passes.
     rates : Rates
     p_hidden : float
-        Chance that a sign which stands is hidden from every drive; drawn anew after each sighting, since
-        what was seen is hidden only if something has grown before it since.
+        Chance that a sign is hidden from every drive when it is first passed, or put up.
     p_false : float64 (n,)
         Chance that a drive sees this sign where none stands, above 0.
     listed_until : float
@@ -107,22 +109,28 @@ class Places:
         stands = np.where(seen, p_seen, 1.0 - p_seen)
         other = np.where(seen, self._p_false[rows], 1.0 - self._p_false[rows])
         visible, hidden = self._visible[rows] * stands, self._hidden[rows] * other
-        # A mark on what is hidden is as false as one on what is gone; a true one shows that it was not.
+        # A mark on what is hidden is as false as one on what is gone.
         self._settle(rows, visible, hidden, self._gone[rows] * other)
-        fresh = np.where(seen, self._visible[rows], 0.0) * self._p_hidden
-        self._visible[rows] -= fresh
-        self._hidden[rows] += fresh
 
     def _drift(self, rows: IntArray, years: FloatArray, *, closes: bool) -> None:
-        down, up = self._rates.down[rows], self._rates.up[rows]
+        down, up, over = (one[rows] for one in (self._rates.down, self._rates.up, self._rates.grown_over))
         closed = self._rates.closed[rows] if closes else np.zeros(rows.size)
-        stood = self._visible[rows] + self._hidden[rows]
-        stands, gone = _after(stood, self._gone[rows], down, up, closed, years)
-        # What has stood all the while is hidden as before, what was put up since as a new sign is.
-        stayed = np.exp(-down * years)
-        put_up = stands - stayed * stood
-        hidden = stayed * self._hidden[rows] + self._p_hidden * np.maximum(put_up, 0.0)
-        self._settle(rows, stands - hidden, hidden, gone)
+        visible, hidden, gone = self._visible[rows], self._hidden[rows], self._gone[rows]
+        # d stands = up gone - down stands, d gone = down stands - (up + closed) gone, by the exponential of
+        # that 2 x 2 matrix: two roots about a mean. What is closed drops out: the sum falls below 1.
+        mean = -(down + up + closed) / 2
+        half = np.sqrt(np.maximum(mean**2 - down * closed, 0.0))
+        odd = _gained(mean + half, mean - half, years)
+        even = np.exp((mean + half) * years) - half * odd
+        gain = down * (visible + hidden) - (up + closed + mean) * gone
+        stands = even * (visible + hidden) + odd * (up * gone - (down + mean) * (visible + hidden))
+        # Of what was put up since, a share was hidden at once, and the rest as much as had time to be.
+        leaves = down + over
+        slope = gain / np.where(half > 0, 2 * half, 1.0)  # roots are equal only where nothing is put up
+        came = (gone / 2 + slope) * _gained(mean + half, -leaves, years)
+        came += (gone / 2 - slope) * _gained(mean - half, -leaves, years)
+        seen = visible * np.exp(-leaves * years) + (1 - self._p_hidden) * up * came
+        self._settle(rows, seen, np.maximum(stands - seen, 0.0), even * gone + odd * gain)
 
     def _settle(self, rows: IntArray, visible: FloatArray, hidden: FloatArray, gone: FloatArray) -> None:
         total = visible + hidden + gone
@@ -134,30 +142,12 @@ class Places:
         )
 
 
-def _after(
-    stands: FloatArray,
-    gone: FloatArray,
-    down: FloatArray,
-    up: FloatArray,
-    closed: FloatArray,
-    years: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Solve d stands = up gone - down stands, d gone = down stands - (up + closed) gone.
-
-    By the exponential of a 2 x 2 matrix; what is closed drops out, so that the sum falls below 1.
-    """
-    mean = -(down + up + closed) / 2
-    half = np.sqrt(np.maximum(mean**2 - down * closed, 0.0))
-    grow = np.exp((mean + half) * years)
-    shrink = np.exp((mean - half) * years)
-    even = (grow + shrink) / 2
-    # (grow - shrink) / (2 half), which is years times exp(mean years) where both roots are one.
-    wide = half * years > 1e-6
-    odd = np.where(wide, (grow - shrink) / np.where(wide, 2 * half, 1.0), years * even)
-    return (
-        even * stands + odd * (up * gone - (down + mean) * stands),
-        even * gone + odd * (down * stands - (up + closed + mean) * gone),
-    )
+def _gained(one: FloatArray, other: FloatArray, years: FloatArray) -> FloatArray:
+    """Integrate exp(one u + other (years - u)) over u from 0 to `years`."""
+    apart = np.abs(one - other) * years
+    near = apart < 1e-12
+    share = np.where(near, 1.0, -np.expm1(-apart) / np.where(near, 1.0, apart))
+    return np.asarray(years * np.exp(np.maximum(one, other) * years) * share)
 
 
 def entropy_bits(p: ArrayLike) -> FloatArray:

@@ -1,0 +1,114 @@
+"""The filter run over what drives saw of every place, and what that says of a sign's pole."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoloc.arrays import BoolArray, FloatArray
+from twin.belief.evidence import Evidence
+from twin.belief.filter import Places, Rates, closing_rate
+from twin.belief.lifetimes import Lifetimes, rates_of, sign_class
+
+_NS_PER_YEAR = 365.25 * 86_400e9
+_NEVER = 1e-12
+"""A pole that is a site's cannot have been seen where the site's sign was gone; whether it is, is weighed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assumed:
+    """What the belief assumes beside the settings of the last match.
+
+    Attributes
+    ----------
+    put_up_per_year : float
+        Share of places without their sign that get one again in a year.
+    grown_over_per_year : float
+        Share of signs that can be seen, and are hidden from every drive a year later.
+    p_false : float
+        Chance that a drive marks a sign of which NVDB knows nothing where none stands.
+    p_found : float
+        Probability that a sign stands where NVDB has none and a drive is to mark one, before any has passed.
+    """
+
+    put_up_per_year: float = 0.02
+    grown_over_per_year: float = 0.001
+    p_false: float = 0.001
+    p_found: float = 0.5
+
+
+def probabilities(
+    evidence: Evidence, lifetimes: Lifetimes, assumed: Assumed, *, synced: dt.datetime, at: dt.datetime
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return of each place (n,) how probably its sign stands, can be seen too, and is the pole seen.
+
+    The pole that is taken for a site's is the site's, or one of its own beside it, where the site then was
+    never seen: each counts by how well it tells all that was seen and not, and by what the match says of
+    their places and codes.
+    """
+    run = _Run(evidence, lifetimes, assumed, synced, at)
+    n, n_sites = len(evidence.last_seen_ns), len(evidence.sites)
+    is_site = np.arange(n) < n_sites
+    every, none = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
+    start = np.where(is_site, 1 - evidence.config.p_gone, assumed.p_found)
+    paired = run.filtered(start, seen=every, listed=is_site)
+    apart = run.filtered(start, seen=~is_site, listed=is_site)
+    # A pole of its own stood when it was first passed; NVDB does not list it.
+    itself = run.filtered(np.where(is_site, 1.0, start), seen=every, listed=none)
+    log_odds = paired.log_evidence - apart.log_evidence - itself.log_evidence
+    with np.errstate(divide="ignore"):
+        log_odds[:n_sites] += np.log(evidence.pair_odds)
+    log_odds[n_sites:] = np.inf
+    p = 1 / (1 + np.exp(-np.clip(log_odds, -700.0, 700.0)))
+    stands = p * paired.stands + (1 - p) * apart.stands
+    return stands, p * paired.visible + (1 - p) * apart.visible, p
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What every run of the filter shares."""
+
+    evidence: Evidence
+    lifetimes: Lifetimes
+    assumed: Assumed
+    synced: dt.datetime
+    at: dt.datetime
+
+    def filtered(self, start: FloatArray, *, seen: BoolArray, listed: BoolArray) -> Places:
+        """Run it over all passes.
+
+        Parameters
+        ----------
+        start : float64 (n,)
+            Probability that the sign stands at the first pass.
+        seen : bool (n,)
+            Whether the pole taken for the place's is the place's.
+        listed : bool (n,)
+            Whether that NVDB lists the place says something.
+        """
+        config = self.evidence.config
+        down = rates_of([sign_class(codes) for codes in self.evidence.codes], self.lifetimes)
+        up = np.full(down.size, self.assumed.put_up_per_year)
+        over = np.full(down.size, self.assumed.grown_over_per_year)
+        is_site = np.arange(down.size) < len(self.evidence.sites)
+        places = Places(
+            start,
+            Rates(down, up, over, np.where(listed, closing_rate(down, up, config.p_gone), 0.0)),
+            p_hidden=config.p_hidden,
+            p_false=np.where(is_site, _NEVER, self.assumed.p_false),
+            listed_until=_years(self.synced),
+        )
+        for one in self.evidence.passes:
+            was_seen = one.seen & seen[one.rows]
+            says = was_seen | one.counts
+            rows = one.rows[says]
+            places.wait(rows, one.started_ns / _NS_PER_YEAR)
+            places.measure(rows, was_seen[says], one.p_seen[says])
+        places.wait(np.arange(down.size), _years(self.at))
+        return places
+
+
+def _years(moment: dt.datetime) -> float:
+    return moment.timestamp() * 1e9 / _NS_PER_YEAR
