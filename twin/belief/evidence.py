@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import sqlalchemy as sa
+from numpy.typing import NDArray
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from twin.matching.absence import Passage, evidence_of_absence
@@ -132,16 +133,16 @@ def evidence_of(store: Store) -> Evidence:
         found = poles.observed([key for key in poles.names() if key not in firm], view)
     mine = [pairs.get((site.nvdb_type, site.nvdb_id), _NO_PAIR) for site in sites]
     seen_in = [poles.drives.get(pair.pole, {}) for pair in mine] + [poles.drives[pole.key] for pole in found]
-    passes = [
-        _passed(drive, trusted[k], passages[k], sites, found, seen_in, config)
-        for k, drive in enumerate(drives)
-    ]
+    asked = Asked(Places.of_poles(found)) if found else None
+    witness = _Witness.of(sites, seen_in, config)
     return Evidence(
         sites=sites,
         found=found,
         pair_odds=_odds(mine, absence.p_unannotated, config),
         verdicts=said.verdicts,
-        passes=passes,
+        passes=[
+            witness.says(one, trusted[k], passages[k].counts.fronts, asked) for k, one in enumerate(drives)
+        ],
         last_seen_ns=np.array([max(one.values(), default=0) for one in seen_in], dtype=np.int64),
         config=config,
     )
@@ -339,30 +340,48 @@ def _odds(pairs: Sequence[_Pair], p_unannotated: FloatArray, config: MatchConfig
     return np.asarray(np.where(surest, np.exp(np.clip(by_terms, -50.0, 50.0)), odds))
 
 
-def _passed(
-    drive: Drive,
-    trusted: bool,
-    passage: Passage,
-    sites: Sequence[Site],
-    found: Sequence[ObservedPole],
-    seen_in: Sequence[Mapping[str, int]],
-    config: MatchConfig,
-) -> Passed:
-    """What one drive says of sites, then of found poles."""
-    day = dt.datetime.fromtimestamp(drive.started_ns // 1_000_000_000, tz=dt.UTC).date().isoformat()
-    # Where NVDB has a sign only on the road's line, a drive cannot have missed it; nor what came later.
-    can_miss = [site.own_geometry and site.start_date <= day for site in sites]
-    of_sites = np.where(can_miss, passage.counts.fronts, 0)
-    of_poles = drive.watcher.past(Asked(Places.of_poles(found))).fronts if found else np.zeros(0, np.int64)
-    views = np.concatenate([of_sites, of_poles]) if trusted else np.zeros(len(seen_in), np.int64)
-    seen = np.array([drive.drive_id in one for one in seen_in], dtype=np.bool_)
-    rows = np.flatnonzero(seen | (views > 0))
-    # Seen from where its place was not counted as in view: as well as any.
-    well = trusted & (seen[rows] & (views[rows] == 0) | (views[rows] >= config.min_views))
-    return Passed(
-        started_ns=drive.started_ns,
-        rows=rows,
-        seen=seen[rows],
-        counts=views[rows] > 0,
-        p_seen=np.where(well, 1 - config.p_missed, 1 - config.p_unseen),
-    )
+@dataclass(frozen=True, slots=True)
+class _Witness:
+    """What drives say of sites, then of found poles.
+
+    ``came``: days (ISO) from which a drive can have missed the place's sign. ``rows``: places that each drive
+    saw, by drive.
+    """
+
+    came: NDArray[np.str_]
+    rows: Mapping[str, Sequence[int]]
+    n: int
+    config: MatchConfig
+
+    @classmethod
+    def of(cls, sites: Sequence[Site], seen_in: Sequence[Mapping[str, int]], config: MatchConfig) -> _Witness:
+        rows: dict[str, list[int]] = {}
+        for k, drives in enumerate(seen_in):
+            for drive_id in drives:
+                rows.setdefault(drive_id, []).append(k)
+        # Where NVDB has a sign only on the road's line, a drive cannot have missed it; nor what came later.
+        came = [site.start_date if site.own_geometry else _NEVER for site in sites]
+        return cls(np.array(came, dtype=np.str_), rows, len(seen_in), config)
+
+    def says(self, drive: Drive, trusted: bool, fronts: IntArray, asked: Asked | None) -> Passed:
+        """What one drive says; `fronts`: images in which it had the front of each site in view."""
+        views, seen = np.zeros(self.n, dtype=np.int64), np.zeros(self.n, dtype=np.bool_)
+        seen[list(self.rows.get(drive.drive_id, ()))] = True
+        if trusted:
+            started = dt.datetime.fromtimestamp(drive.started_ns // 1_000_000_000, tz=dt.UTC)
+            views[: len(fronts)] = np.where(self.came <= started.date().isoformat(), fronts, 0)
+            if asked is not None:
+                views[len(fronts) :] = drive.watcher.past(asked).fronts
+        rows = np.flatnonzero(seen | (views > 0))
+        # Seen from where its place was not counted as in view: as well as any.
+        well = trusted & (seen[rows] & (views[rows] == 0) | (views[rows] >= self.config.min_views))
+        return Passed(
+            started_ns=drive.started_ns,
+            rows=rows,
+            seen=seen[rows],
+            counts=views[rows] > 0,
+            p_seen=np.where(well, 1 - self.config.p_missed, 1 - self.config.p_unseen),
+        )
+
+
+_NEVER = "9999"
