@@ -1,8 +1,9 @@
 """Whether a sign stands, from what drives saw and did not see of it over the years: exact and recursive.
 
-A place is in one of three states: the sign stands and can be seen, it stands and is hidden from every drive
-(a hedge), or it is gone. It is taken down, put up and grown over at constant rates, a pass of a drive is a
-measurement, and what is left is the probability of each state given all passes.
+A place is in one of a few states: the sign stands and can be seen, it stands and is hidden from every drive
+(a hedge), or it is gone, and the register will find out soon or late. It is taken down, put up and grown over
+at constant rates, a pass of a drive is a measurement, and what is left is the probability of each state given
+all passes.
 
 With nothing ever put up again this is the persistence filter of Rosen, Mason and Leonard (2016, "Towards
 lifelong feature-based mapping in semi-static environments", doi:10.1109/ICRA.2016.7487237) with an
@@ -14,6 +15,7 @@ Arrays alone: nothing here knows of NVDB, of a store or of geometry. Times are y
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,33 +23,89 @@ from numpy.typing import ArrayLike
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 
+VISIBLE, HIDDEN, GONE, GONE_LATE = range(4)
+"""States: it stands; it stands where no drive can see it; it is gone, to be closed soon; closed late."""
+
 
 @dataclass(frozen=True, slots=True)
-class Rates:
-    """How often things happen to places, each float64 (n,), per year.
+class Life:
+    """How often things happen to a sign, per year.
 
     Attributes
     ----------
-    down : signs that stand are taken down.
-    up : a sign is put up where one is gone.
-    grown_over : a sign that can be seen is hidden from every drive from then on.
-    closed : the register closes what is gone. That it has not yet done so is a measurement at every instant.
+    down : float
+        A sign that stands is taken down.
+    up : float
+        A sign is put up where one is gone.
+    grown_over : float
+        A sign that can be seen is hidden from every drive from then on.
+    p_hidden : float
+        Chance that a sign is hidden when it is first passed, or put up.
+    closed, closed_late : float
+        The register closes what is gone. That it has not yet done so is a measurement at every instant.
+    late : float
+        Share of what is taken down that is closed late.
     """
 
-    down: FloatArray
-    up: FloatArray
-    grown_over: FloatArray
-    closed: FloatArray
+    down: float
+    up: float = 0.0
+    grown_over: float = 0.0
+    p_hidden: float = 0.0
+    closed: float = 0.0
+    closed_late: float = 0.0
+    late: float = 0.0
+
+    def start(self, stands: float, late: float = 0.0) -> FloatArray:
+        """Return the states of a sign that stands with a probability; `late`: of what is gone."""
+        gone = 1.0 - stands
+        return np.array(
+            [stands * (1 - self.p_hidden), stands * self.p_hidden, gone * (1 - late), gone * late]
+        )
+
+    def generator(self, *, listed: bool) -> FloatArray:
+        """Return the rates of change of the states (4, 4), from column to row; what is closed drops out."""
+        to_visible, to_hidden = self.up * (1 - self.p_hidden), self.up * self.p_hidden
+        to_soon, to_late = self.down * (1 - self.late), self.down * self.late
+        soon, late = (self.closed, self.closed_late) if listed else (0.0, 0.0)
+        return np.array(
+            [
+                [-self.down - self.grown_over, 0.0, to_visible, to_visible],
+                [self.grown_over, -self.down, to_hidden, to_hidden],
+                [to_soon, to_soon, -self.up - soon, 0.0],
+                [to_late, to_late, 0.0, -self.up - late],
+            ]
+        )
 
 
-def closing_rate(down: ArrayLike, up: ArrayLike, p_gone: float) -> FloatArray:
-    """Return the rate at which a register has to close what is gone for `p_gone` of its signs to be gone.
+def life_in_register(
+    down: float, up: float, p_hidden: float, p_gone: float, *, closed_late: float, share_late: float
+) -> Life:
+    """Return the life of signs in a register of which a share is gone at any time.
 
-    Of what it lists, that share is then gone at any time: what is taken down makes up for what is closed.
+    Parameters
+    ----------
+    down, up, p_hidden : float
+        As of :class:`Life`; as much is grown over in a year as is hidden at first.
+    p_gone : float
+        Share of the signs in the register that are gone.
+    closed_late : float
+        Rate at which the register closes what it is slow about.
+    share_late : float
+        Share of that among what is gone.
+
+    Notes
+    -----
+    Rates follow from both shares staying as they are while the register loses what it closes. Where fewer
+    signs are taken down than that needs, the share of those that are gone falls with time.
     """
-    if not 0.0 < p_gone < 1.0:
-        return np.zeros_like(np.asarray(down, dtype=np.float64))
-    return np.maximum(np.asarray(down) / p_gone - np.asarray(up) / (1.0 - p_gone), 0.0)
+    if not 0.0 < p_gone < 1.0 or down <= 0.0:
+        return Life(down, up, p_hidden, p_hidden)
+    lost = max(down - up * p_gone / (1 - p_gone), 0.0)
+    # What is closed more slowly than the register renews itself would fill it.
+    slow = max(closed_late, lost - up)
+    soon = max(lost - slow * p_gone * share_late, 0.0) / (p_gone * (1 - share_late))
+    late = min((up + slow - lost) * p_gone * share_late / (down * (1 - p_gone)), 1.0)
+    return Life(down, up, p_hidden, p_hidden, soon, slow, late)
 
 
 class Places:
@@ -55,44 +113,47 @@ class Places:
 
     Parameters
     ----------
-    stands : float64 (n,)
-        Probability that the sign stands when a drive first passes.
-    rates : Rates
-    p_hidden : float
-        Chance that a sign is hidden from every drive when it is first passed, or put up.
+    start : float64 (n, 4)
+        Probabilities of the states when a drive first passes.
+    lives : sequence of Life
+    life : int64 (n,)
+        Which of them each place has.
     p_false : float64 (n,)
-        Chance that a drive sees this sign where none stands, above 0.
+        Chance that a drive sees this sign where none is to be seen, above 0.
     listed_until : float
         Time until which the register is known to list the places.
     """
 
     def __init__(
-        self, stands: FloatArray, rates: Rates, *, p_hidden: float, p_false: FloatArray, listed_until: float
+        self,
+        start: FloatArray,
+        lives: Sequence[Life],
+        life: IntArray,
+        *,
+        p_false: FloatArray,
+        listed_until: float,
     ) -> None:
-        self._rates, self._p_hidden, self._p_false, self._listed = rates, p_hidden, p_false, listed_until
-        self._visible = stands * (1.0 - p_hidden)
-        self._hidden = stands * p_hidden
-        self._gone = 1.0 - stands
-        self._at = np.full(len(stands), np.nan)
-        self.log_evidence = np.zeros(len(stands))
+        self._state, self._life, self._p_false, self._listed = start.copy(), life, p_false, listed_until
+        self._generators = [np.array([one.generator(listed=on) for one in lives]) for on in (True, False)]
+        self._at = np.full(len(start), np.nan)
+        self.log_evidence = np.zeros(len(start))
         """Natural log of the probability of all measurements so far (n,)."""
 
     @property
     def stands(self) -> FloatArray:
         """Probability that the sign stands (n,)."""
-        return self._visible + self._hidden
+        return np.asarray(self._state[:, VISIBLE] + self._state[:, HIDDEN])
 
     @property
     def visible(self) -> FloatArray:
         """Probability that the sign stands and can be seen (n,)."""
-        return self._visible.copy()
+        return self._state[:, VISIBLE].copy()
 
     def wait(self, rows: IntArray, until: float) -> None:
         """Let time pass at some places; before the first measurement none does."""
         some = rows[self._at[rows] < until]
-        for end, closes in ((min(until, self._listed), True), (until, False)):
-            years = np.maximum(end - self._at[some], 0.0)
-            self._drift(some, years, closes=closes)
+        for end, generators in zip((min(until, self._listed), until), self._generators, strict=True):
+            self._drift(some, np.maximum(end - self._at[some], 0.0), generators)
             self._at[some] = np.maximum(self._at[some], end)
         self._at[rows] = np.fmax(self._at[rows], until)
 
@@ -106,48 +167,27 @@ class Places:
         p_seen : float64 (k,)
             Chance that the drive sees a sign that stands there and is not hidden.
         """
-        stands = np.where(seen, p_seen, 1.0 - p_seen)
-        other = np.where(seen, self._p_false[rows], 1.0 - self._p_false[rows])
-        visible, hidden = self._visible[rows] * stands, self._hidden[rows] * other
-        # A mark on what is hidden is as false as one on what is gone.
-        self._settle(rows, visible, hidden, self._gone[rows] * other)
+        p_false = self._p_false[rows]
+        chance = np.repeat(np.where(seen, p_false, 1.0 - p_false)[:, None], 4, axis=1)
+        chance[:, VISIBLE] = np.where(seen, p_seen, 1.0 - p_seen)
+        self._settle(rows, self._state[rows] * chance)
 
-    def _drift(self, rows: IntArray, years: FloatArray, *, closes: bool) -> None:
-        down, up, over = (one[rows] for one in (self._rates.down, self._rates.up, self._rates.grown_over))
-        closed = self._rates.closed[rows] if closes else np.zeros(rows.size)
-        visible, hidden, gone = self._visible[rows], self._hidden[rows], self._gone[rows]
-        # d stands = up gone - down stands, d gone = down stands - (up + closed) gone, by the exponential of
-        # that 2 x 2 matrix: two roots about a mean. What is closed drops out: the sum falls below 1.
-        mean = -(down + up + closed) / 2
-        half = np.sqrt(np.maximum(mean**2 - down * closed, 0.0))
-        odd = _gained(mean + half, mean - half, years)
-        even = np.exp((mean + half) * years) - half * odd
-        gain = down * (visible + hidden) - (up + closed + mean) * gone
-        stands = even * (visible + hidden) + odd * (up * gone - (down + mean) * (visible + hidden))
-        # Of what was put up since, a share was hidden at once, and the rest as much as had time to be.
-        leaves = down + over
-        slope = gain / np.where(half > 0, 2 * half, 1.0)  # roots are equal only where nothing is put up
-        came = (gone / 2 + slope) * _gained(mean + half, -leaves, years)
-        came += (gone / 2 - slope) * _gained(mean - half, -leaves, years)
-        seen = visible * np.exp(-leaves * years) + (1 - self._p_hidden) * up * came
-        self._settle(rows, seen, np.maximum(stands - seen, 0.0), even * gone + odd * gain)
+    def _drift(self, rows: IntArray, years: FloatArray, generators: FloatArray) -> None:
+        from scipy.linalg import expm
 
-    def _settle(self, rows: IntArray, visible: FloatArray, hidden: FloatArray, gone: FloatArray) -> None:
-        total = visible + hidden + gone
+        if not years.any():
+            return
+        # Places were last passed by few drives, and live few lives.
+        key = np.stack([self._life[rows].astype(np.float64), years], axis=1)
+        each, number = np.unique(key, axis=0, return_inverse=True)
+        step = expm(generators[each[:, 0].astype(np.int64)] * each[:, 1, None, None])
+        moved = np.einsum("kij,kj->ki", step[number.ravel()], self._state[rows])
+        self._settle(rows, np.maximum(moved, 0.0))
+
+    def _settle(self, rows: IntArray, state: FloatArray) -> None:
+        total = state.sum(axis=1)
         self.log_evidence[rows] += np.log(total)
-        self._visible[rows], self._hidden[rows], self._gone[rows] = (
-            visible / total,
-            hidden / total,
-            gone / total,
-        )
-
-
-def _gained(one: FloatArray, other: FloatArray, years: FloatArray) -> FloatArray:
-    """Integrate exp(one u + other (years - u)) over u from 0 to `years`."""
-    apart = np.abs(one - other) * years
-    near = apart < 1e-12
-    share = np.where(near, 1.0, -np.expm1(-apart) / np.where(near, 1.0, apart))
-    return np.asarray(years * np.exp(np.maximum(one, other) * years) * share)
+        self._state[rows] = state / total[:, None]
 
 
 def entropy_bits(p: ArrayLike) -> FloatArray:

@@ -13,7 +13,6 @@ import datetime as dt
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
 import sqlalchemy as sa
 
 from nvdb.datakatalog import SKILTPUNKT
@@ -178,8 +177,3 @@ def _ended(row: Row) -> float:
 def _day(text: str) -> float:
     """Day of an ISO date or time, counted from any."""
     return float(dt.date.fromisoformat(text[:10]).toordinal())
-
-
-def rates_of(classes: Sequence[str], lifetimes: Lifetimes) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Rate of each place by its class (n,), per year."""
-    return np.array([lifetimes.per_year(one) for one in classes], dtype=np.float64)

@@ -9,8 +9,8 @@ import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray
 from twin.belief.evidence import Evidence
-from twin.belief.filter import Places, Rates, closing_rate
-from twin.belief.lifetimes import Lifetimes, rates_of, sign_class
+from twin.belief.filter import Life, Places, life_in_register
+from twin.belief.lifetimes import Lifetimes, sign_class
 
 _NS_PER_YEAR = 365.25 * 86_400e9
 _NEVER = 1e-12
@@ -25,8 +25,10 @@ class Assumed:
     ----------
     put_up_per_year : float
         Share of places without their sign that get one again in a year.
-    grown_over_per_year : float
-        Share of signs that can be seen, and are hidden from every drive a year later.
+    closed_late_per_year : float
+        Rate at which NVDB closes those signs that are gone and that it is slow about.
+    share_late : float
+        Share of these among what is gone and NVDB still lists.
     p_false : float
         Chance that a drive marks a sign of which NVDB knows nothing where none stands.
     p_found : float
@@ -34,7 +36,8 @@ class Assumed:
     """
 
     put_up_per_year: float = 0.02
-    grown_over_per_year: float = 0.001
+    closed_late_per_year: float = 0.1
+    share_late: float = 0.5
     p_false: float = 0.001
     p_found: float = 0.5
 
@@ -76,28 +79,42 @@ class _Run:
     synced: dt.datetime
     at: dt.datetime
 
-    def filtered(self, start: FloatArray, *, seen: BoolArray, listed: BoolArray) -> Places:
+    def filtered(self, stands: FloatArray, *, seen: BoolArray, listed: BoolArray) -> Places:
         """Run it over all passes.
 
         Parameters
         ----------
-        start : float64 (n,)
+        stands : float64 (n,)
             Probability that the sign stands at the first pass.
         seen : bool (n,)
             Whether the pole taken for the place's is the place's.
         listed : bool (n,)
             Whether that NVDB lists the place says something.
         """
-        config = self.evidence.config
-        down = rates_of([sign_class(codes) for codes in self.evidence.codes], self.lifetimes)
-        up = np.full(down.size, self.assumed.put_up_per_year)
-        over = np.full(down.size, self.assumed.grown_over_per_year)
-        is_site = np.arange(down.size) < len(self.evidence.sites)
+        config, assumed = self.evidence.config, self.assumed
+        classes = [sign_class(codes) for codes in self.evidence.codes]
+        names = sorted(set(classes))
+        rates = [self.lifetimes.per_year(name) for name in names]
+        lives = [
+            life_in_register(
+                rate,
+                assumed.put_up_per_year,
+                config.p_hidden,
+                config.p_gone,
+                closed_late=assumed.closed_late_per_year,
+                share_late=assumed.share_late,
+            )
+            for rate in rates
+        ] + [Life(rate, assumed.put_up_per_year, config.p_hidden, config.p_hidden) for rate in rates]
+        number = {name: k for k, name in enumerate(names)}
+        life = np.array([number[name] for name in classes], dtype=np.int64) + np.where(listed, 0, len(names))
+        of_one, of_none = lives[0].start(1.0, assumed.share_late), lives[0].start(0.0, assumed.share_late)
+        is_site = np.arange(life.size) < len(self.evidence.sites)
         places = Places(
-            start,
-            Rates(down, up, over, np.where(listed, closing_rate(down, up, config.p_gone), 0.0)),
-            p_hidden=config.p_hidden,
-            p_false=np.where(is_site, _NEVER, self.assumed.p_false),
+            stands[:, None] * of_one + (1 - stands[:, None]) * of_none,
+            lives,
+            life,
+            p_false=np.where(is_site, _NEVER, assumed.p_false),
             listed_until=_years(self.synced),
         )
         for one in self.evidence.passes:
@@ -106,7 +123,7 @@ class _Run:
             rows = one.rows[says]
             places.wait(rows, one.started_ns / _NS_PER_YEAR)
             places.measure(rows, was_seen[says], one.p_seen[says])
-        places.wait(np.arange(down.size), _years(self.at))
+        places.wait(np.arange(life.size), _years(self.at))
         return places
 
 
