@@ -1,4 +1,4 @@
-"""The store → the four layers of an export."""
+"""The store → the layers of an export."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import sqlalchemy as sa
 
 from nvdb.datakatalog import SKILTPUNKT
+from twin.belief import believe, roads_to_drive
 from twin.decisions.findings import findings_statement, latest_findings
 from twin.decisions.log import BY_TWIN
 from twin.export.layers import COLUMNS, EPSG_UTM33, ExportLayers
@@ -58,6 +59,7 @@ def layers_from_store(
         In EPSG:25833.
     """
     names = sign_names(store)
+    believed = _believed(store) if store.fact("last_match") is not None else {}
     with store.snapshot() as view:
         signs = _signs(view)
         findings = [one.finding for one in latest_findings(view.rows)]
@@ -70,7 +72,26 @@ def layers_from_store(
             estimates=_estimates(view, method),
             nvdb_signs=signs,
             drives=_drives(view, method),
+            **believed,
         )
+
+
+def _believed(store: Store) -> dict[str, gpd.GeoDataFrame]:
+    """What is believed of each sign, and the roads to drive, of a matched store."""
+    import shapely
+
+    belief = believe(store)
+    roads = roads_to_drive(belief.places, p_seen=belief.p_seen)
+    rows = {name: [getattr(one, name) for one in belief.places] for name in _names("belief", *_PLACE)}
+    rows["verdict"] = [verdict or "" for verdict in rows["verdict"]]
+    times = {name: _times(rows[name]) for name in ("last_seen", "last_passed")}
+    told = {name: [getattr(one, name) for one in roads] for name in _names("roads_to_drive") - {"road_id"}}
+    told["road_id"] = [f"{one.road} {one.kommune}" for one in roads]
+    lines = [shapely.LineString(one.line_m) for one in roads]
+    return {
+        "belief": _frame("belief", {**rows, **times}),
+        "roads_to_drive": _frame("roads_to_drive", told, lines),
+    }
 
 
 def _frame(name: str, columns: Columns, geometry: Any = None) -> gpd.GeoDataFrame:
@@ -175,6 +196,13 @@ def _drives(view: Snapshot, method: str) -> gpd.GeoDataFrame:
 
 def _names(layer: str, *more: str) -> set[str]:
     return {column.name for column in COLUMNS[layer]} | set(more)
+
+
+def _times(texts: Sequence[str | None]) -> pd.DatetimeIndex:
+    """Times in ISO 8601 as pandas timestamps; NaT for none."""
+    import pandas as pd
+
+    return pd.to_datetime([text or "NaT" for text in texts], utc=True, format="ISO8601").as_unit("ms")
 
 
 def _utc(epochs_ns: Sequence[int]) -> pd.DatetimeIndex:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ExportRefusedError
@@ -85,6 +85,34 @@ _COLUMNS: dict[str, tuple[tuple[str, str] | tuple[str, str, str], ...]] = {
         ("distance_m", "float64", "m"),
         ("distance_sigma_m", "float64", "m"),
     ),
+    "belief": (
+        ("place_id", "str"),
+        ("nvdb_type", "Int64"),
+        ("nvdb_id", "Int64"),
+        ("skiltnummer", "str"),
+        ("state", "str"),
+        ("p_stands", "float64", "0–1"),
+        ("unsure_bits", "float64", "bit"),
+        ("last_seen", TIME, "UTC"),
+        ("last_passed", TIME, "UTC"),
+        ("n_seen", "int64"),
+        ("n_missed", "int64"),
+        ("verdict", "str"),
+        ("road", "str"),
+        ("kommune", "str"),
+    ),
+    "roads_to_drive": (
+        ("road_id", "str"),
+        ("road", "str"),
+        ("kommune", "str"),
+        ("km", "float64", "km"),
+        ("n_places", "int64"),
+        ("n_unsure", "int64"),
+        ("n_not_passed", "int64"),
+        ("unsure_bits", "float64", "bit"),
+        ("settled_bits", "float64", "bit"),
+        ("settled_bits_per_km", "float64", "bit/km"),
+    ),
     "nvdb_signs": (
         ("nvdb_id", "int64"),
         ("nvdb_type", "int64"),
@@ -153,6 +181,8 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
 GEOMETRY: dict[str, str] = {
     "changes": "Point",
     "moves": "LineString",
+    "belief": "Point",
+    "roads_to_drive": "LineString",
     "nvdb_signs": "Point",
     "estimates": "Point",
     "ellipses": "Polygon",
@@ -161,6 +191,8 @@ GEOMETRY: dict[str, str] = {
 KEY: dict[str, str] = {
     "changes": "change_id",
     "moves": "change_id",
+    "belief": "place_id",
+    "roads_to_drive": "road_id",
     "nvdb_signs": "nvdb_id",
     "estimates": "estimate_id",
     "ellipses": "estimate_id",
@@ -205,6 +237,9 @@ class ExportLayers:
         An object of NVDB a row. Where ``own_geometry`` is false the point lies on the road's centre line.
     drives : GeoDataFrame of LineString
         A recorded drive a row.
+    belief, roads_to_drive : GeoDataFrame of Point, of LineString
+        What is believed of each sign at the newest drive or sync, and roads by what one more drive would
+        settle (:mod:`twin.belief`); of a store that was never matched both are empty.
 
     A geometry that is None, empty or NaN means that the position is not known: the row is exported without
     one.
@@ -214,14 +249,16 @@ class ExportLayers:
     estimates: gpd.GeoDataFrame
     nvdb_signs: gpd.GeoDataFrame
     drives: gpd.GeoDataFrame
+    belief: gpd.GeoDataFrame = field(default_factory=lambda: _empty("belief"))
+    roads_to_drive: gpd.GeoDataFrame = field(default_factory=lambda: _empty("roads_to_drive"))
 
 
-GIVEN = tuple(field.name for field in fields(ExportLayers))
+GIVEN = tuple(one.name for one in fields(ExportLayers))
 """The layers that an export is given; the others are derived from them."""
 
 
 def empty_layers() -> ExportLayers:
-    """Make four layers without rows, with the right columns, dtypes and CRS."""
+    """Make the layers without rows, with the right columns, dtypes and CRS."""
     return ExportLayers(**{name: _empty(name) for name in GIVEN})
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from shapely import LineString, Point
 
+from twin.belief import State
 from twin.store.kinds import Verdict
 
 if TYPE_CHECKING:
@@ -137,9 +138,55 @@ def _drives() -> gpd.GeoDataFrame:
     )
 
 
+def _belief() -> gpd.GeoDataFrame:
+    states = list(State)
+    n = len(states)
+    seen = [pd.Timestamp("2026-06-10T08:00:30Z")] * (n - 1) + [pd.NaT]
+    return gpd.GeoDataFrame(
+        {
+            "place_id": [f"95:{900_000_000 + i}" for i in range(n - 1)] + ["0123456789ab:P<9>"],
+            "nvdb_type": pd.array([95] * (n - 1) + [None], dtype="Int64"),
+            "nvdb_id": pd.array([*range(900_000_000, 900_000_000 + n - 1), None], dtype="Int64"),
+            "skiltnummer": "362.50;142",
+            "state": states,
+            "p_stands": np.linspace(0.99, 0.01, n),
+            "unsure_bits": 0.5,
+            "last_seen": pd.Series(seen, dtype="datetime64[ms, UTC]"),
+            "last_passed": pd.Series(seen, dtype="datetime64[ms, UTC]"),
+            "n_seen": 2,
+            "n_missed": range(n),
+            "verdict": [""] * n,
+            "road": "EV6 S1D1 m100",
+            "kommune": "5001",
+        },
+        geometry=[Point(EAST + 40.0 * i, NORTH + 12.0 * np.sin(i)) for i in range(n)],
+        crs=25833,
+    )
+
+
+def _roads_to_drive() -> gpd.GeoDataFrame:
+    bits = [12.0, 2.0, 0.1]
+    return gpd.GeoDataFrame(
+        {
+            "road_id": [f"FV{k} S1D1 5001" for k in range(3)],
+            "road": [f"FV{k} S1D1" for k in range(3)],
+            "kommune": "5001",
+            "km": 2.0,
+            "n_places": 9,
+            "n_unsure": 2,
+            "n_not_passed": 1,
+            "unsure_bits": 30.0,
+            "settled_bits": bits,
+            "settled_bits_per_km": [each / 2 for each in bits],
+        },
+        geometry=[LineString([(EAST, NORTH + 9 * k), (EAST + 90, NORTH + 9 * k)]) for k in range(3)],
+        crs=25833,
+    )
+
+
 @pytest.fixture(scope="session")
 def layers() -> ExportLayers:
     """Return a small, complete set of layers, which no test changes."""
     from twin.export import ExportLayers
 
-    return ExportLayers(_changes(), _estimates(), _nvdb_signs(), _drives())
+    return ExportLayers(_changes(), _estimates(), _nvdb_signs(), _drives(), _belief(), _roads_to_drive())

@@ -138,9 +138,11 @@ def test_geopackage_opens_in_ogrinfo_without_warnings(folder: Path) -> None:
         )
         assert done.stderr == ""
         lines = [line.split(" ", 1)[1] for line in done.stdout.splitlines() if line[:1].isdigit()]
-        assert lines[:6] == [
+        assert lines[:8] == [
             "changes (Point)",
             "moves (Line String)",
+            "belief (Point)",
+            "roads_to_drive (Line String)",
             "nvdb_signs (Point)",
             "estimates (Point)",
             "ellipses (Polygon)",

@@ -13,6 +13,8 @@ import msgspec
 import pytest
 from defusedxml.ElementTree import fromstring
 
+from twin.belief import State
+from twin.cli.belief import _OF_BITS, _OF_PLACES, _OF_ROADS
 from twin.export.layers import COLUMNS
 from twin.export.qgis.project import GROUPS, THEMES
 from twin.reports.finding_list import FindingRow
@@ -73,6 +75,10 @@ def named_in_code() -> set[str]:
         ),
         "show": in_quotes("cli/show.py"),
         "findings": [column.name for column in fields(FindingRow)],
+        "belief": [
+            *(f"column.{name}" for name in (*_OF_PLACES, *_OF_ROADS, *_OF_BITS)),
+            *(f"state.{state.value}" for state in State),
+        ],
         "basis": [f"codes_{one.value}" for one in r.CodesAgree],
     }
     made = {f"{family}.{name}" for family, names in families.items() for name in names}

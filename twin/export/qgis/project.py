@@ -33,6 +33,7 @@ PROJECT = "twin"
 GROUPS: dict[str, tuple[str, ...]] = {
     "to_decide": ("to_decide", "moves_to_decide"),
     "findings": ("changes", "moves"),
+    "belief": ("belief", "roads_to_drive"),
     "nvdb": ("nvdb_signs",),
     "measured": ("estimates", "ellipses"),
     "drives": ("drives",),
@@ -54,6 +55,7 @@ FILTERED: dict[str, tuple[str, str]] = {
 THEMES: dict[str, frozenset[str]] = {
     "to_decide": frozenset(("to_decide", "moves_to_decide", "nvdb_signs", "ellipses", "drives")),
     "all": frozenset(("changes", "moves", "nvdb_signs", "estimates", "ellipses", "drives")),
+    "belief": frozenset(("belief", "roads_to_drive", "drives")),
 }
 """Map theme → the layers that it shows. The project opens with the first, or if nobody waits, the second."""
 

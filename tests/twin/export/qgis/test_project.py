@@ -248,7 +248,7 @@ def test_qgis_speaks_norwegian(layers: ExportLayers, tmp_path: Path) -> None:
     export_all(layers, tmp_path, project=True, lang=Lang.NB)
     said = _opened(project_uri(tmp_path / UTM33))
     assert list(said["groups"])[:2] == ["Å avgjøre", "Alle funn"]
-    assert sorted(said["themes"]) == ["Alt", "Å avgjøre"]
+    assert sorted(said["themes"]) == ["Alt", "Hvor sikre vi er", "Å avgjøre"]
     assert said["layers"][0]["aliases"]["author"] == "Avgjort av"
     assert {layer["id"]: layer["legend"] for layer in said["layers"]}["twin_layer_ellipses"] == [
         "CEP95 inntil 1 m",
