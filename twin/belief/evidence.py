@@ -19,6 +19,7 @@ import sqlalchemy as sa
 from numpy.typing import NDArray
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
+from twin.errors import RefusedError
 from twin.matching.absence import Passage, evidence_of_absence
 from twin.matching.assign import assign
 from twin.matching.config import MatchConfig
@@ -108,12 +109,17 @@ def evidence_of(store: Store) -> Evidence:
     StoreError
         Nothing was matched yet.
     RefusedError
-        Drives or mirror have changed since.
+        Drives or mirror have changed since, or an older twin has matched.
     """
     with store.snapshot() as view:
         last = view.matched()
-        config = _config(last["settings"]["matching"])
-        told = last["settings"]["drives"]
+        settings = last.get("settings", {})
+        if "drives" not in settings:
+            raise RefusedError(
+                f"The last match of the store {store.path} is of an older twin, which kept too little: "
+                "run `twin match` again first."
+            )
+        config, told = _config(settings["matching"]), settings["drives"]
         drives = drives_of(view, last["method"], config, Kept.of_store(view))
         said = _Said.of(view)
         poles = _Poles(view, last["method"])

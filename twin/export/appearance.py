@@ -47,3 +47,7 @@ MARK: dict[str, Mark] = {mark.verdict: mark for mark in MARKS}
 ESTIMATE_COLOUR = "#1b2a41"
 NVDB_COLOUR = "#5e4fa2"
 DRIVE_COLOUR = "#5b7083"
+BELIEF_COLOURS = ("#d55e00", "#f0e442", "#56b4e9", "#0072b2", "#ffffff")
+"""Gone, unsure, probably stands, stands, no drive has passed."""
+ROAD_COLOURS = ("#d55e00", "#e69f00", "#8f93a0")
+"""Roads of which a drive settles much, some, little."""

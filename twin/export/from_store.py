@@ -59,7 +59,9 @@ def layers_from_store(
         In EPSG:25833.
     """
     names = sign_names(store)
-    believed = _believed(store) if store.fact("last_match") is not None else {}
+    # A match of an older twin does not say which drives count as evidence.
+    has_evidence = "drives" in (store.fact("last_match") or {}).get("settings", {})
+    believed = _believed(store) if has_evidence else {}
     with store.snapshot() as view:
         signs = _signs(view)
         findings = [one.finding for one in latest_findings(view.rows)]

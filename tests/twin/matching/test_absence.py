@@ -112,7 +112,7 @@ def test_still_seen_drops_what_a_drive_missed_long_after() -> None:
 
 
 def test_still_seen_doubts_what_a_drive_missed_the_next_week() -> None:
-    """A week later it was rather overlooked: the pole stays with a probability, until another drive misses it."""
+    """A week later it was rather overlooked: the pole stays until another drive misses it too."""
     (pole,) = still_seen([seen_once()], [passage(20), passage(20, day=7, name="e")], CONFIG)
     assert 0 < pole.p_taken_down < 0.5
     again = [passage(20, day=7, name="e"), passage(20, day=7, name="f")]

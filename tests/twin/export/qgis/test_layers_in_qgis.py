@@ -19,7 +19,15 @@ from pyproj import Proj
 
 from geoloc.locate.combine import SIGMAS_95
 from twin.export import COLUMNS, ExportLayers, export_all
-from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARK, MARKS, NVDB_COLOUR
+from twin.export.appearance import (
+    BELIEF_COLOURS,
+    DRIVE_COLOUR,
+    ESTIMATE_COLOUR,
+    MARK,
+    MARKS,
+    NVDB_COLOUR,
+    ROAD_COLOURS,
+)
 from twin.export.folder import UTM33, WGS84
 from twin.export.layers import EPSG_UTM33
 
@@ -28,7 +36,8 @@ pytestmark = pytest.mark.qgis
 SYSTEM_PYTHON = "/usr/bin/python3"
 SCRIPT = ROOT / "tests" / "qgis_open_layer.py"
 FILES = {UTM33: "EPSG:25833", WGS84: "EPSG:4326"}
-ROWS = {"changes": 7, "moves": 3, "nvdb_signs": 6, "estimates": 5, "ellipses": 5, "drives": 2}
+ROWS = {"changes": 7, "moves": 3, "belief": 5, "roads_to_drive": 3}
+ROWS |= {"nvdb_signs": 6, "estimates": 5, "ellipses": 5, "drives": 2}
 ENVIRONMENT = {
     # A French desktop would write 0,25: the map tips must not depend on the test machine's language.
     "PATH": os.environ.get("PATH", ""),
@@ -95,6 +104,8 @@ def test_qgis_draws_the_layer_in_its_colours(
         "moves": [MARK[name].colour for name in ("unchanged", "moved", "wrong_type")],
         "estimates": [ESTIMATE_COLOUR],
         "ellipses": [ESTIMATE_COLOUR],
+        "belief": BELIEF_COLOURS,
+        "roads_to_drive": ROAD_COLOURS,
         "nvdb_signs": [NVDB_COLOUR],
         "drives": [DRIVE_COLOUR],
     }[layer]
