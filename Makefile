@@ -41,7 +41,7 @@ real: $(VENV)/.installed          ## real recordings (../shared/real): errors on
 sample: $(VENV)/.installed        ## makes data/ anew, byte for byte
 	$(BIN)/python -m twin.samples.sample data
 
-bench: $(VENV)/.installed         ## errors and ellipses on simulated drives against the bars: methods, lengths, labels, clocks, poses, cameras, 25 drives, motion sensors, objects on the ground
+bench: $(VENV)/.installed         ## errors and ellipses on simulated drives against the bars: methods, lengths, labels, clocks, poses, cameras, 25 drives, motion sensors, whether signs stand, objects on the ground
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/accuracy.py --as-stated --seeds 10
 	$(BIN)/python benchmarks/paper.py
@@ -54,6 +54,7 @@ bench: $(VENV)/.installed         ## errors and ellipses on simulated drives aga
 	$(BIN)/python benchmarks/many_drives.py
 	$(BIN)/python benchmarks/vehicle_motion.py
 	$(BIN)/python benchmarks/annotate.py
+	$(BIN)/python benchmarks/belief.py
 	$(BIN)/python benchmarks/ground_objects.py
 
 bench-speed: $(VENV)/.installed   ## single frames against cameratransform, the adjustment of an hour, an ingest step by step, on one core

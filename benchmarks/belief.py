@@ -1,6 +1,7 @@
 """Is the stated probability that a sign stands true? Signs that vanish and come back, passed by drives.
 
 Usage: python benchmarks/belief.py [--signs 200000] [--years 6] [--out docs/images/belief.png]
+       python benchmarks/belief.py --store FILE
 
 Signs are taken down, put up, grown over and closed by NVDB at the rates that the filter is given, drives pass
 them at random times and overlook some. Of what NVDB still lists at its last sync, the probability that the
@@ -14,15 +15,18 @@ that stands, where rates are as believed.
 from __future__ import annotations
 
 import argparse
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.belief import believe
 from twin.belief.filter import GONE, GONE_LATE, HIDDEN, VISIBLE, Life, Places, life_in_register
 from twin.cli.output import print_table
 from twin.figures import png
+from twin.store.store import Store
 
 Array = NDArray[np.float64]
 EDGES = (0.0, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.98, 0.99, 0.995, 1.0)
@@ -30,7 +34,8 @@ P_GONE, P_HIDDEN, P_MISSED, P_FALSE, P_UNSEEN = 0.02, 0.001, 0.002, 1e-12, 0.5
 CLOSED, SHARE_LATE = 4, 0.5
 DOWN = (0.01, 0.03, 0.15)
 LIVES = [
-    life_in_register(down, 0.05, P_HIDDEN, P_GONE, closed_late=0.1, share_late=SHARE_LATE) for down in DOWN
+    life_in_register(Life(down, 0.05, 1e-4, P_HIDDEN), P_GONE, closed_late=0.1, share_late=SHARE_LATE)
+    for down in DOWN
 ]
 
 
@@ -146,7 +151,7 @@ def one_sign() -> tuple[Array, Array, list[tuple[float, bool]]]:
     """The belief in one sign over four years: seen twice, missed three times, seen again."""
     passes = [(0.2, True), (1.1, True), (1.6, False), (1.7, False), (2.6, False), (3.2, True)]
     times = np.linspace(0.0, 4.0, 801)
-    life = life_in_register(0.02, 0.02, P_HIDDEN, P_GONE, closed_late=0.1, share_late=SHARE_LATE)
+    life = life_in_register(Life(0.02, 0.02, 1e-4, P_HIDDEN), P_GONE, closed_late=0.1, share_late=SHARE_LATE)
     place = Places(
         life.start(1 - P_GONE, SHARE_LATE)[None],
         [life],
@@ -204,8 +209,15 @@ def main() -> None:
     parser.add_argument("--years", type=float, default=6.0)
     parser.add_argument("--removed", type=float, default=1.0, help="signs taken down, times what is believed")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--store", type=Path, help="a matched store: how long its belief takes")
     parser.add_argument("--out", type=Path, help="PNG of the picture in docs/belief.md")
     options = parser.parse_args()
+    if options.store is not None:
+        start = time.process_time()
+        with Store(options.store) as store:
+            n = len(believe(store).places)
+        print(f"{n:,} places: {time.process_time() - start:.1f} s of the processor")
+        return
     outcome = simulate(
         options.signs, options.years, np.random.default_rng(options.seed), removed=options.removed
     )

@@ -16,6 +16,7 @@ import msgspec
 import sqlalchemy as sa
 
 from reference.field_texts import written_below
+from twin.belief.chosen import BeliefList, RoadList
 from twin.calibrate.coverage.look import CoverageReport
 from twin.calibrate.difference.compare import CameraCompared
 from twin.calibrate.drives.history import Histories
@@ -309,6 +310,8 @@ SHAPES: Mapping[str, Any] = {
         password=(PasswordSet, "of API Skriv; never shown"),
     ),
     "status": Status,
+    "belief": BeliefList,
+    "belief --next": RoadList,
     "confidence": _shape("Confidence", ConfidenceReport, picture=_PICTURE),
     "objects": ObjectsReport,
     "simulate": SimulateReport,

@@ -16,7 +16,7 @@ Arrays alone: nothing here knows of NVDB, of a store or of geometry. Times are y
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,15 +77,13 @@ class Life:
         )
 
 
-def life_in_register(
-    down: float, up: float, p_hidden: float, p_gone: float, *, closed_late: float, share_late: float
-) -> Life:
+def life_in_register(seen: Life, p_gone: float, *, closed_late: float, share_late: float) -> Life:
     """Return the life of signs in a register of which a share is gone at any time.
 
     Parameters
     ----------
-    down, up, p_hidden : float
-        As of :class:`Life`; as much is grown over in a year as is hidden at first.
+    seen : Life
+        Of signs that no register knows.
     p_gone : float
         Share of the signs in the register that are gone.
     closed_late : float
@@ -98,14 +96,15 @@ def life_in_register(
     Rates follow from both shares staying as they are while the register loses what it closes. Where fewer
     signs are taken down than that needs, the share of those that are gone falls with time.
     """
+    down, up = seen.down, seen.up
     if not 0.0 < p_gone < 1.0 or down <= 0.0:
-        return Life(down, up, p_hidden, p_hidden)
+        return seen
     lost = max(down - up * p_gone / (1 - p_gone), 0.0)
     # What is closed more slowly than the register renews itself would fill it.
     slow = max(closed_late, lost - up)
     soon = max(lost - slow * p_gone * share_late, 0.0) / (p_gone * (1 - share_late))
     late = min((up + slow - lost) * p_gone * share_late / (down * (1 - p_gone)), 1.0)
-    return Life(down, up, p_hidden, p_hidden, soon, slow, late)
+    return replace(seen, closed=soon, closed_late=slow, late=late)
 
 
 class Places:

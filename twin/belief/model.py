@@ -11,6 +11,7 @@ from geoloc.arrays import BoolArray, FloatArray
 from twin.belief.evidence import Evidence
 from twin.belief.filter import Life, Places, life_in_register
 from twin.belief.lifetimes import Lifetimes, sign_class
+from twin.matching.config import HIDDEN_YEARS
 
 _NS_PER_YEAR = 365.25 * 86_400e9
 _NEVER = 1e-12
@@ -94,18 +95,13 @@ class _Run:
         config, assumed = self.evidence.config, self.assumed
         classes = [sign_class(codes) for codes in self.evidence.codes]
         names = sorted(set(classes))
-        rates = [self.lifetimes.per_year(name) for name in names]
-        lives = [
-            life_in_register(
-                rate,
-                assumed.put_up_per_year,
-                config.p_hidden,
-                config.p_gone,
-                closed_late=assumed.closed_late_per_year,
-                share_late=assumed.share_late,
-            )
-            for rate in rates
-        ] + [Life(rate, assumed.put_up_per_year, config.p_hidden, config.p_hidden) for rate in rates]
+        grown_over = config.p_hidden / HIDDEN_YEARS
+        alone = [
+            Life(self.lifetimes.per_year(name), assumed.put_up_per_year, grown_over, config.p_hidden)
+            for name in names
+        ]
+        slow = {"closed_late": assumed.closed_late_per_year, "share_late": assumed.share_late}
+        lives = [*(life_in_register(one, config.p_gone, **slow) for one in alone), *alone]
         number = {name: k for k, name in enumerate(names)}
         life = np.array([number[name] for name in classes], dtype=np.int64) + np.where(listed, 0, len(names))
         of_one, of_none = lives[0].start(1.0, assumed.share_late), lives[0].start(0.0, assumed.share_late)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
-from twin.matching.config import MatchConfig
+from twin.matching.config import HIDDEN_YEARS, MatchConfig
 from twin.matching.in_view import Counts
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
@@ -137,10 +137,10 @@ def _p_taken_down(pole: ObservedPole, passed_ns: Sequence[int], config: MatchCon
     Exact and pass by pass, as :mod:`twin.belief.filter` works it out of any history: what went after a pass
     does not explain that this one missed it, and what was seen can be hidden only by what has grown since.
     """
-    seen, hidden, gone, at = 1.0, 0.0, 0.0, pole.last_ns
+    seen, hidden, gone, at, grown_over = 1.0, 0.0, 0.0, pole.last_ns, config.p_hidden / HIDDEN_YEARS
     for passed in sorted(passed_ns):
         years = max(0, passed - at) / _NS_PER_YEAR
-        stays, clear = math.exp(-config.removed_per_year * years), math.exp(-config.p_hidden * years)
+        stays, clear = math.exp(-config.removed_per_year * years), math.exp(-grown_over * years)
         gone += (seen + hidden) * (1 - stays)
         hidden = stays * (hidden + seen * (1 - clear))
         seen *= stays * clear * config.p_missed

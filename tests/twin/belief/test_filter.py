@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from twin.belief.filter import Life, Places, entropy_bits, life_in_register, settled_bits
 from twin.matching.absence import _p_taken_down
-from twin.matching.config import MatchConfig
+from twin.matching.config import HIDDEN_YEARS, MatchConfig
 from twin.matching.poles.poles import ObservedPole
 
 Array = NDArray[np.float64]
@@ -148,7 +148,7 @@ def test_what_comes_and_goes_is_the_sum_over_all_lives(
 @pytest.mark.parametrize("down", [0.005, 0.02, 0.3])
 def test_a_listed_place_that_nobody_passes_stays_as_sure_as_the_register(down: float) -> None:
     """`life_in_register` gives the rates at which the share of signs gone holds; unlisted it grows."""
-    life = life_in_register(down, 0.02, 0.001, 0.02, closed_late=0.1, share_late=0.5)
+    life = life_in_register(Life(down, 0.02, 1e-4, 0.001), 0.02, closed_late=0.1, share_late=0.5)
     place = one_place(life.start(0.98, 0.5), life, listed_until=30.0, n=2)
     rows = np.arange(2)
     for when in (0.0, 30.0):
@@ -189,7 +189,7 @@ def test_match_believes_the_same_of_a_pole_that_drives_missed(years: list[float]
     config, since_ns = MatchConfig(), 365.25 * 86_400e9
     pole = ObservedPole(("d:1",), "d:1", 0.0, 0.0, np.eye(2), (), ("d",), frozenset(), 1, last_ns=10**18)
     times = np.cumsum(years)
-    life = Life(config.removed_per_year, grown_over=config.p_hidden)
+    life = Life(config.removed_per_year, grown_over=config.p_hidden / HIDDEN_YEARS)
     place, row = one_place(life.start(1.0), life, p_false=1e-12), np.zeros(1, dtype=np.int64)
     place.wait(row, 0.0)
     for when in times.tolist():

@@ -133,6 +133,8 @@ def test_json_documents_are_of_their_types(
         "config": ["config"],
         "status": ["status"],
         "confidence": ["confidence"],
+        "belief": ["belief"],
+        "belief --next": ["belief", "--next"],
         "inspect": ["inspect", trip],
         "trajectory": ["trajectory", trip, "--out", tmp_path / "poses.csv"],
         "locate": ["locate", trip, "C3_tricam120", 84, 1516, 800],
