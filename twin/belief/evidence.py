@@ -116,11 +116,11 @@ def evidence_of(store: Store) -> Evidence:
         settings = last.get("settings", {})
         if "drives" not in settings:
             raise RefusedError(
-                f"The last match of the store {store.path} is of an older twin, which kept too little: "
+                f"The last match of the store {store.name} is of an older twin, which kept too little: "
                 "run `twin match` again first."
             )
         config, told = _config(settings["matching"]), settings["drives"]
-        drives = drives_of(view, last["method"], config, Kept.of_store(view))
+        drives = drives_of(view, last["method"], config, Kept(view))
         said = _Said.of(view)
         poles = _Poles(view, last["method"])
         sites = _sites(view, store, config)
