@@ -132,7 +132,7 @@ def believe(
         at = max(newest, dt.datetime.now(dt.UTC)) if today else newest
     if at < newest:
         raise ConfigError(
-            f"The store {store.path} knows of {newest:%Y-%m-%dT%H:%M:%SZ}: ask for a moment from then on."
+            f"The store {store.name} knows of {newest:%Y-%m-%dT%H:%M:%SZ}: ask for a moment from then on."
         )
     stands, visible, p_pair = probabilities(evidence, lifetimes, assumed, synced=synced, at=at)
     places = tuple(_told(store, evidence, stands, visible, p_pair))
