@@ -137,21 +137,25 @@ def evidence_of(store: Store) -> Evidence:
         pairs = {**said.perhaps, **taken_down, **said.pairs}
         firm = said.paired | {pair.pole for pair in taken_down.values()}
         found = poles.observed([key for key in poles.names() if key not in firm], view)
-    mine = [pairs.get((site.nvdb_type, site.nvdb_id), _NO_PAIR) for site in sites]
-    seen_in = [poles.drives.get(pair.pole, {}) for pair in mine] + [poles.drives[pole.key] for pole in found]
-    asked = Asked(Places.of_poles(found)) if found else None
-    witness = _Witness.of(sites, seen_in, config)
-    return Evidence(
-        sites=sites,
-        found=found,
-        pair_odds=_odds(mine, absence.p_unannotated, config),
-        verdicts=said.verdicts,
-        passes=[
-            witness.says(one, trusted[k], passages[k].counts.fronts, asked) for k, one in enumerate(drives)
-        ],
-        last_seen_ns=np.array([max(one.values(), default=0) for one in seen_in], dtype=np.int64),
-        config=config,
-    )
+        # Poses of drives are read where they are needed, as long as the view is open.
+        mine = [pairs.get((site.nvdb_type, site.nvdb_id), _NO_PAIR) for site in sites]
+        seen_in = [poles.drives.get(pair.pole, {}) for pair in mine] + [
+            poles.drives[pole.key] for pole in found
+        ]
+        asked = Asked(Places.of_poles(found)) if found else None
+        witness = _Witness.of(sites, seen_in, config)
+        return Evidence(
+            sites=sites,
+            found=found,
+            pair_odds=_odds(mine, absence.p_unannotated, config),
+            verdicts=said.verdicts,
+            passes=[
+                witness.says(one, trusted[k], passages[k].counts.fronts, asked)
+                for k, one in enumerate(drives)
+            ],
+            last_seen_ns=np.array([max(one.values(), default=0) for one in seen_in], dtype=np.int64),
+            config=config,
+        )
 
 
 def _config(settings: Mapping[str, object]) -> MatchConfig:
