@@ -201,11 +201,11 @@ def test_a_match_is_that_of_everything_after_any_history(
         step()
         history.store.close()  # which brings SQLite's log into the file
         shutil.copy(path, other)
-        match(history.store, method=METHOD, config=history.config)
+        report = match(history.store, method=METHOD, config=history.config)
         with Store.open(other) as fresh:
             with fresh.transaction() as connection:
                 connection.execute(sa.delete(schema.kept_part))
-            match(fresh, method=METHOD, config=history.config)
+            assert match(fresh, method=METHOD, config=history.config) == report, step.__name__
             assert findings(history.store) == findings(fresh), step.__name__
             assert history.store.count(schema.kept_part) == fresh.count(schema.kept_part)
     assert match(history.store, method=METHOD, config=history.config, anew=True).kept_agree is True

@@ -7,6 +7,7 @@ clicks are other ones, the nearest pole of before is it, one-to-one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
@@ -95,15 +96,27 @@ def _by_clicks(
     own: Sequence[Sequence[Mark]], known: Sequence[KnownMark], elsewhere: Set[str]
 ) -> dict[int, str]:
     """Pole → key, of those that have an object with the clicks of before."""
-    holder = {(mark.drive_id, mark.clicks): i for i, of_pole in enumerate(own) for mark in of_pole}
+    holders: dict[tuple[str, str], list[tuple[int, Mark]]] = {}
+    for i, of_pole in enumerate(own):
+        for mark in of_pole:
+            holders.setdefault((mark.drive_id, mark.clicks), []).append((i, mark))
     key_of: dict[int, str] = {}
     taken = set(elsewhere)
     for one in known:
-        i = holder.get((one.mark.drive_id, one.mark.clicks))
-        if i is not None and i not in key_of and one.pole not in taken:
+        if one.pole in taken:
+            continue
+        known_as = (one.mark.drive_id, one.mark.clicks)
+        # Of two objects that were clicked alike the nearer one: else they would swap keys in every match.
+        left = [(i, mark) for i, mark in holders.get(known_as, ()) if i not in key_of]
+        if left:
+            i, _ = min(left, key=lambda pair: _apart_m(pair[1], one.mark)) if len(left) > 1 else left[0]
             key_of[i] = one.pole
             taken.add(one.pole)
     return key_of
+
+
+def _apart_m(mark: Mark, other: Mark) -> float:
+    return math.hypot(mark.east_m - other.east_m, mark.north_m - other.north_m)
 
 
 def _by_place(

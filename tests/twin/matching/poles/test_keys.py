@@ -46,6 +46,13 @@ def test_same_clicks_are_the_same_pole_under_any_id_and_at_any_place() -> None:
     assert keys(now, before) == {"a:2": "a:1", "a:1": "a:2"}
 
 
+def test_objects_clicked_alike_keep_their_keys() -> None:
+    """Two objects of the same clicks, in either order: each is the pole that stood there."""
+    before = known(("a", "x", 1.5, "202", "a:2"), ("a", "x", 0.0, "202", "a:1"))
+    now = [("a", "1", "x", 0.0, "202"), ("a", "2", "x", 1.5, "202")]
+    assert keys(now, before) == keys(now, before[::-1]) == {"a:1": "a:1", "a:2": "a:2"}
+
+
 def test_other_clicks_are_the_nearest_pole_of_before() -> None:
     """Another person's clicks and numbers: the nearer one of two poles 1.5 m apart, one of them taken out."""
     before = known(("a", "x", 0.0, "202", "a:1"), ("a", "y", 1.5, "202", "a:2"))
