@@ -83,7 +83,7 @@ def strays(seen: Bearings, group: IntArray, rules: AssociationRules, fitted: Tri
             due = _due(seen, group, row)
             due = due[trusted[due]]
             mine = np.full(due.size, row)
-            seeing = innovations(seen.take(mine), points.take(due))
+            seeing = innovations(seen, mine, points, due)
             joined = may_join(seen.face[mine], seen.label[mine], face[due], label[due])
             off_deg = np.where(seeing.ahead & joined, np.degrees(np.hypot(*seeing.z.T)), np.inf)
             if off_deg.min(initial=np.inf) <= rules.stray_deg:

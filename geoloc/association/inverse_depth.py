@@ -10,7 +10,7 @@ doi:10.1109/TRO.2008.2003276; here with the directions as a plane instead of two
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +21,16 @@ from geoloc.association.bearings import Bearings
 MIN_INVERSE_M, MAX_INVERSE_M = 1.0 / 400.0, 1.5
 _ROUNDS = 25
 _PLAIN_ROUNDS = 6
+# The upper triangle of a matrix (3, 3), and the whole of it from that.
+_PAIRS = np.triu_indices(3)
+_SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+# Vector products: +1 and -1 for even and odd orders of the axes.
+_CROSS = np.zeros((3, 3, 3))
+_CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], _CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 # Cauchy weights: a residual of 3 sigma counts half.
 _ROBUST_D2 = 9.0
+# A group whose state moves by less has been fitted, whatever the others do.
+_SETTLED = 1e-5
 # A ray more than 78° off the predicted direction does not see the point.
 _MIN_COSINE = 0.2
 
@@ -112,7 +120,7 @@ class Innovations(NamedTuple):
 def first_points(seen: Bearings) -> Points:
     """Points of single sightings, with the depth that one picture tells."""
     variance = seen.sigma_rad**2
-    axes = np.stack([seen.ray, *_across(seen.ray, seen.up)], axis=1)
+    axes = np.concatenate([seen.ray[:, None], _across(seen.ray, seen.up)], axis=1)
     rho = np.clip(seen.inverse_m, MIN_INVERSE_M, MAX_INVERSE_M)
     zero = np.zeros_like(rho)
     covariance = np.zeros((rho.size, 3, 3))
@@ -121,32 +129,34 @@ def first_points(seen: Bearings) -> Points:
     return Points(seen.centre_m, axes, np.stack([zero, zero, rho], axis=1), covariance)
 
 
-def innovations(seen: Bearings, points: Points) -> Innovations:
-    """Compare sightings and points, row by row."""
-    delta = points.anchor_m - seen.centre_m
-    a, b, rho = points.state.T[:, :, None]
-    q = points.axes[:, 0] + a * points.axes[:, 1] + b * points.axes[:, 2] + rho * delta
+def innovations(seen: Bearings, rows: IntArray, points: Points, which: IntArray) -> Innovations:
+    """Compare sightings and points, row by row: the sightings `rows` (k,) with the points `which` (k,)."""
+    axes, state, up, ray = points.axes[which], points.state[which], seen.up[rows], seen.ray[rows]
+    moves = np.empty_like(axes)
+    moves[:, :2] = axes[:, 1:]
+    np.subtract(points.anchor_m[which], seen.centre_m[rows], out=moves[:, 2])
+    q = axes[:, 0] + (state[:, None, :] @ moves)[:, 0]
     norm = np.sqrt(np.einsum("ij,ij->i", q, q))
     f0 = q / norm[:, None]
-    f = np.stack(_across(f0, seen.up), axis=1)
-    cosine = np.einsum("ij,ij->i", f0, seen.ray)
+    f = _across(f0, up)
+    cosine = np.einsum("ij,ij->i", f0, ray)
     ahead = cosine > _MIN_COSINE
-    z = np.einsum("nij,nj->ni", f, seen.ray) / np.where(ahead, cosine, 1.0)[:, None]
-    columns = np.stack([points.axes[:, 1], points.axes[:, 2], delta], axis=2)
-    H = f @ columns / norm[:, None, None]
-    noise = seen.sigma_rad**2 + (seen.sigma_m * rho[:, 0] / norm) ** 2
+    z = (f @ ray[:, :, None])[:, :, 0] / np.where(ahead, cosine, 1.0)[:, None]
+    H = f @ np.swapaxes(moves, 1, 2) / norm[:, None, None]
+    noise = seen.sigma_rad[rows] ** 2 + (seen.sigma_m[rows] * state[:, 2] / norm) ** 2
     return Innovations(z, H, noise, ahead)
 
 
-def updated(points: Points, found: Innovations) -> Points:
-    """One Kalman step for each point with its sighting."""
-    P, H = points.covariance, found.H
+def update(points: Points, which: IntArray, found: Innovations) -> None:
+    """One Kalman step for each of the points `which`, with its sighting, in place."""
+    P, H = points.covariance[which], found.H
     PH = P @ np.swapaxes(H, 1, 2)
-    S = H @ PH + found.noise[:, None, None] * np.eye(2)
+    S = H @ PH
+    S[:, [0, 1], [0, 1]] += found.noise[:, None]
     gain = PH @ np.linalg.inv(S)
-    state = points.state + np.einsum("nij,nj->ni", gain, found.z)
+    state = points.state[which] + (gain @ found.z[:, :, None])[:, :, 0]
     state[:, 2] = np.clip(state[:, 2], MIN_INVERSE_M, MAX_INVERSE_M)
-    return replace(points, state=state, covariance=np.asarray(P - gain @ H @ P))
+    points.state[which], points.covariance[which] = state, P - gain @ (H @ P)
 
 
 def fit_points(seen: Bearings, group: IntArray, size: int) -> Points:
@@ -163,50 +173,126 @@ def fit_points(seen: Bearings, group: IntArray, size: int) -> Points:
     Points (size,)
         Anchored at the foot that stands nearest, or the first face.
     """
-    rows = np.flatnonzero(group >= 0)
+    rows = np.argsort(group, kind="stable")[np.count_nonzero(group < 0) :]
     seen, group = seen.take(rows), group[rows]
     nearest = np.lexsort((np.arange(group.size), -seen.inverse_m, group))
-    anchor = nearest[np.flatnonzero(np.diff(group[nearest], prepend=-1))]
-    points = first_points(seen.take(anchor))
+    points = first_points(seen.take(nearest[np.flatnonzero(np.diff(group, prepend=-1))]))
     prior_mean, prior_weight = points.state[:, 2].copy(), 1.0 / points.covariance[:, 2, 2]
+    sights, still = _sights(seen, points.take(group)), np.arange(size)
     for i in range(_ROUNDS):
-        found = innovations(seen, points.take(group))
-        d2 = np.einsum("ij,ij->i", found.z, found.z) / found.noise
-        weight = found.ahead / found.noise
-        if i >= _PLAIN_ROUNDS:
-            weight /= 1.0 + d2 / _ROBUST_D2
-        A = _sums(weight[:, None, None] * np.swapaxes(found.H, 1, 2) @ found.H, group, size)
-        g = _sums(weight[:, None] * np.einsum("nji,nj->ni", found.H, found.z), group, size)
-        A[:, 2, 2] += prior_weight
+        A, g = _equations(sights, points.state[group], group, is_plain=i < _PLAIN_ROUNDS)
+        state, weight = points.state[still], prior_weight[still]
+        A[:, 2, 2] += weight
         # Where all sightings look away there is no equation: the direction keeps to its anchor's, loosely.
         A[:, [0, 1], [0, 1]] += 1.0
-        g[:, 2] += prior_weight * (prior_mean - points.state[:, 2])
+        g[:, 2] += weight * (prior_mean[still] - state[:, 2])
         step = np.linalg.solve(A, g[:, :, None])[:, :, 0]
         step[:, :2] = np.clip(step[:, :2], -0.5, 0.5)
-        state = points.state + step
         # Depth at most halves or doubles in a step.
-        low, high = points.state[:, 2] / 2.0, points.state[:, 2] * 2.0
+        low, high = state[:, 2] / 2.0, state[:, 2] * 2.0
+        state += step
         state[:, 2] = np.clip(np.clip(state[:, 2], low, high), MIN_INVERSE_M, MAX_INVERSE_M)
-        points = replace(points, state=state, covariance=np.asarray(np.linalg.inv(A), dtype=np.float64))
-        if i > _PLAIN_ROUNDS and np.abs(step).max(initial=0.0) < 1e-5:
+        points.state[still], points.covariance[still] = state, np.linalg.inv(A)
+        if i > _PLAIN_ROUNDS:
+            still = still[np.abs(step).max(axis=1) >= _SETTLED]
+            kept = np.isin(group, still)
+            sights, group = sights.take(kept), group[kept]
+        if not still.size:
             break
     return points
 
 
+class _Sights(NamedTuple):
+    """What of sightings and their groups' points stays while points are fitted; columns are sightings.
+
+    Attributes
+    ----------
+    ray, middle : float64 (3, n)
+        The ray; the axis m of the point.
+    moves : float64 (3, 3, n)
+        How the direction to the point moves with its state: e₁, e₂, and from the camera to the anchor.
+    along : float64 (3, n)
+        The ray's part along each of these.
+    products : float64 (6, n)
+        Products of these with one another, in the order of `_PAIRS`.
+    angle2, place2 : float64 (n,)
+        Variance of the direction and of the camera's position.
+    """
+
+    ray: FloatArray
+    middle: FloatArray
+    moves: FloatArray
+    along: FloatArray
+    products: FloatArray
+    angle2: FloatArray
+    place2: FloatArray
+
+    def take(self, kept: BoolArray) -> _Sights:
+        """Those sightings alone."""
+        return _Sights(*(part[..., kept] for part in self))
+
+
+def _sights(seen: Bearings, points: Points) -> _Sights:
+    """Pair sightings with their groups' points."""
+    middle, across, upwards = np.ascontiguousarray(points.axes.transpose(1, 2, 0))
+    moves = np.stack([across, upwards, (points.anchor_m - seen.centre_m).T])
+    ray = np.ascontiguousarray(seen.ray.T)
+    first, second = _PAIRS
+    return _Sights(
+        ray,
+        middle,
+        moves,
+        (moves * ray).sum(axis=1),
+        (moves[first] * moves[second]).sum(axis=1),
+        seen.sigma_rad**2,
+        seen.sigma_m**2,
+    )
+
+
+def _equations(
+    sights: _Sights, state: FloatArray, group: IntArray, is_plain: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Normal equations (k, 3, 3), (k, 3) of the groups at the state (n, 3) of each sighting's group.
+
+    What `innovations` says in two axes across the predicted direction f, without these axes: ``H`` is the
+    part of `moves` across f over the distance, ``z`` that of the ray over its part along f.
+    """
+    a, b, rho = np.ascontiguousarray(state.T)
+    direction = sights.middle + a * sights.moves[0] + b * sights.moves[1] + rho * sights.moves[2]
+    norm2 = (direction**2).sum(axis=0)
+    norm = np.sqrt(norm2)
+    f = direction / norm
+    cosine = (f * sights.ray).sum(axis=0)
+    ahead = cosine > _MIN_COSINE
+    cosine = np.where(ahead, cosine, 1.0)
+    noise = sights.angle2 + sights.place2 * rho**2 / norm2
+    weight = ahead / noise
+    if not is_plain:
+        off = sights.ray - cosine * f
+        weight /= 1.0 + (off**2).sum(axis=0) / (cosine**2 * noise * _ROBUST_D2)
+    by_f = (sights.moves * f).sum(axis=1)
+    first, second = _PAIRS
+    sums = np.empty((9, group.size))
+    np.multiply(sights.products - by_f[first] * by_f[second], weight / norm2, out=sums[:6])
+    np.multiply(sights.along - cosine * by_f, weight / (cosine * norm), out=sums[6:])
+    begins = np.flatnonzero(np.diff(group, prepend=-1))
+    found = np.add.reduceat(sums, begins, axis=1).T
+    return found[:, _SYMMETRIC], found[:, 6:].copy()
+
+
 class Triangulation:
-    """Points of groups of the same sightings; the last ones are kept, as steps in turn ask for the same."""
+    """Points of groups of the same sightings; all are kept, as steps in turn ask for the same."""
 
     def __init__(self, seen: Bearings) -> None:
         self._seen = seen
-        self._group: IntArray | None = None
-        self._points = first_points(seen.take(slice(0)))
+        self._points: dict[bytes, Points] = {}
 
     def points(self, group: IntArray) -> Points:
         """Points of groups 0, 1, … (n,), each with at least one sighting; negative: none."""
-        if self._group is None or not np.array_equal(group, self._group):
-            self._group = group.copy()
-            self._points = fit_points(self._seen, group, int(group.max(initial=-1)) + 1)
-        return self._points
+        key = group.tobytes()
+        if key not in self._points:
+            self._points[key] = fit_points(self._seen, group, int(group.max(initial=-1)) + 1)
+        return self._points[key]
 
 
 def in_axes_of(points: Points, others: Points, place_sigma_m: float) -> tuple[FloatArray, FloatArray]:
@@ -239,24 +325,11 @@ def mahalanobis2(difference: FloatArray, covariance: FloatArray) -> FloatArray:
     return d2
 
 
-def _across(direction: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors across a direction: level to the right, and upwards."""
-    right = np.stack(
-        [
-            direction[:, 1] * up[:, 2] - direction[:, 2] * up[:, 1],
-            direction[:, 2] * up[:, 0] - direction[:, 0] * up[:, 2],
-            direction[:, 0] * up[:, 1] - direction[:, 1] * up[:, 0],
-        ],
-        axis=1,
-    )
+def _across(direction: FloatArray, up: FloatArray) -> FloatArray:
+    """Unit vectors across a direction (n, 2, 3): level to the right, and upwards."""
+    across = np.empty((len(direction), 2, 3))
+    right = np.einsum("ijk,nj,nk->ni", _CROSS, direction, up)
     right /= np.maximum(np.sqrt(np.einsum("ij,ij->i", right, right)), 1e-9)[:, None]
-    x, y, z = right.T
-    u, v, w = direction.T
-    return right, np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
-
-
-def _sums(values: FloatArray, group: IntArray, size: int) -> FloatArray:
-    """Sum rows (n, ...) by group → (size, ...)."""
-    flat = values.reshape(group.size, -1)
-    columns = [np.bincount(group, weights=column, minlength=size) for column in flat.T]
-    return np.stack(columns, axis=1).reshape(size, *values.shape[1:]).astype(np.float64)
+    across[:, 0] = right
+    np.einsum("ijk,nj,nk->ni", _CROSS, right, direction, out=across[:, 1])
+    return across

@@ -210,14 +210,15 @@ def fit_together(seen: Bearings, sides: list[IntArray], rules: AssociationRules)
     length = np.array([side.size for side in sides])
     both = seen.take(np.concatenate(sides))
     side = np.repeat(np.arange(length.size), length)
-    apart = _explained(both, fit_points(both, side, length.size).take(side), rules)
-    joint = _explained(both, fit_points(both, side // 2, length.size // 2).take(side // 2), rules)
+    apart = _explained(both, fit_points(both, side, length.size), side, rules)
+    joint = _explained(both, fit_points(both, side // 2, length.size // 2), side // 2, rules)
     lost = np.bincount(side, weights=apart.astype(float) - joint, minlength=length.size) / length
     return np.asarray((lost.reshape(-1, 2) <= _MAY_LOSE).all(axis=1))
 
 
-def _explained(seen: Bearings, points: Points, rules: AssociationRules) -> BoolArray:
-    d2, _ = innovations(seen, points).distance2(points.covariance)
+def _explained(seen: Bearings, points: Points, group: IntArray, rules: AssociationRules) -> BoolArray:
+    found = innovations(seen, np.arange(group.size), points, group)
+    d2, _ = found.distance2(points.covariance[group])
     return np.asarray(d2 <= rules.gate)
 
 
@@ -228,8 +229,8 @@ def _reassigned(seen: Bearings, group: IntArray, rules: AssociationRules, fitted
     row, other = _candidates(seen, group, points)
     label, face = labels_of(seen, group, size), faces_of(seen, group, size)
     joined = may_join(seen.face[row], seen.label[row], face[other], label[other])
-    there = points.take(other)
-    cost = costs(innovations(seen.take(row), there), there.covariance, joined, rules)
+    found = innovations(seen, row, points, other)
+    cost = costs(found, points.covariance[other], joined, rules)
     # Tracks of slips have hardly any sightings, and far objects are annotated less often than near ones.
     weight = np.minimum(np.bincount(group[group >= 0], minlength=size), _MANY)[other] / _MANY
     range_m = np.linalg.norm(points.place_m[other] - seen.centre_m[row], axis=1)

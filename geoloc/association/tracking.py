@@ -8,7 +8,7 @@ import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.association.bearings import AssociationRules, Bearings
-from geoloc.association.inverse_depth import Innovations, Points, first_points, innovations, updated
+from geoloc.association.inverse_depth import Innovations, Points, first_points, innovations, update
 
 
 def track(seen: Bearings, rules: AssociationRules) -> IntArray:
@@ -45,8 +45,7 @@ def track(seen: Bearings, rules: AssociationRules) -> IntArray:
         new, known, pair = rows[pair < 0], rows[pair >= 0], pair[pair >= 0]
         mine = track_of[pair]
         if known.size:
-            moved = updated(points.take(mine), found.take(pair))
-            points.state[mine], points.covariance[mine] = moved.state, moved.covariance
+            update(points, mine, found.take(pair))
             label[mine] = np.where(label[mine] == 0, seen.label[known], label[mine])
         group[known], group[new] = mine, new
         last_s[group[rows]] = seen.time_s[rows]
@@ -144,13 +143,12 @@ def _partners(
     size = high - low
     ends = np.cumsum(size)
     i, j = np.repeat(rows, size), active[ranges(low, size)]
-    there = points.take(j)
-    found = innovations(seen.take(i), there)
+    found = innovations(seen, i, points, j)
     partner = np.full(rows.size, -1, dtype=np.int64)
     if not i.size:
         return partner, j, found
     joined = may_join(seen.face[i], seen.label[i], seen.face[j], label[j])
-    cost = costs(found, there.covariance, joined, rules)
+    cost = costs(found, points.covariance[j], joined, rules)
     bounds = np.append(np.flatnonzero(np.diff(run[rows], prepend=-1)), rows.size)
     for first, last in pairwise(bounds.tolist()):
         begins, of_each = ends[first] - size[first], size[first]

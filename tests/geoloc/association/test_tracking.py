@@ -11,7 +11,7 @@ import pytest
 
 from geoloc.arrays import IntArray
 from geoloc.association.bearings import AssociationRules, Bearings, bearings_from_sightings
-from geoloc.association.inverse_depth import first_points, innovations, updated
+from geoloc.association.inverse_depth import first_points, innovations, update
 from geoloc.association.tracking import costs, may_join, numbered, one_to_one, track
 from geoloc.locate.observations import Observations
 from geoloc.locate.records import Kind, Sightings
@@ -52,14 +52,13 @@ def one_after_the_other(seen: Bearings, rules: AssociationRules) -> IntArray:
         rows = np.arange(start, stop)
         active = np.flatnonzero(last_s >= seen.time_s[start] - rules.memory_s)
         i, j = np.repeat(rows, active.size), np.tile(active, rows.size)
-        found, there = innovations(seen.take(i), points.take(j)), points.take(j)
+        found = innovations(seen, i, points, j)
         joined = may_join(seen.face[i], seen.label[i], seen.face[j], label[j])
-        cost = costs(found, there.covariance, joined, rules).reshape(rows.size, active.size)
+        cost = costs(found, points.covariance[j], joined, rules).reshape(rows.size, active.size)
         column = one_to_one(cost) if active.size else np.full(rows.size, -1)
         for k in np.flatnonzero(column >= 0):
             mine = active[column[k : k + 1]]
-            moved = updated(points.take(mine), innovations(seen.take(rows[k : k + 1]), points.take(mine)))
-            points.state[mine], points.covariance[mine] = moved.state, moved.covariance
+            update(points, mine, innovations(seen, rows[k : k + 1], points, mine))
             label[mine] = np.where(label[mine] == 0, seen.label[rows[k]], label[mine])
         group[rows] = np.where(column >= 0, active[column] if active.size else -1, rows)
         last_s[group[rows]] = seen.time_s[start]

@@ -24,7 +24,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -254,6 +254,7 @@ _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d{1,2}(?!\d))")
 _BETWEEN_CODES = re.compile(r"[;|+\n]|,")
 
 
+@lru_cache(maxsize=1024)
 def codes_from_attribute(text: str) -> str:
     """Sign codes of the attribute ``skiltnummer``, top down, joined by ``;``.
 
