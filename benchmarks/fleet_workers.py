@@ -153,18 +153,21 @@ def kill_at_random(
         engines = [address]
     workers = [Running(*_HERE, "--work", store, engine) for engine in engines]
     victims = ["process", "worker", *["scheduler"] * dask, *["database"] * (database is not None)]
-    began = 0
+    began, bag = 0, list[str]()
     try:
         while jobs := _open_jobs(store):
             # What is killed has begun something since the last time.
             n_runs = sum(job.claim for job in jobs)
             if n_runs > began and sum(done.values()) < kills:
                 time.sleep(draw.uniform(*between_s))
-                done[_kill(draw.choice(victims), draw, workers, cluster, database)] += 1
+                # Each kind in its turn, in an order drawn anew.
+                bag = bag or draw.sample(victims, len(victims))
+                done[_kill(bag.pop(), draw, workers, cluster, database)] += 1
                 _check(store, whole, complete=False)
                 began = sum(job.claim for job in _open_jobs(store))
             for one in (*cluster, *workers):
-                if one.process.poll() not in (None, 0):
+                # A worker's 0 says that all is done; a cluster's that it has lost its scheduler.
+                if one.process.poll() not in ((None,) if one in cluster else (None, 0)):
                     one.start()
             time.sleep(0.1)
     finally:

@@ -92,8 +92,9 @@ def running() -> Iterator[Server]:
     options = " ".join(f"-c {name}='{value}'" for name, value in settings.items())
 
     def call(*command: object) -> None:
+        words = [*as_other, *map(str, command)]
         subprocess.run(
-            [*as_other, *map(str, command)], check=True, cwd="/", stdout=subprocess.DEVNULL, timeout=60
+            words, check=True, cwd="/", stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, timeout=60
         )
 
     def start() -> None:
