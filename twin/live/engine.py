@@ -16,6 +16,7 @@ import numpy as np
 from geoloc.adjustment.build_model import Place
 from geoloc.arrays import FloatArray
 from geoloc.live.causal import CausalSettings, CausalTrajectory, Following
+from geoloc.live.first import placed_by_one_frame
 from geoloc.live.followed import NOWHERE, Followed
 from geoloc.live.landmarks import (
     Landmark,
@@ -30,7 +31,6 @@ from geoloc.live.samples import Fix, Lag, MotionSample, Quantity
 from geoloc.locate.error_budget import ErrorBudget
 from geoloc.locate.observations import Observations
 from geoloc.locate.records import Kind, Sightings
-from geoloc.locate.single_frame import locate_single_frame
 from geoloc.rig.rig import Rig
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import Poses
@@ -311,26 +311,15 @@ class LiveEngine:
         trajectory = self._track.trajectory
         if trajectory is None:
             return []
-        rows = list(new)
-        pixel = np.array([seen.pixel_px for _, seen in rows])
-        epoch_ns = np.full(len(rows), frame.epoch_ns + self._landmarks.shift_ns, dtype=np.int64)
-        located = locate_single_frame(
-            self.car.rig,
-            Sightings(np.full(len(rows), frame.camera), pixel),
-            trajectory.poses_at(epoch_ns),
-            self.car.budget,
-        )
-        shared_m2 = self.car.track_sigma_m**2 * np.eye(2)
-        columns = (located.latitude_deg, located.longitude_deg, located.height_m)
-        return [
-            self._said(
-                rows[i][0],
-                State.FIRST,
-                Place(*(float(column[i]) for column in columns)),
-                located.covariance_m2[i] + shared_m2,
-            )
-            for i in np.flatnonzero(located.valid)
-        ]
+        epoch_ns = np.array([frame.epoch_ns + self._landmarks.shift_ns], dtype=np.int64)
+        pose = trajectory.poses_at(epoch_ns)
+        found = []
+        for passed, seen in new:
+            one = placed_by_one_frame(self.car.rig, frame.camera, seen.pixel_px, pose, self.car.budget)
+            if one is not None:
+                shared_m2 = self.car.track_sigma_m**2 * np.eye(2)
+                found.append(self._said(passed, State.FIRST, one[0], one[1] + shared_m2))
+        return found
 
     def _unseen(self, until_ns: int) -> set[int]:
         """Objects of which no sighting is in the window, as where all came too late."""
