@@ -6,7 +6,7 @@ import numpy as np
 
 from geoloc.arrays import FloatArray, IntArray
 from geoloc.association.bearings import AssociationRules, Bearings, bearings_from_sightings, geocentric_m
-from geoloc.association.inverse_depth import Points, first_points, innovations, updated
+from geoloc.association.inverse_depth import Points, first_points, innovations, update
 from geoloc.association.tracking import costs, may_join, one_to_one
 from geoloc.locate.observations import Observations
 from geoloc.trajectory.interpolation import NANOSECONDS
@@ -72,14 +72,12 @@ class Followed:
         number = np.empty(n, dtype=np.int64)
         if self._points is not None and k:
             i, j = np.repeat(np.arange(n), k), np.tile(np.arange(k), n)
-            there = self._points.take(j)
-            found = innovations(seen.take(i), there)
+            found = innovations(seen, i, self._points, j)
             may = may_join(seen.face[i], seen.label[i], self._face[j], self._label[j])
-            partner = one_to_one(costs(found, there.covariance, may, self.rules).reshape(n, k))
+            partner = one_to_one(costs(found, self._points.covariance[j], may, self.rules).reshape(n, k))
             rows = np.flatnonzero(partner >= 0)
             mine = partner[rows]
-            moved = updated(self._points.take(mine), found.take(rows * k + mine))
-            self._points.state[mine], self._points.covariance[mine] = moved.state, moved.covariance
+            update(self._points, mine, found.take(rows * k + mine))
             self._label[mine] = np.where(self._label[mine] == 0, seen.label[rows], self._label[mine])
             self._last_ns[mine] = epoch_ns
             number[rows] = self._number[mine]
