@@ -124,6 +124,10 @@ class _FleetCommands(_LazyGroup):
     modules: ClassVar[Mapping[str, str]] = dict.fromkeys(("ingest", "work", "status", "retry"), "fleet")
 
 
+class _StoreCommands(_LazyGroup):
+    modules: ClassVar[Mapping[str, str]] = {"copy": "store"}
+
+
 app = typer.Typer(
     cls=_Commands,
     name="twin",
@@ -148,6 +152,15 @@ app.add_typer(
         name="fleet",
         help="Ingest many drives by many processes or machines, from folders or object storage.",
         epilog="Try it: twin fleet ingest data/trip_trondheim data/trip_trondheim_2 --workers 2",
+        **_SETTINGS,
+    )
+)
+app.add_typer(
+    typer.Typer(
+        cls=_StoreCommands,
+        name="store",
+        help="A store as a whole: from SQLite into PostgreSQL, and back.",
+        epilog="Try it: twin store copy demo-out/twin.db copy.db",
         **_SETTINGS,
     )
 )

@@ -67,7 +67,7 @@ def back_up(store: Path, file: Path) -> Copied:
         shutil.copymode(store, staging / file.name)
         source, target = _pictures(store), _pictures(file)
         for sha256 in sorted(hashes):
-            _copy_picture(source, target, sha256)
+            copy_picture(source, target, sha256)
     for path in sorted(target.glob("??/*")):
         if path.stem not in hashes:
             path.unlink()
@@ -108,7 +108,7 @@ def restore(store: Path, file: Path) -> Copied:
         new = staging / store.name
         hashes = _copy_database(file, new, "WAL")
         for sha256 in sorted(hashes):
-            _copy_picture(_pictures(file), _pictures(new), sha256)
+            copy_picture(_pictures(file), _pictures(new), sha256)
         stood = store.exists()
         _exchange(store, new, aside)
     return Copied(*_counts(store, hashes), aside if stood else None)
@@ -151,7 +151,7 @@ def _pictures(store: Path) -> Path:
     return _beside(store, ".evidence")
 
 
-def _copy_picture(source: Path, target: Path, sha256: str) -> None:
+def copy_picture(source: Path, target: Path, sha256: str) -> None:
     """Copy the file of one crop, unless it is there; its name is the hash of what it holds."""
     for path in (source / sha256[:2]).glob(f"{sha256}.*"):
         copy = target / sha256[:2] / path.name
