@@ -17,7 +17,7 @@ may differ by 1e-9, in whatever unit they are kept.
 from __future__ import annotations
 
 import argparse
-import importlib
+import importlib.util
 import json
 import math
 import os
@@ -98,6 +98,8 @@ class Clock:
     def wrap(self, step: str, place: str) -> None:
         """Wrap ``module:name`` or ``module:Class.method`` where it is looked up."""
         module, _, name = place.partition(":")
+        if importlib.util.find_spec(module) is None:
+            return
         holder: Any = importlib.import_module(module)
         *path, last = name.split(".")
         for part in path:

@@ -10,7 +10,7 @@ doi:10.1109/TRO.2008.2003276; here with the directions as a plane instead of two
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +29,6 @@ _CROSS = np.zeros((3, 3, 3))
 _CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], _CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 # Cauchy weights: a residual of 3 sigma counts half.
 _ROBUST_D2 = 9.0
-# A group whose state moves by less has been fitted, whatever the others do.
-_SETTLED = 1e-5
 # A ray more than 78° off the predicted direction does not see the point.
 _MIN_COSINE = 0.2
 
@@ -159,18 +157,18 @@ def update(points: Points, which: IntArray, found: Innovations) -> None:
     points.state[which], points.covariance[which] = state, P - gain @ (H @ P)
 
 
-def fit_points(seen: Bearings, group: IntArray, size: int) -> Points:
+def fit_points(seen: Bearings, group: IntArray) -> Points:
     """Triangulate every group of sightings, robustly, all groups at once.
 
     Parameters
     ----------
     seen : Bearings (n,)
     group : int64 (n,)
-        0 … size - 1, each with at least one sighting; negative: none.
+        0, 1, …, each with at least one sighting; negative: none.
 
     Returns
     -------
-    Points (size,)
+    Points (k,)
         Anchored at the foot that stands nearest, or the first face.
     """
     rows = np.argsort(group, kind="stable")[np.count_nonzero(group < 0) :]
@@ -178,26 +176,21 @@ def fit_points(seen: Bearings, group: IntArray, size: int) -> Points:
     nearest = np.lexsort((np.arange(group.size), -seen.inverse_m, group))
     points = first_points(seen.take(nearest[np.flatnonzero(np.diff(group, prepend=-1))]))
     prior_mean, prior_weight = points.state[:, 2].copy(), 1.0 / points.covariance[:, 2, 2]
-    sights, still = _sights(seen, points.take(group)), np.arange(size)
+    sights = _sights(seen, points.take(group))
     for i in range(_ROUNDS):
         A, g = _equations(sights, points.state[group], group, is_plain=i < _PLAIN_ROUNDS)
-        state, weight = points.state[still], prior_weight[still]
-        A[:, 2, 2] += weight
+        A[:, 2, 2] += prior_weight
         # Where all sightings look away there is no equation: the direction keeps to its anchor's, loosely.
         A[:, [0, 1], [0, 1]] += 1.0
-        g[:, 2] += weight * (prior_mean[still] - state[:, 2])
+        g[:, 2] += prior_weight * (prior_mean - points.state[:, 2])
         step = np.linalg.solve(A, g[:, :, None])[:, :, 0]
         step[:, :2] = np.clip(step[:, :2], -0.5, 0.5)
+        state = points.state + step
         # Depth at most halves or doubles in a step.
-        low, high = state[:, 2] / 2.0, state[:, 2] * 2.0
-        state += step
+        low, high = points.state[:, 2] / 2.0, points.state[:, 2] * 2.0
         state[:, 2] = np.clip(np.clip(state[:, 2], low, high), MIN_INVERSE_M, MAX_INVERSE_M)
-        points.state[still], points.covariance[still] = state, np.linalg.inv(A)
-        if i > _PLAIN_ROUNDS:
-            still = still[np.abs(step).max(axis=1) >= _SETTLED]
-            kept = np.isin(group, still)
-            sights, group = sights.take(kept), group[kept]
-        if not still.size:
+        points = replace(points, state=state, covariance=np.asarray(np.linalg.inv(A), dtype=np.float64))
+        if i > _PLAIN_ROUNDS and np.abs(step).max(initial=0.0) < 1e-5:
             break
     return points
 
@@ -226,10 +219,6 @@ class _Sights(NamedTuple):
     products: FloatArray
     angle2: FloatArray
     place2: FloatArray
-
-    def take(self, kept: BoolArray) -> _Sights:
-        """Those sightings alone."""
-        return _Sights(*(part[..., kept] for part in self))
 
 
 def _sights(seen: Bearings, points: Points) -> _Sights:
@@ -291,7 +280,7 @@ class Triangulation:
         """Points of groups 0, 1, … (n,), each with at least one sighting; negative: none."""
         key = group.tobytes()
         if key not in self._points:
-            self._points[key] = fit_points(self._seen, group, int(group.max(initial=-1)) + 1)
+            self._points[key] = fit_points(self._seen, group)
         return self._points[key]
 
 

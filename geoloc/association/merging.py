@@ -210,8 +210,8 @@ def fit_together(seen: Bearings, sides: list[IntArray], rules: AssociationRules)
     length = np.array([side.size for side in sides])
     both = seen.take(np.concatenate(sides))
     side = np.repeat(np.arange(length.size), length)
-    apart = _explained(both, fit_points(both, side, length.size), side, rules)
-    joint = _explained(both, fit_points(both, side // 2, length.size // 2), side // 2, rules)
+    apart = _explained(both, fit_points(both, side), side, rules)
+    joint = _explained(both, fit_points(both, side // 2), side // 2, rules)
     lost = np.bincount(side, weights=apart.astype(float) - joint, minlength=length.size) / length
     return np.asarray((lost.reshape(-1, 2) <= _MAY_LOSE).all(axis=1))
 
