@@ -135,7 +135,7 @@ def ingest(
 
 
 @app.command(
-    "work", epilog="Example: twin fleet work --store postgresql+psycopg://twin@db/twin --workers 4 --stay"
+    "work", epilog="Example: twin fleet work --store postgresql://twin@db/twin --workers 4 --stay"
 )
 def work(
     workers: WorkersOption = None,
