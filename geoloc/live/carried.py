@@ -16,7 +16,7 @@ from geoloc.adjustment.equations import epochs_of_unknowns
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.scene import Scene
 from geoloc.adjustment.solve import Solution
-from geoloc.adjustment.unknowns import PER_NODE, TIME, Layout, Prior
+from geoloc.adjustment.unknowns import LEAN, PER_NODE, ROLL, TIME, Layout, Prior
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu
 
@@ -164,6 +164,8 @@ def left_behind(model: Model, solution: Solution, cut_ns: int, shift_s: float) -
     nodes = layout.node(np.arange(layout.n_nodes))
     when[nodes] = np.repeat(model.node_ns, PER_NODE).reshape(-1, PER_NODE)
     gone = when < cut_ns
+    # What lasts of the trajectory's roll it learns itself, and says how well it knows it by now.
+    gone[[ROLL, LEAN]] = True
     old = model.scene.epoch_ns < cut_ns
     both = np.sqrt(np.repeat(solution.inlier / solution.noise**2, 2))
     rays_old = np.flatnonzero(np.repeat(old, 2))

@@ -64,7 +64,7 @@ class LandmarkSettings:
 
     window_s: float = 4.0
     every_s: float = 0.09
-    most: int = 360
+    most: int = 600
     noise_every: int = 8
 
 
