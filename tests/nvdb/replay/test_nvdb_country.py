@@ -143,6 +143,7 @@ def test_country_command_serves_and_changes_objects_when_told() -> None:
             feed = f"{url}/uberiket/api/v1/hendelser/vegobjekter/96"
             with urlopen(Request(feed, headers={"X-Client": "test"})) as answer:
                 assert [event["hendelseId"] for event in json.load(answer)["hendelser"]] == [1, 2, 3]
-        finally:
             process.send_signal(signal.SIGINT)
-            assert process.wait(30) == 0
+            assert process.wait(300) == 0
+        finally:
+            process.kill()

@@ -290,7 +290,7 @@ def test_replay_command_serves_a_folder_until_it_is_interrupted(plates: Any, tmp
             with NvdbClient(line.split()[0]) as client:
                 assert _ids(_get(client)) == [701, 702, 703, 704, 705]
             process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=60)
+            _, errors = process.communicate(timeout=300)
         finally:
             process.kill()
     assert (process.returncode, errors) == (0, "")

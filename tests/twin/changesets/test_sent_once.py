@@ -399,12 +399,15 @@ def test_process_that_is_killed_is_finished_by_the_next(sender: Sender, end: str
         return given
 
     sender.server.answer = last  # type: ignore[method-assign]
-    child = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", "twin", "submit", str(sender.out), "--go", "--api-url", sender.server.url],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-    )
-    assert child.wait(timeout=60) == -signal.SIGKILL
+    ) as child:
+        try:
+            assert child.wait(timeout=300) == -signal.SIGKILL
+        finally:
+            child.kill()
     sender.server.answer = answer  # type: ignore[method-assign]
     assert sender.go().code == 0
     assert sender.counts() == (1, 1)

@@ -133,8 +133,8 @@ def test_qgis_started_from_an_activated_environment_has_its_own_python(
 
 
 def _written(path: Path) -> str:
-    """Wait for a file of a program that was left running."""
-    for _ in range(500):
+    """Wait for a file of a program that was left running: two minutes where other work has the cores."""
+    for _ in range(6000):
         if path.exists():
             break
         time.sleep(0.02)

@@ -111,12 +111,15 @@ def test_answers_that_come_at_once_are_all_kept(store: Path) -> None:
 def test_ctrl_c_ends_the_page_in_order(store: Path) -> None:
     """Exit code 0: this is how it is ended; one line on stdout, the address."""
     command = [sys.executable, "-m", "twin", "review", "--store", str(store), "--no-open"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    requests.get(line.strip(), timeout=30)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+            requests.get(line.strip(), timeout=30)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=300)
+        finally:
+            process.kill()
     assert (process.returncode, out) == (0, "")
     assert line.startswith("http://127.0.0.1:")
     assert "every answer is in the store" in err

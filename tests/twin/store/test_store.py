@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -197,13 +195,15 @@ def test_store_survives_sigkill_in_the_middle_of_writing(address: str, written: 
     with subprocess.Popen(
         [sys.executable, "-c", _WRITER, address, str(ROOT / "tests")], stdout=subprocess.PIPE
     ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"ready\n"
-        with Store.open(address) as watcher:
-            # Wait for states, not for time; then kill wherever the writer happens to be.
-            while int((watcher.fact("last_match") or {"method": 0})["method"]) < written:
-                assert process.poll() is None, "the writer ended by itself"
-        os.kill(process.pid, signal.SIGKILL)
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == b"ready\n"
+            with Store.open(address) as watcher:
+                # Wait for states, not for time; then kill wherever the writer happens to be.
+                while int((watcher.fact("last_match") or {"method": 0})["method"]) < written:
+                    assert process.poll() is None, "the writer ended by itself"
+        finally:
+            process.kill()
     with Store.open(address) as store:
         last = store.fact("last_match")
         assert last is not None
