@@ -56,7 +56,13 @@ def av2_drive(tmp_path_factory: pytest.TempPathFactory) -> OsloDrive:
     return OsloDrive(made.folder, made.truth, plate_id)
 
 
-@pytest.fixture(scope="session", params=[0.0, 1.5], ids=["exact pixels", "1.5 px of noise"])
+@pytest.fixture(
+    scope="session",
+    params=[
+        pytest.param(0.0, id="exact pixels", marks=pytest.mark.slow),
+        pytest.param(1.5, id="1.5 px of noise"),
+    ],
+)
 def av2_near_trondheim(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """The Argoverse log, set down where nothing is, as published and as an annotator would mark it."""
     from real_drives import TRONDHEIM, argoverse_drive

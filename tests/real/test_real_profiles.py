@@ -10,7 +10,7 @@ if not REAL.exists():
     pytest.skip("the real data are not beside the checkout", allow_module_level=True)
 
 
-@pytest.mark.parametrize("receiver", ["5 Hz, 1.3 cm", "10 Hz, 1.8 cm"])
+@pytest.mark.parametrize("receiver", ["5 Hz, 1.3 cm", pytest.param("10 Hz, 1.8 cm", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["KITTI 00, part 2", "KITTI 02, part 4", "KITTI 07", "KITTI 10"])
 def test_one_antenna_knows_how_well_it_knows_the_heading(name: str, receiver: str) -> None:
     """In bends as people drive them, on roads as they climb, headings err as stated, by 0.35° at most."""

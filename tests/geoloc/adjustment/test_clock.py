@@ -64,7 +64,7 @@ def test_clock_that_is_looked_for_further_off_counts_for_what_it_was_stated_to(s
     assert all(f"{adjusted.time_offset_ms.value:+.0f} ms were added" in text for text in told.values())
 
 
-@pytest.mark.parametrize("stated_ms", [5.0, 1000.0])
+@pytest.mark.parametrize("stated_ms", [5.0, pytest.param(1000.0, marks=pytest.mark.slow)])
 def test_clock_that_nothing_can_check_stays_and_is_told(stated_ms: float) -> None:
     """Fixes of 2 m in wide bends: the stated clock and its whole sigma are kept, and people hear of it."""
     poor = {"gnss_white_horizontal_m": 0.8, "gnss_multipath_m": 1.8, "gnss_multipath_tau_s": 10.0}

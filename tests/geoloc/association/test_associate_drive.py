@@ -103,7 +103,7 @@ def test_poles_on_a_track_of_2_m_fixes_are_each_found_once() -> None:
     assert sorted(map(sorted, seen.objects(found.object))) == [[k] for k in range(len(POLES))]
 
 
-@pytest.mark.parametrize("fixes", ["RTK", "2 m"])
+@pytest.mark.parametrize("fixes", ["RTK", pytest.param("2 m", marks=pytest.mark.slow)])
 def test_codes_are_not_needed_on_either_track(fixes: str) -> None:
     """Without sign codes, too, each pole is one object."""
     seen = seen_with(fixes)

@@ -31,6 +31,7 @@ def test_extrinsics_are_exact_without_noise():
     assert doubts(found) == ()
 
 
+@pytest.mark.slow
 def test_extrinsics_sigmas_hold_over_many_yards():
     """The squared error over its covariance is that of a normal error: NEES / 6 near one."""
     squares = []

@@ -69,6 +69,7 @@ def test_sigmas_hold_where_errors_are_those_stated(believed: float, holds: bool)
     assert holds or float(np.mean(plane)) > 1.3
 
 
+@pytest.mark.slow
 def test_heights_hold_at_speed_where_the_track_trembles_within_seconds() -> None:
     """One antenna at 60 km/h: pitch and heading that err for less than a second are in the sigmas."""
     _, up = zip(*(_squares(seed, ErrorBudget(), "highway", 1) for seed in range(5)), strict=True)

@@ -384,8 +384,12 @@ def test_single_keys_can_be_switched_off(address: Callable[..., str], plain: Bro
 
 @pytest.mark.parametrize(
     ("viewport", "scheme"),
-    [(LAPTOP, "light"), (LAPTOP, "dark"), (TABLET, "dark"), (UPRIGHT, "light")],
-    ids=["laptop", "laptop-dark", "tablet-dark", "upright"],
+    [
+        pytest.param(LAPTOP, "light", id="laptop"),
+        pytest.param(LAPTOP, "dark", id="laptop-dark", marks=pytest.mark.slow),
+        pytest.param(TABLET, "dark", id="tablet-dark"),
+        pytest.param(UPRIGHT, "light", id="upright", marks=pytest.mark.slow),
+    ],
 )
 def test_page_can_be_read_and_reached(
     address: Callable[..., str], browser: Browser, scheme: Any, viewport: Any
