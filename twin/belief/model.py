@@ -11,7 +11,6 @@ from geoloc.arrays import BoolArray, FloatArray
 from twin.belief.evidence import Evidence
 from twin.belief.filter import Life, Places, life_in_register
 from twin.belief.lifetimes import Lifetimes, sign_class
-from twin.matching.config import HIDDEN_YEARS
 
 _NS_PER_YEAR = 365.25 * 86_400e9
 _NEVER = 1e-12
@@ -26,6 +25,8 @@ class Assumed:
     ----------
     put_up_per_year : float
         Share of places without their sign that get one again in a year.
+    hidden_years : float
+        What hides a sign from every drive stands for so long.
     closed_late_per_year : float
         Rate at which NVDB closes those signs that are gone and that it is slow about.
     share_late : float
@@ -37,6 +38,7 @@ class Assumed:
     """
 
     put_up_per_year: float = 0.02
+    hidden_years: float = 10.0
     closed_late_per_year: float = 0.1
     share_late: float = 0.5
     p_false: float = 0.001
@@ -95,7 +97,7 @@ class _Run:
         config, assumed = self.evidence.config, self.assumed
         classes = [sign_class(codes) for codes in self.evidence.codes]
         names = sorted(set(classes))
-        grown_over = config.p_hidden / HIDDEN_YEARS
+        grown_over = config.p_hidden / assumed.hidden_years
         alone = [
             Life(self.lifetimes.per_year(name), assumed.put_up_per_year, grown_over, config.p_hidden)
             for name in names

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
-from twin.matching.config import HIDDEN_YEARS, MatchConfig
+from twin.matching.config import MatchConfig
 from twin.matching.in_view import Counts
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.sites import Site
@@ -132,18 +132,8 @@ def last_seen_by(poles: Sequence[ObservedPole], drive_ids: Sequence[str]) -> Int
 
 
 def _p_taken_down(pole: ObservedPole, passed_ns: Sequence[int], config: MatchConfig) -> float:
-    """Probability that a pole is gone that complete drives passed at these epochs without seeing it.
-
-    Exact and pass by pass, as :mod:`twin.belief.filter` works it out of any history: what went after a pass
-    does not explain that this one missed it, and what was seen can be hidden only by what has grown since.
-    """
-    seen, hidden, gone, at, grown_over = 1.0, 0.0, 0.0, pole.last_ns, config.p_hidden / HIDDEN_YEARS
-    for passed in sorted(passed_ns):
-        years = max(0, passed - at) / _NS_PER_YEAR
-        stays, clear = math.exp(-config.removed_per_year * years), math.exp(-grown_over * years)
-        gone += (seen + hidden) * (1 - stays)
-        hidden = stays * (hidden + seen * (1 - clear))
-        seen *= stays * clear * config.p_missed
-        at = max(at, passed)
-    total = seen + hidden + gone
-    return gone / total if total else 0.0
+    """Probability that a pole is gone that complete drives passed at these epochs without seeing it."""
+    years = max(0.0, (max(passed_ns) - pole.last_ns) / _NS_PER_YEAR)
+    removed = 1.0 - math.exp(-config.removed_per_year * years)
+    overlooked = config.p_hidden + (1 - config.p_hidden) * config.p_missed ** len(passed_ns)
+    return removed / (removed + (1 - removed) * overlooked)

@@ -9,9 +9,6 @@ from pathlib import Path
 
 from twin.errors import ConfigError, FileError
 
-HIDDEN_YEARS = 10.0
-"""What hides a pole from every drive stands for so long."""
-
 
 @dataclass(frozen=True, slots=True)
 class MatchConfig:
@@ -45,8 +42,7 @@ class MatchConfig:
     p_missed: float = 0.002
     """Chance that an annotator who declares a drive complete still overlooked a pole in view."""
     p_hidden: float = 0.001
-    """Chance that a pole counts as in view and is hidden in every drive all the same: a hedge, a wall. Of
-    those that were seen, as many are hidden within `HIDDEN_YEARS`."""
+    """Chance that a pole counts as in view and is hidden in every drive all the same: a hedge, a wall."""
     p_unseen: float = 0.5
     """Chance that a pole goes unannotated in a drive not declared complete, or in view in few pictures."""
     removed_per_year: float = 0.02
