@@ -134,9 +134,7 @@ def ingest(
             print_json(added)
 
 
-@app.command(
-    "work", epilog="Example: twin fleet work --store postgresql://twin@db/twin --workers 4 --stay"
-)
+@app.command("work", epilog="Example: twin fleet work --store postgresql://twin@db/twin --workers 4 --stay")
 def work(
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
