@@ -19,7 +19,7 @@ demo: $(VENV)/.installed          ## the whole job on the sample, into demo-out/
 test: $(VENV)/.installed          ## the whole suite
 	$(BIN)/python -m pytest $(SPREAD)
 
-slow: $(VENV)/.installed          ## what takes long for one fact: the wheel's demo and types, the paper's notebook, five minutes of town, draws of noise
+slow: $(VENV)/.installed          ## what takes long for one fact: the wheel's demo and types, the paper's notebook, long drives, draws of noise, damaged files
 	TWIN_SLOW=1 $(BIN)/python -m pytest $(SPREAD) -m slow
 
 coverage: $(VENV)/.installed      ## the same, and which lines it runs: half as long again
@@ -110,7 +110,7 @@ fuzz: $(VENV)/.installed          ## 100,000 damaged files for every parser, two
 	$(MAKE) --jobs 2 --keep-going --output-sync $(FUZZ)
 
 $(FUZZ):
-	TWIN_FUZZ_EXAMPLES=$${TWIN_FUZZ_EXAMPLES:-100000} OMP_NUM_THREADS=1 $(BIN)/python -m pytest $@ -q -rP --show-capture=stdout
+	TWIN_SLOW=1 TWIN_FUZZ_EXAMPLES=$${TWIN_FUZZ_EXAMPLES:-100000} OMP_NUM_THREADS=1 $(BIN)/python -m pytest $@ -q -rP --show-capture=stdout
 
 clean:
 	rm -rf $(VENV) demo-out build dist .coverage
