@@ -142,9 +142,9 @@ def _pairs(read: Sequence[Estimate], near: Sequence[Site], shifted: FloatArray) 
     far = np.nanmax(np.hypot(*np.moveaxis(shifted[on_path] - middle[:, None], -1, 0)), axis=1)
     # The circle about all of a sign's places first: few sites are left to be measured from each of them.
     about = cKDTree(there).query_ball_point(middle, far + 2.0 * NEAR_M, return_sorted=True)
-    pairs = []
+    pairs, codes = [], [frozenset(site.codes) for site in near]
     for number, some in zip(on_path.tolist(), about, strict=True):
-        alike = [j for j in some if not set(read[number].codes).isdisjoint(near[j].codes)]
+        alike = [j for j in some if not codes[j].isdisjoint(read[number].codes)]
         if alike:
             east, north = np.moveaxis(shifted[number] - there[alike, None], -1, 0)
             found = (east**2 + north**2 <= NEAR_M**2).any(axis=1)
