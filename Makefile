@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo reference docs test slow coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet bench-live pictures notebooks soak fuzz clean
+.PHONY: demo reference docs test slow coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet bench-live bench-postgres pictures notebooks soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -82,6 +82,9 @@ bench-fleet: $(VENV)/.installed   ## matching after one more drive, by how many 
 
 bench-live: $(VENV)/.installed    ## the live engine: time a frame, memory, positions against the batch, replay; half an hour
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/live.py
+
+bench-postgres: $(VENV)/.installed  ## a store in PostgreSQL against one in SQLite: ingest, match, export; five reviewers at once
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/postgres.py
 
 bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium
 	$(BIN)/python benchmarks/review.py

@@ -82,7 +82,7 @@ class Run(NamedTuple):
     kept_agree: bool | None
 
 
-def fill(path: Path, n_drives: int) -> None:
+def fill(path: Path | str, n_drives: int) -> None:
     """Make a store with so many drives, and beside it one with the drive that comes next."""
     n_tiles = -(-n_drives // DRIVES_A_TILE)
     rig = zlib.compress(json.dumps(rig_document(simulated_rig())).encode())

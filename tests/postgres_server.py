@@ -14,7 +14,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psycopg
-import pytest
 
 from twin.store.store import Store
 
@@ -75,11 +74,17 @@ def _database(address: str) -> str:
 
 
 @contextmanager
-def running() -> Iterator[Server]:
-    """Start a server with the templates ``postgis`` and ``store``; skip the test where none is installed."""
+def running(**settings: str) -> Iterator[Server]:
+    """Start a server with the templates ``postgis`` and ``store``.
+
+    Raises
+    ------
+    FileNotFoundError
+        None is installed.
+    """
     initdb = _program("initdb")
     if initdb is None or not list(Path("/usr/share/postgresql").glob("*/extension/postgis.control")):
-        pytest.skip(ABSENT)
+        raise FileNotFoundError(ABSENT)
     # Not pytest's folder: others than its owner, as whom the server has to run, may not enter that.
     folder = Path(tempfile.mkdtemp(prefix="twin-postgres-"))
     data, log = folder / "data", folder / "log"
@@ -88,8 +93,8 @@ def running() -> Iterator[Server]:
         shutil.chown(folder, "postgres")
         as_other = ["setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups"]
     pg_ctl = initdb.with_name("pg_ctl")
-    settings = {**_SETTINGS, "unix_socket_directories": str(folder)}
-    options = " ".join(f"-c {name}='{value}'" for name, value in settings.items())
+    every = {**_SETTINGS, "unix_socket_directories": str(folder), **settings}
+    options = " ".join(f"-c {name}='{value}'" for name, value in every.items())
 
     def call(*command: object) -> None:
         words = [*as_other, *map(str, command)]

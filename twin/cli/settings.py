@@ -59,7 +59,12 @@ class Setting:
 
 
 SETTINGS = (
-    Setting("store", Kind.FILE, "the store that commands take; only in the user's own file", user_only=True),
+    Setting(
+        "store",
+        Kind.FILE,
+        "the store that commands take, a path or `postgresql://…`; only in the user's own file",
+        user_only=True,
+    ),
     Setting("log_file", Kind.FILE, "where every command keeps its log, one JSON object a line"),
     Setting("lang", Kind.TEXT, "language: en or nb"),
     Setting("by", Kind.TEXT, "who decides, reviews and annotates", variable="TWIN_USER"),
