@@ -19,7 +19,6 @@ from geoloc.adjustment.scene import (
     Scene,
     bodies_at,
     changes_of_slope,
-    changing_m,
     instants,
     nearest_knots,
     origin_from_anchor,
@@ -32,6 +31,7 @@ from geoloc.earth.geodesy import enu_offset, geographic_from_enu, grid_convergen
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.single_frame import ErrorBudget
 from geoloc.rig.rig import Rig
+from geoloc.trajectory.fix_checks import changing_m
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import LastingRoll
 from geoloc.trajectory.smoother.plane import sideways_rad

@@ -16,6 +16,7 @@ from geoloc.locate.single_frame import ErrorBudget
 from geoloc.locate.visibility import on_the_car_itself
 from geoloc.reasons import REASON_TYPE, Reason
 from geoloc.rig.rig import Rig
+from geoloc.trajectory.fix_checks import changing_m
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import Poses, part
 from geoloc.trajectory.rig_poses import lean_m, lean_up_m
@@ -32,8 +33,6 @@ _SAME_INSTANT_NS = 8_000_000
 # A pass over the ground beside an object this long before or after it was seen still tells its height: the
 # slow error of RTK heights lasts for minutes.
 _NEAREST_WITHIN_S = 30.0
-# Most of a fix's error outlasts the passage of a sign and moves everything with the car.
-_CHANGING_SHARE, _CHANGING_AT_MOST_M = 0.5, 0.3
 _CHORD_M = 12.0
 # 0.1°: what a paver lays.
 _FLATTEST = 0.0017
@@ -234,11 +233,6 @@ def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses
         ),
         poses,
     )
-
-
-def changing_m(sigma_m: FloatArray) -> FloatArray:
-    """That part of what places are off, one sigma, which is an unknown of each second of a drive."""
-    return np.asarray(np.minimum(_CHANGING_SHARE * sigma_m, _CHANGING_AT_MOST_M))
 
 
 def lasting_m2(sigma_m: FloatArray, *, is_fitted: bool) -> FloatArray:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.trajectory.fix_checks import changing_m
 
 TRACK, CLOCK = "gnss", "time"
 SAME_IN_EVERY_PASS = frozenset(
@@ -65,7 +66,11 @@ def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock
     added = max(clock.stated_s**2 - clock.solved_s**2, 0.0)
     ahead = np.sqrt(late / (by_prior + added))[:, None] * ahead
     elsewhere = max(clock.solved_s**2 - by_prior, 0.0) * ahead[:, :, None] * ahead[:, None, :]
-    return Parts(_at_least_zero(own - elsewhere), common, np.sqrt(track / 2.0), ahead)
+    # What the track errs for seconds is each pole's own: only the rest lasts.
+    whole_m = np.sqrt(track / 2.0)
+    seconds_m2 = changing_m(whole_m) ** 2
+    own = _at_least_zero(own - elsewhere) + seconds_m2[:, None, None] * np.eye(2)
+    return Parts(own, common, np.sqrt(whole_m**2 - seconds_m2), ahead)
 
 
 def _at_least_zero(covariance_m2: FloatArray) -> FloatArray:

@@ -41,6 +41,9 @@ HEADING_SIGMA_DEG = 0.5
 VELOCITY_SIGMA_MPS = (0.05, 0.1)
 """Of a velocity from Doppler shifts, where the receiver does not say: a horizontal axis, and the vertical."""
 
+# Most of a fix's error outlasts the passage of a sign and moves everything with the car.
+_CHANGING_SHARE, _CHANGING_AT_MOST_M = 0.5, 0.3
+
 
 class _Positions(Protocol):
     """What fixes and poses have in common."""
@@ -132,6 +135,11 @@ def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> FixNoise:
         np.where(fixed, MULTIPATH_S, CODE_LASTS_S),
         np.where(fixed, 0.0, MULTIPATH_S),
     )
+
+
+def changing_m(sigma_m: FloatArray) -> FloatArray:
+    """That part of what places are off, one sigma, which is another one after seconds of a drive."""
+    return np.asarray(np.minimum(_CHANGING_SHARE * sigma_m, _CHANGING_AT_MOST_M))
 
 
 def as_good_as_fixed(quality: IntArray, stated_m: FloatArray) -> BoolArray:
