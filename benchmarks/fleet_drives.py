@@ -26,11 +26,14 @@ def drives(folder: Path, n: int, seconds: float = 15.0) -> list[str]:
 
 
 def held(store: Store) -> dict[str, list[Any]]:
-    """Return every row that came of drives, in an order of its own."""
-    return {
-        table.name: [tuple(row.values()) for row in store.rows(sa.select(table).order_by(*table.primary_key))]
-        for table in RESULTS
-    }
+    """Return every row that came of drives, in an order of its own, as one moment has them."""
+    with store.snapshot() as view:
+        return {
+            table.name: [
+                tuple(row.values()) for row in view.rows(sa.select(table).order_by(*table.primary_key))
+            ]
+            for table in RESULTS
+        }
 
 
 def differing(found: Mapping[str, list[Any]], whole: Mapping[str, list[Any]], *, complete: bool) -> list[str]:
