@@ -187,7 +187,7 @@ def _replace_results(connection: sa.Connection, located: LocatedDrive) -> bool:
         if stored_sha256 == located.drive.content_sha256:
             old = old.where(table.c.method == method)
         connection.execute(old)
-        bulk_insert(connection, table, [as_values(table, row) for row in rows])
+        bulk_insert(connection, table, as_values(table, rows))
     return True
 
 

@@ -86,12 +86,16 @@ def taking_place(connection: sa.Connection, table: sa.Table) -> Insert:
     return insert.on_conflict_do_update(index_elements=keys, set_=others)
 
 
-def as_values(table: sa.Table, row: Mapping[str, Any]) -> Values:
-    """Return a row as :func:`bulk_insert` takes it; a column that it does not name is NULL."""
+def as_values(table: sa.Table, rows: Iterable[Mapping[str, Any]]) -> list[Values]:
+    """Return rows as :func:`bulk_insert` takes them; a column that a row does not name is NULL."""
+    columns = [(column.name, isinstance(column.type, sa.JSON)) for column in table.columns]
     return [
-        json.dumps(row.get(c.name), ensure_ascii=False) if isinstance(c.type, sa.JSON) else row.get(c.name)
-        for c in table.columns
+        [_as_json(row.get(name)) if is_json else row.get(name) for name, is_json in columns] for row in rows
     ]
+
+
+def _as_json(document: object) -> str | None:
+    return None if document is None else json.dumps(document, ensure_ascii=False)
 
 
 def bulk_insert(

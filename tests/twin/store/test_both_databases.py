@@ -22,7 +22,7 @@ POINT, ASIDE = schema.MIRROR[95].visible, schema.MIRROR[95].aside
 
 def points(*ids: int, **values: Any) -> list[Any]:
     """Make rows of the mirror, as they are written in bulk."""
-    return [as_values(POINT, row(POINT, nvdb_id=one, **values)) for one in ids]
+    return as_values(POINT, [row(POINT, nvdb_id=one, **values) for one in ids])
 
 
 def test_types_that_databases_differ_in_have_one_of_ours() -> None:
