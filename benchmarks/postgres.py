@@ -105,11 +105,10 @@ def ingest_and_match(address: str) -> None:
 
 
 class Desk:
-    """Reviewers and a reader on one store."""
+    """Reviewers, and a reader, of one store."""
 
     def __init__(self, address: str) -> None:
         self._address = address
-        self._ends = threading.Event()
         self.given: list[tuple[str, str]] = []
         self.refused = 0
         self.slowest_s = 0.0
@@ -128,26 +127,22 @@ class Desk:
                         break
                 self.given.append((name, change_id))
 
-    def read(self) -> None:
-        """List findings until the end, and keep how long the slowest took."""
-        with Store.open(self._address) as store:
-            while not self._ends.is_set():
-                self.slowest_s = max(self.slowest_s, listing_s(store))
-
     def work(self, change_ids: Sequence[str]) -> None:
         """Let them all work while a drive is ingested and matched."""
         threads = [
             threading.Thread(target=self.review, args=(f"reviewer {k}", change_ids[k::REVIEWERS]))
             for k in range(REVIEWERS)
         ]
-        reader = threading.Thread(target=self.read)
         other = multiprocessing.get_context("spawn").Process(target=ingest_and_match, args=(self._address,))
-        for one in (other, reader, *threads):
-            one.start()
-        for one in (*threads, other):
-            one.join()
-        self._ends.set()
-        reader.join()
+        # Its own process: threads of one would wait for one another, and not for the database.
+        with multiprocessing.get_context("spawn").Pool(1) as pool, Store.open(self._address) as store:
+            ends = store.count(schema.decision_log) + len(change_ids)
+            reading = pool.apply_async(slowest_listing_s, (self._address, ends))
+            for one in (other, *threads):
+                one.start()
+            for one in (*threads, other):
+                one.join()
+            self.slowest_s = reading.get()
 
 
 def listing_s(store: Store) -> float:
@@ -157,6 +152,15 @@ def listing_s(store: Store) -> float:
     joined = schema.change.outerjoin(said, said.c.change_id == change.change_id)
     store.rows(sa.select(change.change_id, said.c.decision).select_from(joined).limit(100))
     return time.perf_counter() - start
+
+
+def slowest_listing_s(address: str, n_decisions: int) -> float:
+    """List findings until the log has so many entries, and return how long the slowest took."""
+    slowest_s = 0.0
+    with Store.open(address) as store:
+        while store.count(schema.decision_log) < n_decisions:
+            slowest_s = max(slowest_s, listing_s(store))
+    return slowest_s
 
 
 def reviewed(address: str) -> tuple[Desk, int, float]:

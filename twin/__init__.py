@@ -1,8 +1,8 @@
 """Keep the road-sign layer of Norway's digital twin true: a recorded drive and NVDB in, change sets out.
 
 ==================  ==================================================================================
-Store               the twin's state, a SQLite file or a PostgreSQL database: every function below takes an open
-                    one; its tables as GeoDataFrames (estimates, findings, sightings, drives)
+Store               the twin's state, a SQLite file or a PostgreSQL database: every function below takes an
+                    open one; its tables as GeoDataFrames (estimates, findings, sightings, drives)
 sync_nvdb           NVDB's signs of an area into the store: everything once, then the changes
 ingest_drive        a recorded drive, located, into the store
 match               the drives' estimates against NVDB's signs: findings with verdict and reason
