@@ -37,7 +37,7 @@ def filled(address: str | Path) -> None:
         save_changes(store, [finding("a"), finding("b")], {}, {"method": "adjusted", "revision": 0})
         with store.transaction() as connection:
             values = {"east_m": 0.1 + 0.2, "raw": b"\x00\xff", "kommuner": [5001, "æ\t\\N"]}
-            rows = [as_values(POINT, row(POINT, nvdb_id=one, **values)) for one in range(7)]
+            rows = as_values(POINT, [row(POINT, nvdb_id=one, **values) for one in range(7)])
             bulk_insert(connection, POINT, rows)
         decide(store, ["a"], "accept", by="kari", reason="seen")
 
