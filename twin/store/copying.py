@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import sqlalchemy as sa
 
@@ -15,8 +13,8 @@ from twin.store import schema
 from twin.store.address import StoreAddress
 from twin.store.backup import copy_picture
 from twin.store.postgres_tables import SCHEMA
-from twin.store.sql import Values, bulk_insert
-from twin.store.store import Row, Snapshot, Store
+from twin.store.sql import as_values, bulk_insert
+from twin.store.store import Snapshot, Store
 
 _AT_ONCE = 5_000
 _VERSION = "schema_version"
@@ -108,22 +106,12 @@ def _copied(view: Snapshot, connection: sa.Connection, table: sa.Table, say: Cal
         rows = rows.where(schema.meta.c.key != _VERSION)
     n = 0
     for chunk in view.chunks(rows, _AT_ONCE):
-        bulk_insert(connection, table, [_values(table, row) for row in chunk])
+        bulk_insert(connection, table, as_values(table, chunk))
         n += len(chunk)
         say(f"{table.name}: {n:,} rows")
     if n and connection.dialect.name == "postgresql":
         _count_on(connection, table)
     return n
-
-
-def _values(table: sa.Table, row: Row) -> Values:
-    return [_value(column, row[column.name]) for column in table.columns]
-
-
-def _value(column: sa.Column[Any], value: object) -> object:
-    if not isinstance(column.type, sa.JSON) or (value is None and column.nullable):
-        return value
-    return json.dumps(value, ensure_ascii=False)
 
 
 def _count_on(connection: sa.Connection, table: sa.Table) -> None:
