@@ -264,3 +264,53 @@ def past_sites(
     for drive in drives:
         drive.watcher.keep(about)
     return passages
+
+
+def known_drives(
+    drives: Sequence[Drive], estimates: Sequence[Estimate], clicks: Mapping[str, Mapping[str, str]]
+) -> dict[str, KnownDrive]:
+    """What the next match has to know of drives of which all estimates are there.
+
+    How a drive was ingested (terrain, error budget, installed grids) is known by what came of it: the hash of
+    its estimates.
+    """
+    mine: dict[str, list[Estimate]] = {drive.drive_id: [] for drive in drives}
+    for estimate in estimates:
+        if estimate.drive_id in mine:
+            mine[estimate.drive_id].append(estimate)
+    found = {}
+    for drive in drives:
+        digests, of_drive = hashlib.sha256(), mine[drive.drive_id]
+        for estimate in sorted(of_drive, key=lambda e: e.estimate_id):
+            row = estimate.to_row()
+            digests.update(json.dumps([row[name] for name in _HASHED], sort_keys=True).encode())
+        said = clicks.get(drive.drive_id, {})
+        found[drive.drive_id] = KnownDrive(
+            recorded=drive.driven.recorded,
+            car=drive.driven.car,
+            touched=drive.watcher.cells,
+            place_m=np.array([(one.east_m, one.north_m) for one in of_drive]).reshape(-1, 2),
+            clicks={one.object: said.get(one.object, "") for one in of_drive},
+            ahead=drive.shift,
+            estimates_sha256=digests.hexdigest(),
+        )
+    return found
+
+
+def warnings_of(drives: Sequence[Drive]) -> dict[str, tuple[int, list[str]]]:
+    """When drives began and what is to be known of their findings, where there is something."""
+    told = {drive.drive_id: (drive.started_ns, list(drive.warnings())) for drive in drives}
+    return {drive_id: said for drive_id, said in told.items() if said[1]}
+
+
+_HASHED = (
+    "object",
+    "east_m",
+    "north_m",
+    "cov_ee_m2",
+    "cov_en_m2",
+    "cov_nn_m2",
+    "skiltnummer",
+    "text",
+    "cameras",
+)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -22,8 +21,10 @@ from twin.matching.drives import (
     cells_if_shifted,
     drives_of,
     forget,
+    known_drives,
     past_poles,
     past_sites,
+    warnings_of,
 )
 from twin.matching.in_view import COARSE_DEG
 from twin.matching.kept import Kept, NotSure, digest
@@ -49,7 +50,7 @@ from twin.matching.poles.seen_in import (
 from twin.matching.reading import estimates_of
 from twin.matching.scope import NEAR_M, Scope, scope_about
 from twin.matching.sites import Site, along_the_road, codes_of_mirror, mirror_near, sites_from_mirror
-from twin.matching.verdicts.finding import doubtful_as_review
+from twin.matching.verdicts.evidence import with_evidence
 from twin.matching.verdicts.judge import is_mirrored, judge
 from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import FACT as VEGNETT
@@ -144,11 +145,11 @@ def everything(asked: Asked, kept: Kept) -> Found:
     passed = np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)]))
     results = compared.results(passed, None)
     put_results(kept, results, None)
-    known = _known(drives, estimates, clicks)
+    known = known_drives(drives, estimates, clicks)
     for drive_id, one in known.items():
         one.put(kept, drive_id)
     squares = {drive_id: one.squares for drive_id, one in known.items()}
-    state = State(asked.rests_on(), view.revision(), results.totals, codes, squares, _warnings(drives))
+    state = State(asked.rests_on(), view.revision(), results.totals, codes, squares, warnings_of(drives))
     state.put(kept)
     return Found(
         revision=state.revision,
@@ -250,13 +251,13 @@ def _part(
     every = np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)])
     results = compared.results(np.unique(every), scope.results)
     gone, counted = put_results(kept, results, scope.results)
-    fresh = _known(came, own, clicks)
+    fresh = known_drives(came, own, clicks)
     for drive_id, one in fresh.items():
         one.put(kept, drive_id)
         state.squares[drive_id] = one.squares
     for looked in drives:
         state.warnings.pop(looked.drive_id, None)
-    state.warnings.update(_warnings(drives))
+    state.warnings.update(warnings_of(drives))
     state = replace(state, revision=view.revision(), totals=state.totals - counted + results.totals)
     there = are_among(cells_of(_place_of(compared.findings)), scope.results)
     keys = {member: pole.key for pole in named for member in pole.members}
@@ -429,7 +430,7 @@ def _compared(
         passed=seen.passed,
         mirrored=None if scope is None else _mirrored(asked, current, sites, assignment, scope),
     )
-    findings = _with_evidence(findings, current, drives)
+    findings = with_evidence(findings, current, drives)
     return _Compared(findings, poles, current, sites, seen.complete >= config.min_views)
 
 
@@ -449,70 +450,6 @@ def _mirrored(
         points, plates = mirror_near(asked.view, _places_of(some), asked.config)
         found[left] = is_mirrored(some, sites_from_mirror(points, plates, asked.config), asked.config)
     return found
-
-
-def _with_evidence(
-    findings: Sequence[Finding], poles: Sequence[ObservedPole], drives: Sequence[Drive]
-) -> list[Finding]:
-    """Put drives that are not trusted up for review, and add covariances and cameras."""
-    doubted = doubtful_as_review(
-        findings, {drive.drive_id: drive.doubt for drive in drives if drive.doubt is not None}
-    )
-    measured = {(pole.east_m, pole.north_m): pole.covariance_m2 for pole in poles}
-    watched = _Cameras.of(poles, drives)
-    return [
-        replace(finding, covariance_m2=_covariance(finding, measured), cameras=watched.for_finding(finding))
-        for finding in doubted
-    ]
-
-
-def _known(
-    drives: Sequence[Drive], estimates: Sequence[Estimate], clicks: Mapping[str, Mapping[str, str]]
-) -> dict[str, KnownDrive]:
-    """What the next match has to know of drives of which all estimates are there.
-
-    How a drive was ingested (terrain, error budget, installed grids) is known by what came of it: the hash of
-    its estimates.
-    """
-    mine: dict[str, list[Estimate]] = {drive.drive_id: [] for drive in drives}
-    for estimate in estimates:
-        if estimate.drive_id in mine:
-            mine[estimate.drive_id].append(estimate)
-    found = {}
-    for drive in drives:
-        digests, of_drive = hashlib.sha256(), mine[drive.drive_id]
-        for estimate in sorted(of_drive, key=lambda e: e.estimate_id):
-            row = estimate.to_row()
-            digests.update(json.dumps([row[name] for name in _HASHED], sort_keys=True).encode())
-        said = clicks.get(drive.drive_id, {})
-        found[drive.drive_id] = KnownDrive(
-            recorded=drive.driven.recorded,
-            car=drive.driven.car,
-            touched=drive.watcher.cells,
-            place_m=_place_of(of_drive),
-            clicks={one.object: said.get(one.object, "") for one in of_drive},
-            ahead=drive.shift,
-            estimates_sha256=digests.hexdigest(),
-        )
-    return found
-
-
-def _warnings(drives: Sequence[Drive]) -> dict[str, tuple[int, list[str]]]:
-    told = {drive.drive_id: (drive.started_ns, list(drive.warnings())) for drive in drives}
-    return {drive_id: said for drive_id, said in told.items() if said[1]}
-
-
-_HASHED = (
-    "object",
-    "east_m",
-    "north_m",
-    "cov_ee_m2",
-    "cov_en_m2",
-    "cov_nn_m2",
-    "skiltnummer",
-    "text",
-    "cameras",
-)
 
 
 def _places_of(poles: Sequence[ObservedPole]) -> FloatArray:
@@ -542,35 +479,3 @@ def _sites(asked: Asked, rows: tuple[Sequence[Row], Sequence[Row]]) -> list[Site
     day = dt.date.fromisoformat(fact["fetched_at"][:10]) if "fetched_at" in fact else None
     sites = sites_from_mirror(points, plates, asked.config, facing(asked.store, on_date=day))
     return along_the_road(sites, load_vegnett(asked.store), day)
-
-
-@dataclass(frozen=True, slots=True)
-class _Cameras:
-    """Cameras that saw each pole, by its key, and those of each drive that were annotated."""
-
-    of_pole: Mapping[str, frozenset[str]]
-    of_drive: Mapping[str, tuple[str, ...]]
-
-    @classmethod
-    def of(cls, poles: Sequence[ObservedPole], drives: Sequence[Drive]) -> _Cameras:
-        return cls({pole.key: pole.cameras for pole in poles}, {d.drive_id: d.cameras for d in drives})
-
-    def for_finding(self, finding: Finding) -> tuple[str, ...]:
-        """Their names; of a sign that was not seen, the cameras of the drives that looked for it."""
-        of_pole = self.of_pole.get(finding.terms.get("pole", ""))
-        if of_pole is not None:
-            names = {camera.partition("/")[2] for camera in of_pole}
-        else:
-            names = {name for drive in finding.drive_ids for name in self.of_drive.get(drive, ())}
-        return tuple(sorted(names))
-
-
-def _covariance(
-    finding: Finding, measured: Mapping[tuple[float, float], FloatArray]
-) -> tuple[float, float, float] | None:
-    """Covariance of the measured position; None where a finding stands at NVDB's position."""
-    covariance_m2 = measured.get((finding.east_m, finding.north_m))
-    if covariance_m2 is None:
-        return None
-    (ee, en), (_, nn) = covariance_m2.tolist()
-    return ee, en, nn
