@@ -141,7 +141,7 @@ def test_drive_in_object_storage_is_located_on_a_cluster(
         # A busy machine may take longer than the 30 s after which a cluster gives up starting.
         dask.config.set({"distributed.comm.timeouts.connect": "120s"}),
         distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
         ) as cluster,
         Store.open(tmp_path / "f.db") as store,
     ):
