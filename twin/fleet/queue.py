@@ -54,7 +54,7 @@ class Job:
     claim : int
         Number of the run.
     worker : str
-        Who runs it, or did so last: host and process.
+        Who runs it, or did so last: host, process, and a draw of its own.
     fault : Fault or None
         Kind of the last failure.
     reason : str
@@ -116,7 +116,7 @@ class Queue:
     ----------
     store : Store
     worker : str
-        Its name, for people.
+        Its name, which no other one has.
     lease_s : float
         How long a job is a worker's without word of it.
     """
@@ -242,12 +242,12 @@ class Queue:
             connection.execute(sa.update(table).where(_is_run(job)).values(**values))
         return JobState(values["state"])
 
-    def give_back(self, jobs: Collection[Job]) -> None:
-        """Let jobs wait that were begun and interrupted: no fault of theirs."""
+    def give_back(self) -> None:
+        """Let wait again what this worker has begun, known to it or not: it was interrupted."""
+        mine = (table.c.worker == self._worker) & (table.c.state == JobState.RUNNING)
+        waits = {"state": JobState.WAITING, "leased_until": None}
         with self._store.transaction() as connection:
-            for job in jobs:
-                waits = {"state": JobState.WAITING, "leased_until": None}
-                connection.execute(sa.update(table).where(_is_run(job)).values(**waits))
+            connection.execute(sa.update(table).where(mine).values(**waits))
 
     def retry(self, faults: Collection[Fault] = (), addresses: Collection[str] = ()) -> int:
         """Let parked jobs wait again: all, or of these kinds, or at these addresses; return how many."""

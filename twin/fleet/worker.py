@@ -6,6 +6,7 @@ import os
 import socket
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import contextmanager, suppress
@@ -100,7 +101,7 @@ class _Worker:
         lease_s: float,
         patience_s: float,
     ) -> None:
-        name = f"{socket.gethostname()}:{os.getpid()}"
+        name = f"{socket.gethostname()}:{os.getpid()}:{uuid.uuid4().hex[:6]}"
         self._store, self._executor, self._say = store, executor, say
         self._queue = Queue(store, name, lease_s=lease_s)
         self._lease_s, self._patience_s = lease_s, patience_s
@@ -121,7 +122,7 @@ class _Worker:
         finally:
             self._executor.close()
             with suppress(StoreError):
-                self._queue.give_back(list(self._mine.values()))
+                self._queue.give_back()
         return self.tally
 
     def _fill(self) -> bool:

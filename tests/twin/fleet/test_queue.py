@@ -95,7 +95,7 @@ def test_lease_that_is_renewed_stays(either: Store) -> None:
     assert job is not None
     Queue(either, "a", lease_s=60.0).renew([job])
     assert queue.claim() is None
-    queue.give_back([job])
+    queue.give_back()
     again = queue.claim()
     assert again is not None
     assert (again.n_lost, again.claim) == (0, 2)
