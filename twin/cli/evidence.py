@@ -75,7 +75,7 @@ def evidence(
         )
     with Store.open(store, create=False) as opened:
         if before is not None:
-            _forget(opened, before, person(by), reason or "", lang, json_output=json_output)
+            _forget(opened, before, person(by, opened), reason or "", lang, json_output=json_output)
             return
         report = _make(opened, masker, missing, reason if unmasked else None, by, quiet=json_output)
     if json_output:

@@ -79,7 +79,7 @@ def export(
         report = write(
             opened,
             folder,
-            by=person(by),
+            by=person(by, opened),
             decision=decision,
             project=stood_there if project is None else project,
             api_url=api_url,

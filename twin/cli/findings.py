@@ -295,8 +295,9 @@ def decide(
         until=until.date() if until else None,
         decisions=(state,),
     )
-    who, selects = person(by), not selection.is_empty
+    selects = not selection.is_empty
     with Store.open(store, create=False) as opened:
+        who = person(by, opened)
         if from_file is not None:
             _refuse(
                 bool(words) or selects or dry_run or temporary, "--from takes nothing but --reason and --by"

@@ -6,13 +6,16 @@ import getpass
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from twin.errors import ConfigError
 from twin.store.address import StoreAddress
 from twin.words import Lang
+
+if TYPE_CHECKING:
+    from twin.store.store import Store
 
 StoreOption = Annotated[
     StoreAddress,
@@ -119,10 +122,12 @@ def need_place(files: Mapping[str, Path | None]) -> None:
 _ENDINGS = {".csv": "--csv", ".xlsx": "--xlsx", ".geojson": "--geojson"}
 
 
-def person(by: str | None) -> str:
-    """Return who decides: as given, or the login name; "" where the system knows none."""
+def person(by: str | None, store: Store) -> str:
+    """Return who decides: as given, or the login at the store, or at the system; "" where that knows none."""
     if by is not None:
         return by
+    if store.login is not None:
+        return store.login
     try:
         return getpass.getuser()
     except (ImportError, KeyError, OSError):  # without an environment, Windows knows nobody

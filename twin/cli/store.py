@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from twin.cli.options import JsonOption
+from twin.cli.options import DEFAULT_STORE, JsonOption, LangOption, StoreOption
 from twin.cli.output import note, print_json, print_pairs, steps, warn
 from twin.store.address import StoreAddress
+from twin.words import Lang
 
 app = typer.Typer()
 
@@ -42,3 +43,42 @@ def copy(source: SourceArgument, target: TargetArgument, json_output: JsonOption
         note(f"Pictures: {done.n_pictures:,}.")
     if done.n_lost:
         warn(f"Pictures without a file: {done.n_lost:,}. `twin evidence` makes them again.")
+
+
+@app.command("init-roles", epilog="Example: twin store init-roles --store postgresql://twin@db/twin")
+def init_roles(
+    store: StoreOption = DEFAULT_STORE,
+    print_only: Annotated[
+        bool, typer.Option("--print", help="Only print the statements, for an administrator to run.")
+    ] = False,
+) -> None:
+    """Make the roles twin_reader, twin_reviewer, twin_ingester and twin_owner, of a store in PostgreSQL.
+
+    A reader reads; a reviewer decides too, here and in QGIS; an ingester does all else that fills the store,
+    and cannot change a log; the owner upgrades it. Put logins into them by GRANT twin_reviewer TO kari. Run it
+    again at any time.
+    """
+    from twin.store.roles import Role, roles
+
+    if print_only:
+        typer.echo("".join(f"{statement};\n" for statement in roles()), nl=False)
+        return
+    from twin.store.postgres import init_roles as init
+
+    init(store)
+    note(f"The store {store} has the roles {', '.join(Role)}: GRANT {Role.REVIEWER} TO kari lets her.")
+
+
+@app.command("qgis", epilog="Example: twin store qgis --store postgresql://twin@db/twin")
+def qgis(store: StoreOption = DEFAULT_STORE, lang: LangOption = Lang.EN) -> None:
+    """Put the styles of the live layers into a database of PostgreSQL, for everybody who opens them in QGIS.
+
+    Once, and again after an upgrade of twin or for another language. The layers themselves are there with the
+    store, in the schema twin_qgis.
+    """
+    from twin.export.qgis.live import write_styles
+    from twin.store.store import Store
+
+    with Store.open(store, create=False) as opened:
+        names = write_styles(opened, lang)
+    note(f"QGIS finds {', '.join(names)} in the schema twin_qgis of {store}, with their styles.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import sqlalchemy as sa
@@ -57,6 +57,15 @@ class Backend(ABC):
     def pictures(self) -> Path:
         """Return the folder for crops of pictures; StoreError where none is named."""
 
+    def revising(self, _connection: sa.Connection) -> AbstractContextManager[None]:
+        """Set aside what stands in the way of changed tables, inside the caller's transaction."""
+        return nullcontext()
+
+    @property
+    def login(self) -> str | None:
+        """The name that the database knows its user by; None of a file."""
+        return None
+
     @property
     def file(self) -> Path | None:
         """The SQLite file; None of a database."""
@@ -82,7 +91,7 @@ class Backend(ABC):
                 f"{schema.VERSION}): upgrade twin, or name another --store."
             )
         if found < schema.VERSION:
-            with self.errors(), self.writing() as connection:
+            with self.errors(), self.writing() as connection, self.revising(connection):
                 # Asked again inside the transaction: another process may have upgraded it meanwhile.
                 upgrade(connection, stated_version(connection) or found, self.name)
 

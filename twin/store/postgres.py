@@ -21,12 +21,10 @@ from twin.errors import ConfigError, MissingExtraError, RefusedError, StoreError
 from twin.store import schema
 from twin.store.address import StoreAddress
 from twin.store.backend import Backend, create_tables
-from twin.store.postgres_tables import POSTGIS, SCHEMA, rules
+from twin.store.postgres_tables import LOCKS, POSTGIS, SCHEMA, WRITER, rules
+from twin.store.qgis_views import QGIS_SCHEMA, no_views, views
+from twin.store.roles import Role, rights, roles
 
-_LOCKS = int.from_bytes(b"twin")
-"""First number of every advisory lock of twin."""
-_WRITER = 0
-"""Second number of the lock that a writer holds until its transaction ends; of tasks it is a hash."""
 _PATIENCE = "60s"
 
 _LOST = "see that the server runs and can be reached, then run this again; nothing is written by halves"
@@ -93,13 +91,13 @@ class Postgres(Backend):
         """Give a connection inside a write transaction: one writer at a time."""
         with self.engine.begin() as connection:
             connection.exec_driver_sql(f"SET LOCAL lock_timeout = '{_PATIENCE}'")
-            connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_LOCKS}, {_WRITER})")
+            connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({LOCKS}, {WRITER})")
             yield connection
 
     @contextmanager
     def alone(self, task: str, what: str) -> Iterator[None]:
         """Hold an advisory lock, on a connection of its own: it ends with its process, however that ends."""
-        key = {"of": _LOCKS, "task": _task_number(task)}
+        key = {"of": LOCKS, "task": _task_number(task)}
         doing = f"twin {what}, process {os.getpid()} on {socket.gethostname()}"
         with self.errors(), self.engine.connect() as opened:
             held = opened.execution_options(isolation_level="AUTOCOMMIT")
@@ -115,6 +113,25 @@ class Postgres(Backend):
             finally:
                 # Also where the server has gone meanwhile: then the lock is gone too.
                 opened.invalidate()
+
+    @contextmanager
+    def revising(self, connection: sa.Connection) -> Iterator[None]:
+        """Take the views for QGIS away and make them anew, as the store's owner: of new tables too."""
+        owner = str(connection.execute(_OWNER, {"schema": SCHEMA}).scalar())
+        connection.exec_driver_sql(f"SET LOCAL ROLE {_quoted(connection, owner)}")
+        for statement in no_views():
+            connection.exec_driver_sql(statement)
+        yield
+        _make_views(connection)
+        if owner == Role.OWNER:
+            for statement in rights():
+                connection.exec_driver_sql(statement)
+
+    @property
+    def login(self) -> str:
+        """The name of the login, whatever role it has taken."""
+        with self.errors(), self.reading() as connection:
+            return str(connection.execute(_LOGIN).scalar())
 
     def pictures(self) -> Path:
         """Return the folder that the address names."""
@@ -168,6 +185,30 @@ class Postgres(Backend):
         create_tables(connection)
         for statement in rules():
             connection.exec_driver_sql(statement)
+        _make_views(connection)
+
+
+def init_roles(address: StoreAddress) -> None:
+    """Make the group roles of :mod:`.roles` on the store's server, and grant them what they may.
+
+    Raises
+    ------
+    StoreError
+        There is no store, or this user may not do that.
+    ConfigError
+        The store is a file.
+    """
+    if address.file is not None:
+        raise ConfigError(
+            f"The store {address} is a file, whose rights are those of the system: roles are of PostgreSQL."
+        )
+    store = Postgres(address, create=False)
+    try:
+        with store.errors(), store.writing() as connection:
+            for statement in roles():
+                connection.exec_driver_sql(statement)
+    finally:
+        store.engine.dispose()
 
 
 def is_there(address: StoreAddress) -> bool:
@@ -218,6 +259,23 @@ _MAY_WRITE = sa.text(
     f"SELECT NOT pg_is_in_recovery() AND (has_table_privilege('{SCHEMA}.{schema.meta.name}', 'INSERT') "
     f"OR has_table_privilege('{SCHEMA}.{schema.decision_log.name}', 'INSERT'))"
 )
+
+
+_OWNER = sa.text("SELECT pg_get_userbyid(nspowner) FROM pg_namespace WHERE nspname = :schema")
+_LOGIN = sa.text("SELECT session_user")
+_HAS_LAYERS = sa.text(f"SELECT to_regnamespace('{QGIS_SCHEMA}')")
+
+
+def _make_views(connection: sa.Connection) -> None:
+    # Asked first: the owner of a store may be one who may not make schemas, nor say IF NOT EXISTS.
+    if connection.execute(_HAS_LAYERS).scalar() is None:
+        connection.exec_driver_sql(f"CREATE SCHEMA {QGIS_SCHEMA}")
+    for statement in views():
+        connection.exec_driver_sql(statement)
+
+
+def _quoted(connection: sa.Connection, name: str) -> str:
+    return connection.dialect.identifier_preparer.quote_identifier(name)
 
 
 def _state(connection: sa.Connection) -> str | None:

@@ -10,6 +10,10 @@ SCHEMA = "twin"
 """Every table of a store is in it: what else a database holds is somebody else's."""
 POSTGIS = "CREATE EXTENSION IF NOT EXISTS postgis"
 EPSG = 25833
+LOCKS = int.from_bytes(b"twin")
+"""First number of every advisory lock of twin."""
+WRITER = 0
+"""Second number of the lock that a writer holds until its transaction ends; of tasks it is a hash."""
 
 POINTS = (
     schema.skiltpunkt,

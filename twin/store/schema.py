@@ -50,7 +50,7 @@ __all__ = [
     "veglenke_aside",
 ]
 
-VERSION = 16
+VERSION = 17
 """Raised with every change of the tables: another version is upgraded (:mod:`.migrate`) or refused."""
 
 meta = sa.Table(

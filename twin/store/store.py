@@ -178,6 +178,11 @@ class Store(Tables):
         """Why nothing can be written; None where it can."""
         return self._backend.read_only
 
+    @property
+    def login(self) -> str | None:
+        """The name by which the database knows its user; None of a file."""
+        return self._backend.login
+
     def alone(self, task: str, what: str) -> AbstractContextManager[None]:
         """Hold a lock that one process has at a time; the database or the system frees it with the process.
 

@@ -15,7 +15,8 @@ REVISIONS = {
     schema.VERSION + 1: """op.add_column("change", sa.Column("colour", sa.String(), nullable=True))
     op.execute("UPDATE change SET colour = 'red'")""",
     schema.VERSION + 2: """with op.batch_alter_table("change") as table:
-        table.alter_column("colour", new_column_name="paint")""",
+        table.alter_column("colour", new_column_name="paint")
+        table.alter_column("distance_m", type_=sa.Numeric())""",  # which the views for QGIS show
 }
 
 
