@@ -1,4 +1,4 @@
-"""``twin store``: a store as a whole, into another database."""
+"""``twin store``: a store as a whole, into another database; and what PostgreSQL adds to it."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def init_roles(
     """Make the roles twin_reader, twin_reviewer, twin_ingester and twin_owner, of a store in PostgreSQL.
 
     A reader reads; a reviewer decides too, here and in QGIS; an ingester does all else that fills the store,
-    and cannot change a log; the owner upgrades it. Put logins into them by GRANT twin_reviewer TO kari. Run it
+    and cannot change a log; the owner upgrades it. Put logins into them: GRANT twin_reviewer TO kari. Run it
     again at any time.
     """
     from twin.store.roles import Role, roles
@@ -66,7 +66,7 @@ def init_roles(
     from twin.store.postgres import init_roles as init
 
     init(store)
-    note(f"The store {store} has the roles {', '.join(Role)}: GRANT {Role.REVIEWER} TO kari lets her.")
+    note(f"The store {store} has roles now: let kari decide by GRANT {Role.REVIEWER} TO kari.")
 
 
 @app.command("qgis", epilog="Example: twin store qgis --store postgresql://twin@db/twin")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
+from later_versions import with_revisions
 
 from twin.errors import StoreError
 from twin.store import migrate, schema
@@ -23,21 +24,6 @@ REVISIONS = {
 def test_newest_revision_is_the_schemas_version() -> None:
     """Who raises VERSION adds a revision, and the other way round."""
     assert migrate.revisions().get_current_head() == str(schema.VERSION)
-
-
-def with_revisions(folder: Path, monkeypatch: pytest.MonkeyPatch, bodies: dict[int, str]) -> None:
-    """Let twin be one that knows these revisions after its own."""
-    (folder / "versions").mkdir(parents=True)
-    (folder / "script.py.mako").touch()
-    before = str(schema.VERSION)
-    (folder / "versions" / "base.py").write_text(f"revision, down_revision = {before!r}, None\n")
-    for number, body in ((str(one), body) for one, body in bodies.items()):
-        text = f"import sqlalchemy as sa\nfrom alembic import op\n\nrevision = {number!r}\ndown_revision = "
-        text += f"{before!r}\n\ndef upgrade():\n    {body}\n"
-        (folder / "versions" / f"r{number}.py").write_text(text)
-        before = number
-    monkeypatch.setattr(migrate, "MIGRATIONS", folder)
-    monkeypatch.setattr(schema, "VERSION", int(before))
 
 
 def one_finding(address: str) -> None:

@@ -9,8 +9,8 @@ import psycopg
 import pytest
 import sqlalchemy as sa
 from command_line import Twin
+from later_versions import with_revisions
 from postgres_server import Server
-from test_migrate import with_revisions
 
 from twin.decisions.log import history
 from twin.store import schema

@@ -25,12 +25,12 @@ CREATE TABLE IF NOT EXISTS public.layer_styles (
 """
 _BEFORE = sa.text(
     "DELETE FROM public.layer_styles WHERE f_table_catalog = current_database() AND f_table_schema = :schema "
-    "AND f_table_name = :layer AND stylename = :layer"
+    "AND f_table_name = :layer AND stylename = CAST(:layer AS varchar)"
 )
 _STYLE = sa.text(
     "INSERT INTO public.layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, "
     "stylename, styleqml, useasdefault, description, type) VALUES (current_database(), :schema, :layer, "
-    ":geometry, :layer, XMLPARSE(DOCUMENT :qml), true, :description, :type)"
+    ":geometry, CAST(:layer AS varchar), XMLPARSE(DOCUMENT :qml), true, :description, :type)"
 )
 _HAS = sa.text(
     "SELECT column_name FROM information_schema.columns WHERE table_schema = :schema AND table_name = :layer"

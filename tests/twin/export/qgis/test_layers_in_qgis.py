@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import pytest
 import shapely
 from checkout import ROOT
 from pyproj import Proj
+from qgis_python import ENVIRONMENT, SYSTEM_PYTHON, need_qgis
 
 from geoloc.locate.combine import SIGMAS_95
 from twin.export import COLUMNS, ExportLayers, export_all
@@ -33,26 +33,14 @@ from twin.export.layers import EPSG_UTM33
 
 pytestmark = pytest.mark.qgis
 
-SYSTEM_PYTHON = "/usr/bin/python3"
 SCRIPT = ROOT / "tests" / "qgis_open_layer.py"
 FILES = {UTM33: "EPSG:25833", WGS84: "EPSG:4326"}
 ROWS = {"changes": 7, "moves": 3, "belief": 5, "roads_to_drive": 3}
 ROWS |= {"nvdb_signs": 6, "estimates": 5, "ellipses": 5, "drives": 2}
-ENVIRONMENT = {
-    # A French desktop would write 0,25: the map tips must not depend on the test machine's language.
-    "PATH": os.environ.get("PATH", ""),
-    "HOME": os.environ.get("HOME", "/"),
-    "LC_ALL": "C.UTF-8",
-    "QT_QPA_PLATFORM": "offscreen",
-}
 
 
 def _open(*triples: tuple[Path, str, Path]) -> list[dict[str, Any]]:
-    if not Path(SYSTEM_PYTHON).exists():
-        pytest.skip("no system Python")
-    probe = [SYSTEM_PYTHON, "-c", "import qgis.core"]
-    if subprocess.run(probe, capture_output=True, check=False, env=ENVIRONMENT).returncode:
-        pytest.skip("QGIS's Python bindings are not installed")
+    need_qgis()
     arguments = [str(part) for triple in triples for part in triple]
     done = subprocess.run(
         [SYSTEM_PYTHON, str(SCRIPT), *arguments], capture_output=True, text=True, check=False, env=ENVIRONMENT
