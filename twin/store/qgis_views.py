@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 from twin.store.kinds import Decision
-from twin.store.postgres_tables import EPSG, GEOMETRY, LOCKS, SCHEMA, WRITER
+from twin.store.postgres_tables import GEOMETRY, LOCKS, SCHEMA, WRITER
 
 QGIS_SCHEMA = "twin_qgis"
 """Apart from the tables, so that QGIS's browser shows layers and nothing else."""
@@ -19,17 +19,18 @@ EDITABLE = ("decision", "comment")
 """Columns of `CHANGES` that take an answer."""
 FUNCTION = f"{QGIS_SCHEMA}.decide"
 
-LAYERS: Mapping[str, tuple[str, str, int]] = MappingProxyType(
+LAYERS: Mapping[str, str] = MappingProxyType(
     {
-        "changes": ("changes", "Point", EPSG),
-        "changes_wgs84": ("changes", "Point", 4326),
-        "estimates": ("estimates", "Point", EPSG),
-        "nvdb_signs": ("nvdb_signs", "Point", EPSG),
-        "drives": ("drives", "LineString", EPSG),
+        "changes": "changes",
+        "changes_wgs84": "changes",
+        "estimates": "estimates",
+        "nvdb_signs": "nvdb_signs",
+        "drives": "drives",
     }
 )
-"""View → the exported layer whose style it has, its geometry and CRS. The first column is its key."""
+"""View → the exported layer whose style it has; the first column of a view is its key."""
 
+# As in twin.decisions.log, which stands above this room.
 _BY_TWIN = "('reopened', 'suppressed', 'lifted')"
 _SILENT = "('opinion', 'withdrawn')"
 _METHOD = "(SELECT CAST(value AS json) ->> 'method' FROM meta WHERE key = 'last_match')"

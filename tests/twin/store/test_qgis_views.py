@@ -14,6 +14,7 @@ from postgres_server import Server
 
 from twin.decisions import decide
 from twin.decisions.log import Entry, history
+from twin.errors import StoreError
 from twin.matching.save import save_changes
 from twin.store import schema
 from twin.store.address import StoreAddress
@@ -175,3 +176,20 @@ def test_layers_show_the_sample(postgres: Server, matched_store: Path) -> None:
     assert degrees is not None
     assert 10 < degrees[0] < 11
     assert 63 < degrees[1] < 64
+
+
+def test_store_of_before_gets_the_layers_and_what_others_built_on_them_is_kept(
+    postgres: Server, address: str
+) -> None:
+    """An upgrade says what is in its way, and does nothing by halves."""
+    database = StoreAddress(address).url().database or ""
+    older = "UPDATE twin.meta SET value = '16' WHERE key = 'schema_version'"
+    postgres.run("DROP SCHEMA twin_qgis CASCADE", older, database=database)
+    Store.open(address, create=False).close()
+    mine = "CREATE VIEW public.mine AS SELECT * FROM twin_qgis.changes"
+    postgres.run(mine, older, database=database)
+    with pytest.raises(StoreError, match="rests on the layers of twin_qgis: take it away"):
+        Store.open(address, create=False)
+    postgres.run("DROP VIEW public.mine", database=database)
+    Store.open(address, create=False).close()
+    postgres.run(mine, database=database)

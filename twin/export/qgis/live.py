@@ -29,8 +29,8 @@ _BEFORE = sa.text(
 )
 _STYLE = sa.text(
     "INSERT INTO public.layer_styles (f_table_catalog, f_table_schema, f_table_name, f_geometry_column, "
-    "stylename, styleqml, useasdefault, description, type) VALUES (current_database(), :schema, :layer, "
-    ":geometry, CAST(:layer AS varchar), XMLPARSE(DOCUMENT :qml), true, :description, :type)"
+    "stylename, styleqml, useasdefault, description) VALUES (current_database(), :schema, :layer, "
+    ":geometry, CAST(:layer AS varchar), XMLPARSE(DOCUMENT :qml), true, :description)"
 )
 _HAS = sa.text(
     "SELECT column_name FROM information_schema.columns WHERE table_schema = :schema AND table_name = :layer"
@@ -59,8 +59,8 @@ def write_styles(store: Store, lang: Lang = Lang.EN) -> tuple[str, ...]:
     with store.transaction() as connection:
         connection.exec_driver_sql(_TABLE)
         connection.exec_driver_sql("GRANT SELECT ON public.layer_styles TO PUBLIC")
-        for layer, (exported, kind, _) in LAYERS.items():
-            row: dict[str, Any] = {"schema": QGIS_SCHEMA, "layer": layer, "geometry": GEOMETRY, "type": kind}
+        for layer, exported in LAYERS.items():
+            row: dict[str, Any] = {"schema": QGIS_SCHEMA, "layer": layer, "geometry": GEOMETRY}
             has = set(connection.execute(_HAS, row).scalars())
             row |= {"qml": _live(exported, has, lang), "description": description(exported, lang)}
             connection.execute(_BEFORE, row)

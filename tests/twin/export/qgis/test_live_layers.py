@@ -55,13 +55,13 @@ def test_qgis_opens_the_live_layers_and_decides_in_them(
         "nvdb_signs": ("Point", "EPSG:25833"),
     }
     assert all(one["valid"] and one["features"] for one in told.values())
-    assert {one["renderer"] for one in told.values()} == {"categorizedSymbol"}
+    assert {name: one["renderer"] for name, one in told.items()} == dict.fromkeys(told, "categorizedSymbol")
     answers = ["decision", "comment"]
     assert {name: one["editable"] for name, one in told.items() if one["editable"]} == {
         "changes": answers,
         "changes_wgs84": answers,
     }
-    assert told["changes"]["aliases"]["distance_m"] == "Distance (m)"
+    assert told["changes"]["aliases"]["distance_m"] == "Distance from NVDB's position (m)"
     assert any("<b>Moved</b>" in tip and "<img" not in tip for tip in told["changes"]["map_tips"])
     assert "CEP95 –" in told["estimates"]["map_tips"][0]
     assert not any("[%" in tip for one in told.values() for tip in one["map_tips"])
