@@ -29,7 +29,7 @@ _PATIENCE = "60s"
 
 _LOST = "see that the server runs and can be reached, then run this again; nothing is written by halves"
 _CURES = {
-    "2BP01": "something of your own rests on the layers of twin_qgis: take it away, and make it anew afterwards",
+    "2BP01": "what rests on the layers of twin_qgis is in the way: take it away, and make it anew afterwards",
     "25006": "the server takes no changes (a standby, or read only by its settings): name its primary",
     "42501": "ask who owns the store for the right to do this",
     "42P01": "it is damaged, or not a store of this version; name another --store",

@@ -188,7 +188,7 @@ def test_store_of_before_gets_the_layers_and_what_others_built_on_them_is_kept(
     Store.open(address, create=False).close()
     mine = "CREATE VIEW public.mine AS SELECT * FROM twin_qgis.changes"
     postgres.run(mine, older, database=database)
-    with pytest.raises(StoreError, match="rests on the layers of twin_qgis: take it away"):
+    with pytest.raises(StoreError, match="rests on the layers of twin_qgis is in the way"):
         Store.open(address, create=False)
     postgres.run("DROP VIEW public.mine", database=database)
     Store.open(address, create=False).close()
