@@ -52,6 +52,7 @@ from twin.reproduce.experiments import Reproduction
 from twin.samples.simulation import SimulateReport
 from twin.store import schema
 from twin.store.annotation_sets import AnnotationSet
+from twin.store.copying import StoreCopied
 
 Field = tuple[str, Any] | tuple[str, Any, Any]
 SAID: dict[str, dict[str, str]] = {}
@@ -362,6 +363,7 @@ SHAPES: Mapping[str, Any] = {
         parked=(list[Job], "jobs that wait for a person"),
     ),
     "fleet retry": _shape("Retried", waiting_again=(int, "jobs")),
+    "store copy": StoreCopied,
 }
 """Command → type of its document."""
 

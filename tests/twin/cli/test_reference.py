@@ -104,7 +104,9 @@ def test_every_json_document_has_a_type() -> None:
     with_json = {name for name, one in commands().items() if any("--json" in p.opts for p in one.params)}
     assert with_json - typed == set()
     assert {
-        " ".join(command.split()[:2]) if command.startswith(("calibrate", "fleet")) else command.split()[0]
+        " ".join(command.split()[:2])
+        if command.startswith(("calibrate", "fleet", "store"))
+        else command.split()[0]
         for command in typed
     } == with_json
 

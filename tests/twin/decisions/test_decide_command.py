@@ -18,6 +18,7 @@ from qgis_edits import decide_in_qgis
 from geoloc.earth.geodesy import geographic_from_utm33
 from twin.cli.options import person
 from twin.export import FILES
+from twin.store.store import Store
 
 
 @pytest.fixture(autouse=True)
@@ -213,7 +214,7 @@ def test_whole_rerun_with_nothing_new_changes_nothing(
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
 
-def test_person_is_the_login_name(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_person_is_the_login_name(monkeypatch: pytest.MonkeyPatch, opened: Store) -> None:
     """Without --by and TWIN_USER the system says who it is."""
     monkeypatch.setenv("LOGNAME", "ola")
-    assert (person(None), person("kari")) == ("ola", "kari")
+    assert (person(None, opened), person("kari", opened)) == ("ola", "kari")
