@@ -29,7 +29,7 @@ from geoloc.trajectory.poses import GnssFixes, LastingRoll, Poses, part
 from geoloc.trajectory.rig_poses import Fitted, fitted, rig_poses
 from geoloc.trajectory.smoother.chain import Known, Window
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes, knot_fixes
-from geoloc.trajectory.smoother.plane import PlaneTrack
+from geoloc.trajectory.smoother.plane_track import PlaneTrack
 from geoloc.trajectory.smoother.state import ACCELERATION, POSITION, VELOCITY, YAW, YAW_RATE
 from geoloc.trajectory.smoother.tilt import TiltTrack
 from geoloc.trajectory.track_and_tilt import Windows, of_one_antenna, track_and_tilt

@@ -17,7 +17,7 @@ from geoloc.trajectory.heading import moving
 from geoloc.trajectory.motion_readings import ANGLE, SPEED, TURN, MotionReadings, Reading
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.odometry import steered_radps
-from geoloc.trajectory.smoother.plane import PlaneTrack
+from geoloc.trajectory.smoother.plane_track import PlaneTrack
 
 _DEGREES = float(np.degrees(1.0))
 _RATIO = 15.0 * _DEGREES

@@ -30,8 +30,8 @@ from geoloc.trajectory.smoother.found import motion_found
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes, knot_fixes
 from geoloc.trajectory.smoother.plane import (
     AXLE_KNOWN_M,
-    PlaneTrack,
 )
+from geoloc.trajectory.smoother.plane_track import PlaneTrack
 from geoloc.trajectory.smoother.reckoning import reckoned, turned_rad
 from geoloc.trajectory.smoother.state import OWN
 from geoloc.trajectory.smoother.tilt import TiltTrack, smoothed_tilt

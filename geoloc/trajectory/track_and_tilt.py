@@ -17,7 +17,8 @@ from geoloc.trajectory.motion_readings import MotionReadings
 from geoloc.trajectory.smoother.chain import Window
 from geoloc.trajectory.smoother.knot_fixes import KnotFixes
 from geoloc.trajectory.smoother.odometry import MotionOnRoad
-from geoloc.trajectory.smoother.plane import AXLE_KNOWN_M, PlaneTrack, smoothed_plane
+from geoloc.trajectory.smoother.plane import AXLE_KNOWN_M, smoothed_plane
+from geoloc.trajectory.smoother.plane_track import PlaneTrack
 from geoloc.trajectory.smoother.tilt import TiltTrack, smoothed_tilt
 
 LEVER_SIGMA_M = 0.02

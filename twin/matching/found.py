@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import datetime as dt
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoloc.arrays import BoolArray, FloatArray, IntArray
+from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_from_geographic
-from twin.matching.absence import evidence_of_absence, still_seen
-from twin.matching.assign import Assignment, assign
+from twin.matching.asked import Asked, sites_of
 from twin.matching.cells import CELL_M, NOWHERE, are_among, cells_of, middles_of
-from twin.matching.config import MatchConfig
+from twin.matching.compare import compare, places_of
 from twin.matching.drives import (
     Drive,
     beside_nvdb,
@@ -22,13 +19,11 @@ from twin.matching.drives import (
     drives_of,
     forget,
     known_drives,
-    past_poles,
-    past_sites,
     warnings_of,
 )
 from twin.matching.in_view import COARSE_DEG
-from twin.matching.kept import Kept, NotSure, digest
-from twin.matching.left import KnownDrive, Results, State, put_results
+from twin.matching.kept import Kept, NotSure
+from twin.matching.left import KnownDrive, State, put_results
 from twin.matching.likelihood import cost_of_common
 from twin.matching.poles.kept_places import KeptPlaces
 from twin.matching.poles.keys import Mark, with_known_keys
@@ -49,17 +44,10 @@ from twin.matching.poles.seen_in import (
 )
 from twin.matching.reading import estimates_of
 from twin.matching.scope import NEAR_M, Scope, scope_about
-from twin.matching.sites import Site, along_the_road, codes_of_mirror, mirror_near, sites_from_mirror
-from twin.matching.verdicts.evidence import with_evidence
-from twin.matching.verdicts.judge import is_mirrored, judge
-from twin.mirror.names import KATALOG_FACT
-from twin.mirror.vegnett.network import FACT as VEGNETT
+from twin.matching.sites import Site, codes_of_mirror, mirror_near
 from twin.store.records import Estimate, Finding
-from twin.store.store import Row, Snapshot, Store
 from twin.store.touched import FACT as TOUCHED
 from twin.store.touched import touched_since
-
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,28 +89,6 @@ class Found:
     has_network: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """Of which store by which settings findings are asked for."""
-
-    store: Store
-    view: Snapshot
-    method: str
-    config: MatchConfig
-    say: Say
-
-    @property
-    def has_network(self) -> bool:
-        """Whether the store has the road network."""
-        return self.view.fact(VEGNETT) is not None
-
-    def rests_on(self) -> str:
-        """Digest of everything that findings rest on but drives and NVDB's signs."""
-        network = [self.view.fact(VEGNETT), self.view.fact(KATALOG_FACT)] if self.has_network else []
-        said = json.dumps([self.method, asdict(self.config), network], sort_keys=True)
-        return digest(said.encode())
-
-
 def everything(asked: Asked, kept: Kept) -> Found:
     """Work out the findings of the whole store."""
     view, method, config = asked.view, asked.method, asked.config
@@ -134,14 +100,14 @@ def everything(asked: Asked, kept: Kept) -> Found:
     clicks = clicks_of(view, method)
     marks = marks_of(estimates, clicks)
     poles = with_known_keys(placed, marks, known_marks(view))
-    sites = _sites(asked, mirror_near(view, _places(drives, poles), config))
+    sites = sites_of(asked, mirror_near(view, _places(drives, poles), config))
     drives = beside_nvdb(drives, sites, once, kept)
     tied = ""
     if config.map_aided:
         asked.say("tying drives to measured signs")
         poles, tied = map_aided(poles, sites, once, [drive.driven for drive in drives], config, kept)
     codes = cost_of_common(codes_of_mirror(view), config)
-    compared = _compared(asked, poles, sites, drives, codes)
+    compared = compare(asked, poles, sites, drives, codes)
     passed = np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)]))
     results = compared.results(passed, None)
     put_results(kept, results, None)
@@ -197,7 +163,7 @@ def touched_part(asked: Asked, kept: Kept) -> Found | None:
     scope = scope_about(
         touched,
         np.concatenate([np.zeros((0, 2)), *(known.place_m for known in before.values())]),
-        _place_of(own),
+        places_of(own),
         np.concatenate([NOWHERE, *passed]),
         places,
     )
@@ -236,7 +202,7 @@ def _part(
     placed = with_fused_places(
         gathered, once, [drive.driven for drive in drives], kept=kept, only=scope.squares
     ).poles
-    where = cells_of(_places_of(placed))
+    where = cells_of(places_of(placed))
     wanted, rivals = are_among(where, scope.results), are_among(where, scope.about)
     mine = [pole for pole, counts in zip(placed, wanted, strict=True) if counts]
     beside = [
@@ -247,7 +213,7 @@ def _part(
     named = _named(asked, scope, mine, marks, held, [drive.drive_id for drive in drives])
     poles = sorted([*named, *beside], key=lambda pole: pole.key)
     sites, drives = _sites_about(asked, scope, kept, drives, once)
-    compared = _compared(asked, poles, sites, drives, state.codes, scope)
+    compared = compare(asked, poles, sites, drives, state.codes, scope)
     every = np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)])
     results = compared.results(np.unique(every), scope.results)
     gone, counted = put_results(kept, results, scope.results)
@@ -259,7 +225,7 @@ def _part(
         state.warnings.pop(looked.drive_id, None)
     state.warnings.update(warnings_of(drives))
     state = replace(state, revision=view.revision(), totals=state.totals - counted + results.totals)
-    there = are_among(cells_of(_place_of(compared.findings)), scope.results)
+    there = are_among(cells_of(places_of(compared.findings)), scope.results)
     keys = {member: pole.key for pole in named for member in pole.members}
     old = {f"{drive_id}:{name}" for drive_id, drive in before.items() for name in drive.clicks}
     now = {estimate.member for estimate in own}
@@ -294,7 +260,7 @@ def _check_grouping(poles: Sequence[ObservedPole], held: Mapping[str, str], scop
     """Make sure that estimates far from those that were touched are grouped as they were."""
     from scipy.spatial import cKDTree
 
-    place_m = _places_of(poles)
+    place_m = places_of(poles)
     rest = [
         [held.get(member) for member in pole.members if member.partition(":")[0] not in scope.drives]
         for pole in poles
@@ -333,7 +299,7 @@ def _named(
         return []
     members = {member for pole in poles for member in pole.members}
     clicked = {(marks[m].drive_id, marks[m].clicks) for m in members if m in marks}
-    known = known_marks_about(asked.view, clicked, drive_ids, scope.about, _places_of(poles))
+    known = known_marks_about(asked.view, clicked, drive_ids, scope.about, places_of(poles))
     beside = {key for member, key in held.items() if member not in members}
     strange = {one.pole for one in known} - set(held.values())
     beside |= {
@@ -359,123 +325,15 @@ def _sites_about(
     shifted = [cells_if_shifted(drive, mine[drive.drive_id]) for drive in touched if not drive.misfits]
     cells = np.unique(np.concatenate([scope.about, *shifted]))
     rows = mirror_near(asked.view, middles_of(cells), asked.config, CELL_M)
-    sites = _sites(asked, rows)
+    sites = sites_of(asked, rows)
     seen = beside_nvdb(drives, sites, once, kept, scope.drives)
     place_m = np.array([(site.east_m, site.north_m) for site in sites]).reshape(-1, 2)
     inside = are_among(cells_of(place_m), scope.about)
     return [site for site, counts in zip(sites, inside, strict=True) if counts], seen
 
 
-@dataclass(frozen=True, slots=True)
-class _Compared:
-    """Findings, and the poles and sites that were compared."""
-
-    findings: list[Finding]
-    poles: Sequence[ObservedPole]
-    current: Sequence[ObservedPole]
-    sites: Sequence[Site]
-    in_view: BoolArray
-
-    def results(self, passed: IntArray, only: IntArray | None) -> Results:
-        """What is left of it to the next match: all, or what lies in some cells.
-
-        Parameters
-        ----------
-        passed : int64 (n,)
-            Cells that drives passed: of sites, those there count.
-        """
-        sites = cells_of(np.array([(site.east_m, site.north_m) for site in self.sites]).reshape(-1, 2))
-        now = {pole.key for pole in self.current}
-        counted = [
-            cells_of(_places_of(self.current)),
-            sites[are_among(sites, passed)],
-            sites[self.in_view],
-            cells_of(_places_of([pole for pole in self.poles if pole.key not in now])),
-        ]
-        cells, ids = cells_of(_place_of(self.findings)), [one.change_id for one in self.findings]
-        if only is not None:
-            inside = are_among(cells, only)
-            ids = [one for one, counts in zip(ids, inside.tolist(), strict=True) if counts]
-            cells, counted = cells[inside], [some[are_among(some, only)] for some in counted]
-        return Results(ids, cells, counted)
-
-
-def _compared(
-    asked: Asked,
-    poles: Sequence[ObservedPole],
-    sites: Sequence[Site],
-    drives: Sequence[Drive],
-    codes: Mapping[str, float],
-    scope: Scope | None = None,
-) -> _Compared:
-    """Compare poles with sites."""
-    config = asked.config
-    asked.say("finding which signs were in view")
-    current = still_seen(poles, past_poles(drives, poles), config)
-    about = None if scope is None else scope.about
-    seen = evidence_of_absence(past_sites(drives, sites, about), sites, config)
-    asked.say("assigning")
-    assignment = assign(current, sites, seen.p_unannotated, config, codes)
-    if scope is not None:
-        ends = [_places_of(current), np.array([(s.east_m, s.north_m) for s in sites]).reshape(-1, 2)]
-        scope.check(np.concatenate(ends), assignment.groups(), assignment.reach_m)
-    findings = judge(
-        current,
-        sites,
-        assignment,
-        seen.complete,
-        seen.watched_by,
-        config,
-        p_unannotated=seen.p_unannotated,
-        passed=seen.passed,
-        mirrored=None if scope is None else _mirrored(asked, current, sites, assignment, scope),
-    )
-    findings = with_evidence(findings, current, drives)
-    return _Compared(findings, poles, current, sites, seen.complete >= config.min_views)
-
-
-def _mirrored(
-    asked: Asked,
-    poles: Sequence[ObservedPole],
-    sites: Sequence[Site],
-    assignment: Assignment,
-    scope: Scope,
-) -> BoolArray:
-    """Whether NVDB has any sign in the neighbourhood of each pole, asked where it matters: of new ones."""
-    found = is_mirrored(poles, sites, asked.config)
-    inside = are_among(cells_of(_places_of(poles)), scope.results)
-    left = np.flatnonzero(~found & (assignment.site_of_pole < 0) & inside).tolist()
-    if left:
-        some = [poles[k] for k in left]
-        points, plates = mirror_near(asked.view, _places_of(some), asked.config)
-        found[left] = is_mirrored(some, sites_from_mirror(points, plates, asked.config), asked.config)
-    return found
-
-
-def _places_of(poles: Sequence[ObservedPole]) -> FloatArray:
-    return np.array([(pole.east_m, pole.north_m) for pole in poles]).reshape(-1, 2)
-
-
-def _place_of(some: Sequence[Estimate] | Sequence[Finding]) -> FloatArray:
-    return np.array([(one.east_m, one.north_m) for one in some]).reshape(-1, 2)
-
-
 def _places(drives: Sequence[Drive], poles: Sequence[ObservedPole]) -> FloatArray:
     """Where something was seen, or driven past: EPSG:25833, to some hundred metres."""
     coarse = np.unique(np.concatenate([drive.watcher.coarse for drive in drives]), axis=0) * COARSE_DEG
     east, north = utm33_from_geographic(*coarse.T)
-    return np.concatenate([np.stack([east, north], axis=1), _places_of(poles)])
-
-
-def _sites(asked: Asked, rows: tuple[Sequence[Row], Sequence[Row]]) -> list[Site]:
-    """Sites of the mirror; with the road network also which way they face, and their road."""
-    points, plates = rows
-    if not asked.has_network:
-        return sites_from_mirror(points, plates, asked.config)
-    from twin.mirror.vegnett import facing, load_vegnett
-
-    # As the roads were when they were read: findings do not change from one day to the next by themselves.
-    fact = asked.view.fact(VEGNETT) or {}
-    day = dt.date.fromisoformat(fact["fetched_at"][:10]) if "fetched_at" in fact else None
-    sites = sites_from_mirror(points, plates, asked.config, facing(asked.store, on_date=day))
-    return along_the_road(sites, load_vegnett(asked.store), day)
+    return np.concatenate([np.stack([east, north], axis=1), places_of(poles)])

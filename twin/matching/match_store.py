@@ -12,8 +12,9 @@ import sqlalchemy as sa
 
 from twin import __version__
 from twin.errors import StoreError
+from twin.matching.asked import Asked
 from twin.matching.config import MatchConfig
-from twin.matching.found import Asked, Found, everything, touched_part
+from twin.matching.found import Found, everything, touched_part
 from twin.matching.kept import Kept, NotSure
 from twin.matching.left import COUNTED
 from twin.matching.news import News

@@ -16,7 +16,8 @@ from geoloc.trajectory.smoother.odometry import (
     unknown_names,
     wandering_states,
 )
-from geoloc.trajectory.smoother.plane import SLIP_RAD_PER_MPS2, PlaneTrack
+from geoloc.trajectory.smoother.plane import SLIP_RAD_PER_MPS2
+from geoloc.trajectory.smoother.plane_track import PlaneTrack
 from geoloc.trajectory.vehicle_motion import MotionFound, MotionValue
 
 # Without fixes for longer than this, the car's own motion has bridged something.

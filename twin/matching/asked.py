@@ -1,0 +1,53 @@
+"""Of which store findings are asked for, and by which settings."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+from twin.matching.config import MatchConfig
+from twin.matching.kept import digest
+from twin.matching.sites import Site, along_the_road, sites_from_mirror
+from twin.mirror.names import KATALOG_FACT
+from twin.mirror.vegnett.network import FACT as VEGNETT
+from twin.store.store import Row, Snapshot, Store
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """Of which store by which settings findings are asked for."""
+
+    store: Store
+    view: Snapshot
+    method: str
+    config: MatchConfig
+    say: Say
+
+    @property
+    def has_network(self) -> bool:
+        """Whether the store has the road network."""
+        return self.view.fact(VEGNETT) is not None
+
+    def rests_on(self) -> str:
+        """Digest of everything that findings rest on but drives and NVDB's signs."""
+        network = [self.view.fact(VEGNETT), self.view.fact(KATALOG_FACT)] if self.has_network else []
+        said = json.dumps([self.method, asdict(self.config), network], sort_keys=True)
+        return digest(said.encode())
+
+
+def sites_of(asked: Asked, rows: tuple[Sequence[Row], Sequence[Row]]) -> list[Site]:
+    """Sites of the mirror; with the road network also which way they face, and their road."""
+    points, plates = rows
+    if not asked.has_network:
+        return sites_from_mirror(points, plates, asked.config)
+    from twin.mirror.vegnett import facing, load_vegnett
+
+    # As the roads were when they were read: findings do not change from one day to the next by themselves.
+    fact = asked.view.fact(VEGNETT) or {}
+    day = dt.date.fromisoformat(fact["fetched_at"][:10]) if "fetched_at" in fact else None
+    sites = sites_from_mirror(points, plates, asked.config, facing(asked.store, on_date=day))
+    return along_the_road(sites, load_vegnett(asked.store), day)
