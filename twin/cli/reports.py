@@ -228,24 +228,38 @@ def _span(low: float | None, high: float | None) -> str:
 
 @app.command("status", epilog="Example: twin status")
 def status(
-    lang: LangOption = Lang.EN, store: StoreOption = DEFAULT_STORE, json_output: JsonOption = False
+    prometheus: Annotated[
+        bool, typer.Option("--prometheus", help="Print the numbers as Prometheus reads them.")
+    ] = False,
+    lang: LangOption = Lang.EN,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
 ) -> None:
-    """Say what the store holds: the mirror and its age, drives, estimates, findings."""
+    """Say what the store holds: the mirror and its age, drives, queue, estimates, findings."""
+    from twin.errors import ConfigError
+    from twin.reports.prometheus import prometheus_text
     from twin.reports.store_status import status as status_of
     from twin.store.store import Store
 
+    if prometheus and json_output:
+        raise ConfigError("--json and --prometheus are two forms of the same: give one of them.")
     with Store.open(store, create=False) as opened:
         held = status_of(opened)
+    if prometheus:
+        sys.stdout.write(prometheus_text(held))
+        return
     if json_output:
         print_json(held.as_json())
         return
     pairs = {
         **_mirror_pairs(held, lang),
         "drives": _drives(held, lang),
+        **_fleet_pairs(held, lang),
         "estimates": ", ".join(f"{n} {m}" for m, n in held.estimates.items()) or None,
         "last_match": held.last_match.at if held.last_match else None,
         "findings": ", ".join(f"{n} {verdict_title(v, lang)}" for v, n in held.verdicts.items()) or None,
         "decisions": _decisions(held, lang),
+        "oldest_open": _oldest_open(held, lang),
         "agreement": _agreement(held.opinions, lang),
     }
     title = say(lang, "status.title", store=str(held.store))
@@ -262,6 +276,32 @@ def _drives(held: Status, lang: Lang) -> str | None:
         rest = len(names) - _MOST_DRIVES
         names = [*names[: -_MOST_DRIVES - 1 : -1], say(lang, "status.more_drives", n=rest)]
     return "\n".join(names) or None
+
+
+def _fleet_pairs(held: Status, lang: Lang) -> dict[str, object]:
+    """The last days on which drives were read; the queue, where there ever was one."""
+    days = [say(lang, "status.day", day=one.day, n=one.n, km=one.length_m / 1000) for one in held.days]
+    pairs: dict[str, object] = {"days": "\n".join(days) or None}
+    queue = held.queue
+    if any(queue.jobs.values()):
+        told = [say(lang, f"status.{state}", n=n) for state, n in queue.jobs.items()]
+        if queue.failing:
+            told.append(say(lang, "status.failing", n=queue.failing))
+        if queue.oldest:
+            told.append(say(lang, "status.oldest", at=queue.oldest))
+        pairs["queue"] = ", ".join(told)
+    if queue.parked:
+        kinds = ", ".join(f"{n:,} {kind}" for kind, n in queue.parked.items())
+        pairs["parked_why"] = f"{kinds}: twin fleet status"
+    return pairs
+
+
+def _oldest_open(held: Status, lang: Lang) -> str | None:
+    one = held.oldest_open
+    if one is None:
+        return None
+    verdict = verdict_title(one.verdict, lang)
+    return say(lang, "status.of_day", id=one.change_id[:8], verdict=verdict, day=one.since[:10])
 
 
 def _decisions(held: Status, lang: Lang) -> str | None:

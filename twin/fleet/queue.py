@@ -64,7 +64,7 @@ class Job:
     fingerprint : str
         Of the drive's files when it was last done; "" if it never was.
     added_at, ended_at : str
-        UTC; the latter of the last run.
+        UTC; when it was last put in, or let wait again by a person; of the last run.
     seconds : float or None
         That the last run took.
     """
@@ -146,7 +146,7 @@ class Queue:
                     connection.execute(sa.insert(table), [{**first, **times}])
                     n_new += 1
                 elif found == JobState.DONE or (kind is JobKind.MATCH and found == JobState.PARKED):
-                    waits = {"state": JobState.WAITING, "n_failed": 0, "n_lost": 0}
+                    waits = {"state": JobState.WAITING, "n_failed": 0, "n_lost": 0, "added_at": utc_now()}
                     connection.execute(sa.update(table).where(mine).values(**waits))
                     n_again += 1
         return Added(n_new, n_again, len(rows) - n_new - n_again)
@@ -256,7 +256,7 @@ class Queue:
             which &= table.c.fault.in_(list(faults))
         if addresses:
             which &= table.c.address.in_(list(addresses))
-        waits = {"state": JobState.WAITING, "n_failed": 0, "n_lost": 0}
+        waits = {"state": JobState.WAITING, "n_failed": 0, "n_lost": 0, "added_at": utc_now()}
         with self._store.transaction() as connection:
             return connection.execute(sa.update(table).where(which).values(**waits)).rowcount
 

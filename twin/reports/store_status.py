@@ -5,14 +5,23 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import sqlalchemy as sa
 
-from twin.decisions.findings import Selection, select_briefly
+from twin.decisions.findings import Brief, Selection, select_briefly
 from twin.decisions.opinions import Agreement, agreement, opinions_of
+from twin.reports.fleet_status import (
+    DayOfDrives,
+    OldestOpen,
+    QueueStatus,
+    days_of_drives,
+    moment,
+    oldest_open,
+    queue_status,
+)
 from twin.store import schema
 from twin.store.kinds import Decision
 from twin.store.store import Row, Snapshot, Store
@@ -99,6 +108,10 @@ class Status:
         Method → estimates; verdict → findings; decision → findings that ask for one, each decision named.
     opinions : dict
         Verdict → how often people agree who reviewed blindly; only verdicts with second opinions.
+    days : tuple of DayOfDrives
+        The last seven on which drives were read, the latest first.
+    queue : QueueStatus
+    oldest_open : OldestOpen or None
     """
 
     store: str
@@ -113,6 +126,9 @@ class Status:
     decisions: dict[str, int]
     opinions: dict[str, Agreement]
     last_match: LastMatch | None
+    days: tuple[DayOfDrives, ...]
+    queue: QueueStatus
+    oldest_open: OldestOpen | None
 
     def as_json(self) -> dict[str, Any]:
         """Return it in types that JSON has; what the store does not keep of a fact is left out."""
@@ -127,6 +143,7 @@ def status(store: Store) -> Status:
     """Summarise mirror, drives, estimates and findings: one state, also while a sync is at work."""
     with store.snapshot() as view:
         facts = _facts(view)
+        findings = select_briefly(view.rows, Selection(decisions=()))
         return Status(
             store=store.name,
             mirror=_mirror(facts.get("mirror")),
@@ -137,9 +154,12 @@ def status(store: Store) -> Status:
             drives=_drives(view),
             estimates=_counts_by(view, schema.estimate.c.method),
             verdicts=_counts_by(view, schema.change.c.verdict),
-            decisions=_decisions(view),
+            decisions=_decisions(findings),
             opinions=agreement(opinions_of(view.rows)),
             last_match=_last_match(facts.get("last_match")),
+            days=days_of_drives(view),
+            queue=queue_status(view),
+            oldest_open=oldest_open(view, findings),
         )
 
 
@@ -164,19 +184,15 @@ def _drives(view: Snapshot) -> tuple[DriveStatus, ...]:
     rows = view.rows(sa.select(*columns, drive.started_ns).order_by(drive.started_ns))
     return tuple(
         DriveStatus(
-            **{column.name: row[column.name] for column in columns}, started=_moment(row["started_ns"])
+            **{column.name: row[column.name] for column in columns}, started=moment(row["started_ns"])
         )
         for row in rows
     )
 
 
-def _decisions(view: Snapshot) -> dict[str, int]:
-    counted = Counter(one.decision for one in select_briefly(view.rows, Selection(decisions=())))
+def _decisions(findings: Iterable[Brief]) -> dict[str, int]:
+    counted = Counter(one.decision for one in findings)
     return {decision.value: counted[decision] for decision in Decision}
-
-
-def _moment(epoch_ns: int) -> str:
-    return dt.datetime.fromtimestamp(epoch_ns // 10**9, tz=dt.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def _of(kind: type, fact: Row) -> dict[str, Any]:
