@@ -7,6 +7,7 @@ import shlex
 from typing import Any
 
 import pytest
+import yaml
 from checkout import ROOT
 from typer.main import get_command
 
@@ -14,7 +15,8 @@ from twin.cli.app import app
 from twin.cli.usage import UsageError
 
 DEPLOY = ROOT / "deploy"
-PAGES = (ROOT / "docs" / "install.md", ROOT / "docs" / "operations.md")
+PAGES = tuple(ROOT / "docs" / name for name in ("install.md", "operations.md", "fleet.md"))
+FLEET = DEPLOY / "fleet" / "compose.yaml"
 # A program called twin, wherever it stands, and what follows it on its line.
 CALL = re.compile(r"(?:^|[\s(/\\`-])twin(?:\.exe)? ((?:--?)?[a-z][^\n#&;|<>`)]*)", re.MULTILINE)
 
@@ -25,8 +27,14 @@ if not DEPLOY.is_dir():
 def _commands() -> list[tuple[str, str]]:
     """File and arguments of each call of twin that somebody may copy."""
     found = []
-    for path in sorted(set(DEPLOY.iterdir()) - {DEPLOY / "Containerfile"}):
+    for path in sorted(path for path in DEPLOY.rglob("*") if path.is_file() and path.name != "Containerfile"):
         found += [(path.name, call) for call in CALL.findall(path.read_text("utf-8"))]
+    services = yaml.safe_load(FLEET.read_text("utf-8"))["services"].values()
+    found += [
+        (FLEET.name, shlex.join(one["command"]))
+        for one in services
+        if "command" in one and "entrypoint" not in one
+    ]
     for page in PAGES:
         blocks = re.findall(r"```\w*\n(.*?)```", page.read_text("utf-8"), flags=re.DOTALL)
         found += [(page.name, call) for block in blocks for call in CALL.findall(block)]
