@@ -53,6 +53,7 @@ from twin.samples.simulation import SimulateReport
 from twin.store import schema
 from twin.store.annotation_sets import AnnotationSet
 from twin.store.copying import StoreCopied
+from twin.store.trimming import Trimmed
 
 Field = tuple[str, Any] | tuple[str, Any, Any]
 SAID: dict[str, dict[str, str]] = {}
@@ -364,6 +365,7 @@ SHAPES: Mapping[str, Any] = {
     ),
     "fleet retry": _shape("Retried", waiting_again=(int, "jobs")),
     "store copy": StoreCopied,
+    "store trim": Trimmed,
 }
 """Command → type of its document."""
 

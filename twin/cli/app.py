@@ -125,7 +125,7 @@ class _FleetCommands(_LazyGroup):
 
 
 class _StoreCommands(_LazyGroup):
-    modules: ClassVar[Mapping[str, str]] = {"copy": "store", "init-roles": "store", "qgis": "store"}
+    modules: ClassVar[Mapping[str, str]] = dict.fromkeys(("copy", "trim", "init-roles", "qgis"), "store")
 
 
 app = typer.Typer(
@@ -159,7 +159,7 @@ app.add_typer(
     typer.Typer(
         cls=_StoreCommands,
         name="store",
-        help="A store as a whole: from SQLite into PostgreSQL and back; who may do what; styles for QGIS.",
+        help="A store as a whole: from SQLite into PostgreSQL and back, without what is old; roles; styles for QGIS.",
         epilog="Try it: twin store copy demo-out/twin.db copy.db",
         **_SETTINGS,
     )

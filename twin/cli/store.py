@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from twin.cli.options import DEFAULT_STORE, JsonOption, LangOption, StoreOption
-from twin.cli.output import note, print_json, print_pairs, steps, warn
+from twin.cli.output import note, print_json, print_pairs, print_table, steps, warn
 from twin.store.address import StoreAddress
 from twin.words import Lang
 
@@ -82,3 +82,37 @@ def qgis(store: StoreOption = DEFAULT_STORE, lang: LangOption = Lang.EN) -> None
     with Store.open(store, create=False) as opened:
         names = write_styles(opened, lang)
     note(f"QGIS finds {', '.join(names)} in the schema twin_qgis of {store}, with their styles.")
+
+
+@app.command("trim", epilog="Example: twin store trim --older-than 365 --dry-run")
+def trim(
+    older_than: Annotated[
+        int, typer.Option(help="What nothing has needed for so long goes.", metavar="DAYS", min=1)
+    ],
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only count.")] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Also annotation sets, which nobody can take back then.")
+    ] = False,
+    store: StoreOption = DEFAULT_STORE,
+    json_output: JsonOption = False,
+) -> None:
+    """Drop what is old and no finding rests on, and give its room back.
+
+    Gone are annotation sets that are not current, what NVDB's objects were before, and drives of the queue
+    that are done. Sightings, estimates, findings, decisions, what was sent and the logs stay.
+    """
+    from twin.store.store import Store
+    from twin.store.trimming import trim_store
+
+    with Store.open(store, create=False) as opened:
+        done = trim_store(opened, older_than, dry_run=dry_run, yes=yes)
+    if json_output:
+        print_json(done)
+        return
+    rows = [(name, part.rows, round(part.n_bytes / 1e6, 2)) for name, part in done.parts.items()]
+    title = f"{'Would go' if dry_run else 'Gone'}: older than {done.before}"
+    print_table(title, ["table", "rows", "MB, about"], rows)
+    if dry_run and done.n_sets:
+        note(f"{done.n_sets:,} annotation sets could not be taken back any more: that needs --yes.")
+    if done.kept_room is not None:
+        warn(f"The rows are gone, their room was not given back: {done.kept_room}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Collection
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
@@ -52,6 +53,10 @@ class Backend(ABC):
         what : str
             What this process does, for the message to others.
         """
+
+    @abstractmethod
+    def give_room_back(self, tables: Collection[str]) -> None:
+        """Let others use the room of rows that were deleted from these tables, outside any transaction."""
 
     @abstractmethod
     def pictures(self) -> Path:

@@ -28,6 +28,13 @@ class _Cut(FunctionElement[int]):
     type = sa.BigInteger()
 
 
+class _Size(FunctionElement[int]):
+    """Bytes that a value takes, about."""
+
+    inherit_cache = True
+    type = sa.BigInteger()
+
+
 @compiles(_Each, "sqlite")
 def _each_sqlite(element: _Each, compiler: Any, **how: Any) -> str:
     return f"json_each({compiler.process(element.clauses, **how)})"
@@ -46,6 +53,21 @@ def _cut_sqlite(element: _Cut, compiler: Any, **how: Any) -> str:
 @compiles(_Cut, "postgresql")
 def _cut_postgresql(element: _Cut, compiler: Any, **how: Any) -> str:
     return f"CAST(trunc({compiler.process(element.clauses, **how)}) AS BIGINT)"
+
+
+@compiles(_Size, "sqlite")
+def _size_sqlite(element: _Size, compiler: Any, **how: Any) -> str:
+    return f"coalesce(length(CAST({compiler.process(element.clauses, **how)} AS BLOB)), 0)"
+
+
+@compiles(_Size, "postgresql")
+def _size_postgresql(element: _Size, compiler: Any, **how: Any) -> str:
+    return f"coalesce(pg_column_size({compiler.process(element.clauses, **how)}), 0)"
+
+
+def size_of(column: sa.ColumnElement[Any]) -> sa.ColumnElement[int]:
+    """Bytes that a value takes, about; 0 for NULL."""
+    return _Size(column)
 
 
 def cut(number: sa.ColumnElement[Any]) -> sa.ColumnElement[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,19 @@ class SqliteFile(Backend):
         """Hold a lock file beside the store."""
         with exclusive(self._beside(f".{task}-lock"), f"{what} of {self._path.name}"):
             yield
+
+    def give_room_back(self, tables: Collection[str]) -> None:
+        """Write the file anew without its holes: all of it, whatever the tables."""
+        del tables
+        with self.errors():
+            raw = self.engine.raw_connection()
+            try:
+                raw.cursor().execute("VACUUM")
+                raw.cursor().execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            except sqlite3.DatabaseError as error:
+                raise sa.exc.DBAPIError("VACUUM", None, error) from error
+            finally:
+                raw.close()
 
     def pictures(self) -> Path:
         """Return ``twin.db.evidence`` beside ``twin.db``."""

@@ -200,6 +200,21 @@ class Store(Tables):
         """
         return self._backend.alone(task, what)
 
+    def give_room_back(self, tables: Collection[str]) -> None:
+        """Give back the room of rows that were deleted: SQLite's file shrinks, PostgreSQL uses it again.
+
+        Parameters
+        ----------
+        tables : collection of str
+            From which they were deleted.
+
+        Raises
+        ------
+        StoreError
+            Others write, or there is no room to write the file anew; the store is as it was.
+        """
+        self._backend.give_room_back(tables)
+
     @contextmanager
     def transaction(self) -> Iterator[sa.Connection]:
         """Give a connection inside one write transaction: all of it is kept, or nothing.
