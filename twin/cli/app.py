@@ -159,7 +159,7 @@ app.add_typer(
     typer.Typer(
         cls=_StoreCommands,
         name="store",
-        help="A store as a whole: from SQLite into PostgreSQL and back, without what is old; roles; styles for QGIS.",
+        help="A store as a whole: into PostgreSQL and back, without what is old; roles; styles for QGIS.",
         epilog="Try it: twin store copy demo-out/twin.db copy.db",
         **_SETTINGS,
     )
