@@ -18,7 +18,7 @@ from twin.cli.belief import _OF_BITS, _OF_PLACES, _OF_ROADS
 from twin.export.layers import COLUMNS
 from twin.export.qgis.project import GROUPS, THEMES
 from twin.reports.finding_list import FindingRow
-from twin.store.kinds import Decision, Verdict
+from twin.store.kinds import Decision, JobState, Verdict
 from twin.words import (
     Lang,
     language_from,
@@ -71,7 +71,7 @@ def named_in_code() -> set[str]:
         "explained": re.findall(r'"(\w+)": ', (TWIN / "cli/explain.py").read_text()),
         **dict.fromkeys(
             ("confidence", "status", "evaluate"),
-            (*in_quotes("cli/reports.py"), *in_quotes("reports/survey_doubts.py")),
+            (*in_quotes("cli/reports.py"), *in_quotes("reports/survey_doubts.py"), *JobState),
         ),
         "show": in_quotes("cli/show.py"),
         "findings": [column.name for column in fields(FindingRow)],
