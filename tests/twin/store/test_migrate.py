@@ -22,7 +22,10 @@ REVISIONS = {
 }
 
 
-UNDONE: Mapping[int, Sequence[str]] = {16: ["DROP TABLE fleet_job"]}
+UNDONE: Mapping[int, Sequence[str]] = {
+    16: ["DROP TABLE fleet_job"],
+    17: [],  # views, which every upgrade makes anew
+}
 """Revision → what makes a store of it one of the version before."""
 
 
