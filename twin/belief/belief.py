@@ -126,7 +126,9 @@ def believe(
     evidence = evidence_of(store)
     with store.snapshot() as view:
         lifetimes = lifetimes_of(view, evidence.config.removed_per_year)
-        synced = dt.datetime.fromisoformat((view.fact("mirror") or {})["synced_at"])
+        read_at = dt.datetime.fromisoformat((view.fact("mirror") or {})["synced_at"])
+    # By days, as NVDB dates its signs: a second sync of the day changes no figure.
+    synced = read_at.replace(hour=0, minute=0, second=0)
     newest = max([synced, *(_utc(one.started_ns) for one in evidence.passes)])
     if at is None:
         at = max(newest, dt.datetime.now(dt.UTC)) if today else newest

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sqlite3
-from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -51,12 +49,13 @@ def made_from(path: Path, decision: str = "accept") -> ChangeSets:
         return groups_from_store(opened, decision)
 
 
-def change(path: Path, *statements: str) -> None:
-    """Write to the store behind twin's back."""
-    with closing(sqlite3.connect(path)) as database:
+def change(path: Path, *statements: str, matched: bool = False) -> None:
+    """Write to the store behind twin's back; or as a sync does, so that the next match looks at it."""
+    with Store.open(path) as store, store.transaction() as connection:
         for statement in statements:
-            database.execute(statement)
-        database.commit()
+            connection.exec_driver_sql(statement)
+        if matched:
+            store.touch(connection)
 
 
 def accept_all(twin: Twin, path: Path) -> None:
@@ -182,7 +181,8 @@ def test_without_a_road_network_only_what_needs_a_place_is_left_out(twin: Twin, 
 
 def test_badly_measured_sign_is_corrected_not_moved(twin: Twin, store: Path) -> None:
     """Within three of NVDB's sigmas and twice as well measured: the same version, as of when it was read."""
-    change(store, f"UPDATE skiltpunkt SET accuracy_cm=100, capture_method='ukj' WHERE nvdb_id={MOVED}")
+    worse = f"UPDATE skiltpunkt SET accuracy_cm=100, capture_method='ukj' WHERE nvdb_id={MOVED}"
+    change(store, worse, matched=True)
     assert twin("match", "--store", store).code == 0
     assert twin("decide", "accept", "--verdict", "moved", "--by", "kari", "--store", store).code == 0
     made = made_from(store)
@@ -219,6 +219,7 @@ def test_findings_about_one_pole_make_one_operation_a_version(twin: Twin, store:
         "DELETE FROM skiltplate WHERE nvdb_id=1042600107",
         f"UPDATE skiltpunkt SET plate_ids='[1042600105, 1042600106]' WHERE nvdb_id={THREE_PLATES}",
         "UPDATE skiltplate SET skiltnummer='202' WHERE nvdb_id=1042600106",
+        matched=True,
     )
     changes = twin("match", "--store", store, "--json").json["changes"]
     about = [c for c in changes if c["verdict"] in {"new", "wrong_type"} and c["nvdb_id"] != WRONG_PLATE]

@@ -281,6 +281,8 @@ def test_answers_outlive_the_server(plain: BrowserContext, store: Path) -> None:
         given = [shown(page)]
         press(page, "a")
         wait_until_sent(page)
+        # The page fetches the findings to come ahead: without a server it goes on as far as it has.
+        page.wait_for_load_state("networkidle")
         process.kill()
         process.wait()
         for _ in range(2):
@@ -311,6 +313,7 @@ def test_kept_answers_stay_their_givers(plain: BrowserContext, store: Path) -> N
     port = free_port()
     with running(store, port) as (process, url):
         page = open_page(plain, url, "Kari")
+        page.wait_for_load_state("networkidle")
         process.kill()
         process.wait()
         press(page, "a")
