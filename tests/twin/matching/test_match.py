@@ -19,7 +19,7 @@ from drive_damage import frames_later
 from geoloc.locate.single_frame import ErrorBudget
 from twin.errors import ConfigError, RefusedError
 from twin.ingest.ingest import ingest_drive
-from twin.matching import found as work_of_match
+from twin.matching import compare as work_of_match
 from twin.matching.config import MatchConfig
 from twin.matching.match_store import match
 from twin.store import schema
