@@ -6,6 +6,7 @@ import re
 import shutil
 from dataclasses import fields
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from drive_damage import frames_later
 from geoloc.locate.single_frame import ErrorBudget
 from twin.errors import ConfigError, RefusedError
 from twin.ingest.ingest import ingest_drive
-from twin.matching import compare as work_of_match
+from twin.matching import compare, found
 from twin.matching.config import MatchConfig
 from twin.matching.match_store import match
 from twin.store import schema
@@ -289,14 +290,14 @@ def test_export_refuses_findings_of_an_older_state(
     assert "twin match" in answer.err
 
 
-@pytest.mark.parametrize("step", ["may_be_one", "assign", "judge"])
+@pytest.mark.parametrize(("room", "step"), [(found, "may_be_one"), (compare, "assign"), (compare, "judge")])
 def test_findings_are_stale_where_nvdb_was_read_while_they_were_found(
-    opened: Store, monkeypatch: pytest.MonkeyPatch, step: str
+    opened: Store, monkeypatch: pytest.MonkeyPatch, room: ModuleType, step: str
 ) -> None:
     """A sync that lands while a match computes: the findings are of the state before it, and are told so."""
     with opened.transaction() as connection:
         opened.touch(connection)
-    work = getattr(work_of_match, step)
+    work = getattr(room, step)
 
     def overtaken(*arguments: object, **options: object) -> object:
         with opened.transaction() as connection:
@@ -304,7 +305,7 @@ def test_findings_are_stale_where_nvdb_was_read_while_they_were_found(
         return work(*arguments, **options)
 
     with monkeypatch.context() as patched:
-        patched.setattr(work_of_match, step, overtaken)
+        patched.setattr(room, step, overtaken)
         match(opened)
     with pytest.raises(RefusedError, match="has changed since the last match"):
         opened.matched()
