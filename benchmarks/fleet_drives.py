@@ -16,12 +16,13 @@ from twin.store.store import Store
 RESULTS = (schema.drive, schema.drive_method, schema.sighting, schema.estimate)
 
 
-def drives(folder: Path, n: int, seconds: float = 15.0) -> list[str]:
-    """Write so many different drives, and return their folders."""
+def drives(folder: Path, n: int, minutes: float | None = None) -> list[str]:
+    """Write so many different drives, and return their folders: past one sign, or for so long in town."""
     made = []
     for seed in range(n):
+        road = scenario("approach") if minutes is None else scenario("urban", seed=seed, minutes=minutes)
         made.append(folder / f"drive{seed}")
-        write_driveworks_trip(simulate_drive(scenario("approach", seconds, 3), seed), made[-1])
+        write_driveworks_trip(simulate_drive(road, seed), made[-1])
     return [str(path) for path in made]
 
 

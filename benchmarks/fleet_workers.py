@@ -277,7 +277,7 @@ def others_busy(seconds: float = 3.0) -> float:
 
 def speed(work_folder: Path, n: int, minutes: float, address: Callable[[str], str]) -> bool:
     """Print the table of one worker and two; whether the bar is held."""
-    folders = drives(work_folder / "speed", n, 60.0 * minutes)
+    folders = drives(work_folder / "speed", n, minutes)
     load = others_busy()
     rows, found = [], {}
     for workers in (1, 2):
@@ -307,7 +307,7 @@ def kills(
     database: Callable[[], None] | None,
 ) -> bool:
     """Kill so often, in as many rounds as it takes; whether each drive was in once and whole."""
-    folders = drives(work_folder / "kills", 12, 15.0)
+    folders = drives(work_folder / "kills", 12)
     with Store.open(work_folder / "whole.db") as store:
         for folder in folders:
             ingest_drive(store, folder, **METHOD)
