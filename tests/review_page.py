@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import random
 import shutil
+import socket
+import subprocess
+import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -83,3 +87,38 @@ def put_findings(path: Path, n: int) -> Sequence[str]:
         connection.execute(sa.delete(schema.change))
         connection.execute(sa.insert(schema.change), rows)
     return [one["change_id"] for one in rows]
+
+
+@contextmanager
+def running(store: Path, port: int, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """``twin review`` as a process of its own, and the address that it prints."""
+    command = [
+        sys.executable,
+        "-m",
+        "twin",
+        "review",
+        "--store",
+        str(store),
+        "--no-open",
+        "--port",
+        str(port),
+        *options,
+    ]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        assert process.stdout is not None
+        yield process, process.stdout.readline().strip()
+    finally:
+        process.kill()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def free_port() -> int:
+    """Return a port that nobody listens on, and that the system gives nobody who asks for any."""
+    for port in random.sample(range(20_000, 30_000), 100):
+        with socket.socket() as one, suppress(OSError):
+            one.bind(("127.0.0.1", port))
+            return port
+    pytest.fail("a hundred ports below those that the system gives away are taken")

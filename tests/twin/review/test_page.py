@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-import random
 import re
-import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 from review_browser import served
-from review_page import LAPTOP, TABLET, UPRIGHT, chromium, log_of, open_page, press, put_findings, shown
+from review_page import (
+    LAPTOP,
+    TABLET,
+    UPRIGHT,
+    chromium,
+    free_port,
+    log_of,
+    open_page,
+    press,
+    put_findings,
+    running,
+    shown,
+)
 
 from twin.store.store import Store
 
@@ -236,41 +244,6 @@ def test_who_may_only_look_cannot_answer(
     page.keyboard.press("j")
     expect(page.locator(f'#finding[data-change-id="{first}"]')).to_have_count(0)
     assert log_of(store) == []
-
-
-@contextmanager
-def running(store: Path, port: int, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """``twin review`` as a process of its own, and the address that it prints."""
-    command = [
-        sys.executable,
-        "-m",
-        "twin",
-        "review",
-        "--store",
-        str(store),
-        "--no-open",
-        "--port",
-        str(port),
-        *options,
-    ]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    try:
-        assert process.stdout is not None
-        yield process, process.stdout.readline().strip()
-    finally:
-        process.kill()
-        process.wait()
-        if process.stdout is not None:
-            process.stdout.close()
-
-
-def free_port() -> int:
-    """Return a port that nobody listens on, and that the system gives nobody who asks for any."""
-    for port in random.sample(range(20_000, 30_000), 100):
-        with socket.socket() as one, suppress(OSError):
-            one.bind(("127.0.0.1", port))
-            return port
-    pytest.fail("a hundred ports below those that the system gives away are taken")
 
 
 def test_answers_outlive_the_server(plain: BrowserContext, store: Path) -> None:
