@@ -1,0 +1,83 @@
+"""Where a live drive's data come from and go to: every source and every sink has one of these shapes.
+
+Who runs them gives each its own thread, so that either may block; what passes between threads is bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import NamedTuple, Protocol
+
+from twin.live.events import Arrival
+
+
+class TroubleKind(StrEnum):
+    """What is wrong with a source."""
+
+    LOST = "lost"
+    """It ended or does not answer; the source goes on trying."""
+    BACK = "back"
+    """It answers again."""
+    GARBAGE = "garbage"
+    """What came cannot be read, and was left out."""
+    CLOCK = "clock"
+    """Its time stepped, or stands."""
+
+
+class Trouble(NamedTuple):
+    """A source's own report that something is wrong, or well again.
+
+    Attributes
+    ----------
+    at_ns : int
+        By the host's clock, UTC.
+    source : str
+        Its address, without a password.
+    kind : TroubleKind
+    count : int
+        How many lines, messages or frames it concerns.
+    detail : str
+        For people; nothing decides by it.
+    """
+
+    at_ns: int
+    source: str
+    kind: TroubleKind
+    count: int = 1
+    detail: str = ""
+
+
+class Source(Protocol):
+    """A socket, a port, a file: what gives arrivals until it is closed."""
+
+    @property
+    def name(self) -> str:
+        """Return its address, without a password."""
+
+    def arrivals(self) -> Iterator[Arrival | Trouble]:
+        """Yield what arrives, and what goes wrong; return when it ended for good or was closed."""
+
+    def close(self) -> None:
+        """End `arrivals`, from another thread."""
+
+
+class Said(Protocol):
+    """An estimate, a verdict, the car's state: what sinks are given."""
+
+    def line(self) -> str:
+        """Return it as one line of JSON."""
+
+
+class Sink(Protocol):
+    """Standard output, a broker, a page: where lines go."""
+
+    @property
+    def name(self) -> str:
+        """Return its address, without a password."""
+
+    def write(self, said: Said) -> None:
+        """Hand on; may block."""
+
+    def close(self) -> None:
+        """Hand on what waits, and end."""
