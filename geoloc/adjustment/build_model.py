@@ -209,6 +209,7 @@ def model_of(
         np.maximum(to_foot[:, 1:2] * [1.0, -1.0], 0.0),
         nodes.left[n:],
         nodes.share[n:],
+        np.ones(feet.size),
     )
     ages_s = _ages_s(nodes, trajectory)
     model = Model(
@@ -264,6 +265,7 @@ def on_terrain(model: Model, terrain: Terrain, budget: ErrorBudget) -> Model:
             turn[known],
             above[known],
             np.full(int(known.sum()), sigma),
+            np.ones(int(known.sum())),
         ),
         ground=Ground(
             ground.point[~known],
@@ -273,6 +275,7 @@ def on_terrain(model: Model, terrain: Terrain, budget: ErrorBudget) -> Model:
             ground.beside_m[~known],
             ground.left[~known],
             ground.share[~known],
+            ground.weight[~known],
         ),
     )
 

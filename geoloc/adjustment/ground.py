@@ -29,6 +29,8 @@ class Ground:
         How far to the left and to the right of the car each foot stands; one of the two is 0.
     left, share : int64, float64 (f,)
         Node before that epoch, and how far on the way to the next.
+    weight : float64 (f,)
+        How much of it counts: less than 1 where rays contradict it, as of a foot on a wall.
     """
 
     point: IntArray
@@ -38,6 +40,7 @@ class Ground:
     beside_m: FloatArray
     left: IntArray
     share: FloatArray
+    weight: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ class MeasuredGround:
         From true east and north to the grid's.
     above_m : float64 (f,)
         How much higher the car stood than the terrain, where it was nearest to the point.
-    sigma_m : float64 (f,)
+    sigma_m, weight : float64 (f,)
     """
 
     point: IntArray
@@ -63,6 +66,7 @@ class MeasuredGround:
     grid_R_enu: FloatArray
     above_m: FloatArray
     sigma_m: FloatArray
+    weight: FloatArray
 
     def height_and_slope(self, offset_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Ellipsoidal height (f,) under offsets (f, 2) from the anchors, and its rise east and north."""

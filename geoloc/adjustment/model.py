@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -122,6 +123,17 @@ class Model:
         away = self.scene.lens_away_px
         seen_at = None if away is None else away + off_px
         return replace(self, scene=replace(self.scene, readout=rows, lens_away_px=seen_at))
+
+    def with_ground_weighed(self, x: FloatArray, weight: Callable[[FloatArray], FloatArray]) -> Model:
+        """Let the ground of each foot count by the square of how far it is off, in sigmas."""
+        ground = replace(self.ground, weight=np.ones_like(self.ground.weight))
+        terrain = self.terrain and replace(self.terrain, weight=np.ones_like(self.terrain.weight))
+        plain = replace(self, ground=ground, terrain=terrain)
+        ground = replace(ground, weight=weight(plain.heights(x).residual ** 2))
+        raster = plain.terrain_heights(x)
+        if terrain is not None and raster is not None:
+            terrain = replace(terrain, weight=weight(raster.residual**2))
+        return replace(self, ground=ground, terrain=terrain)
 
     def ray_residuals(self, x: FloatArray) -> FloatArray:
         """Pixels (n, 2) between where rays were seen and where they should be, over `sigma_px`.
@@ -268,7 +280,10 @@ class Model:
         )
 
     def heights(self, x: FloatArray) -> Linear:
-        """Height of each foot above the plane of the road and its falls to the sides, over its sigma."""
+        """Height of each foot above the plane of the road and its falls to the sides, over its sigma.
+
+        Weighed, as is its derivative.
+        """
         g = self.ground
         slow = self._slow(x, g.left, g.share, g.body)
         delta = self.points_m(x)[g.point] - g.origin_m - self._shift(slow, g.body.enu_R_rig)
@@ -304,10 +319,11 @@ class Model:
             ],
             axis=1,
         )
-        return Linear(above / g.sigma_m, derivative / g.sigma_m[:, None], column)
+        counts = np.sqrt(g.weight) / g.sigma_m
+        return Linear(above * counts, derivative * counts[:, None], column)
 
     def terrain_heights(self, x: FloatArray) -> Linear | None:
-        """Height of each foot above the terrain, over its sigma; None without a terrain."""
+        """Height of each foot above the terrain, over its sigma, weighed; None without a terrain."""
         t = self.terrain
         if t is None:
             return None
@@ -317,8 +333,9 @@ class Model:
         derivative = np.concatenate([-slope, np.ones((t.point.size, 1))], axis=1)
         # A point that has left the raster has no ground for this round.
         inside = np.isfinite(above) & np.isfinite(slope).all(axis=1)
-        residual = np.where(inside, above / t.sigma_m, 0.0)
-        derivative = np.where(inside[:, None], derivative / t.sigma_m[:, None], 0.0)
+        counts = np.sqrt(t.weight) / t.sigma_m
+        residual = np.where(inside, above * counts, 0.0)
+        derivative = np.where(inside[:, None], derivative * counts[:, None], 0.0)
         return Linear(residual, derivative, self.layout.point(t.point))
 
     def _late(self, x: FloatArray) -> FloatArray:

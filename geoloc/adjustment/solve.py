@@ -13,8 +13,9 @@ from geoloc.adjustment.model import Model
 from geoloc.adjustment.unknowns import Prior
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 
-# χ² with two degrees of freedom, 99.9 %.
+# χ² with two degrees of freedom, 99.9 %; with one.
 _GATE = -2.0 * np.log(0.001)
+_GROUND_GATE = 10.83
 # Scale of the robust weights, in sigmas, round by round: wide while mounting errors of several pixels are
 # still unknown, then as narrow as noise allows.
 _ANNEALING = (30.0, 10.0, 5.0, 3.0)
@@ -74,7 +75,8 @@ def solve(
 
     First every sighting weighs by a Cauchy function whose scale shrinks from round to round; then those
     beyond the 99.9 % limit are left out (never more than half of a point's) and the rest count in full, so
-    that the normal matrix is that of the sightings used.
+    that the normal matrix is that of the sightings used. What is known of the ground under a foot is weighed
+    likewise: rays that cross well place a foot on a wall, and the road beside says nothing of it.
 
     Parameters
     ----------
@@ -89,15 +91,17 @@ def solve(
     wide = _WIDEST if model.layout.has_lenses else ()
     for scale in (*wide, *_ANNEALING) if start is None else _ANNEALING[-2:]:
         for _ in range(_STEPS_A_SCALE):
-            at = _step(equations, at, 1.0 / (1.0 + at.square / scale**2))
+            equations = _on_likely_ground(equations, at.x, scale)
+            at = _step(equations, at, _cauchy(at.square, scale))
             if at.moved_m < _SETTLED_M:
                 break
-    model = model.with_expected_pixels(at.x)
+    model = equations.model.with_expected_pixels(at.x)
     equations = equations.with_model(model)
     at = at._replace(square=equations.squares(at.x))
     noise, inlier = stated_noise or _first_noise(at.square), np.zeros(model.scene.point.size, dtype=bool)
     for _ in range(_FINAL_ROUNDS):
         previous, inlier = inlier, _inliers(at.square / noise**2, model.scene.point)
+        equations = _on_sure_ground(equations, at.x)
         system = equations.system(at.x, inlier / noise**2)
         redundancy = 0.0 if stated_noise else 2.0 * inlier.sum() - system.taken_up()
         at = _step(equations, at, inlier / noise**2, system)
@@ -117,6 +121,21 @@ def solve(
     return Solution(at.x, inlier, noise, residual, equations, last)
 
 
+def _cauchy(square: FloatArray, scale: float) -> FloatArray:
+    return 1.0 / (1.0 + square / scale**2)
+
+
+def _on_likely_ground(equations: Equations, x: FloatArray, scale: float) -> Equations:
+    return equations.with_model(equations.model.with_ground_weighed(x, lambda square: _cauchy(square, scale)))
+
+
+def _on_sure_ground(equations: Equations, x: FloatArray) -> Equations:
+    """Leave out what is known of the ground under feet that rays place elsewhere."""
+    return equations.with_model(
+        equations.model.with_ground_weighed(x, lambda square: (square <= _GROUND_GATE).astype(np.float64))
+    )
+
+
 def solve_near(model: Model, prior: Prior, start: FloatArray, noise: float) -> Solution:
     """Find the unknowns from `start`, which is near them, in two steps and by a known noise.
 
@@ -126,7 +145,9 @@ def solve_near(model: Model, prior: Prior, start: FloatArray, noise: float) -> S
     """
     equations = Equations(model.with_expected_pixels(start), prior)
     at = _At(start, equations.squares(start), 0.0, 0.0)
-    at = _step(equations, at, 1.0 / (1.0 + at.square / (noise * _ANNEALING[-2]) ** 2) / noise**2)
+    equations = _on_likely_ground(equations, at.x, _ANNEALING[-2])
+    at = _step(equations, at, _cauchy(at.square, noise * _ANNEALING[-2]) / noise**2)
+    equations = _on_sure_ground(equations, at.x)
     inlier = _inliers(at.square / noise**2, model.scene.point)
     last = equations.system(at.x, inlier / noise**2)
     at = _step(equations, at, inlier / noise**2, last)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoloc.arrays import FloatArray
+from geoloc.arrays import FloatArray, IntArray
 from geoloc.simulation.motion import TrueMotion
 from geoloc.simulation.noise import gauss_markov, stream
 
@@ -14,6 +14,8 @@ _STEP_S = 0.02
 _CHORD_M = 12.0
 # 0.1°: what a paver lays.
 _FLATTEST = 0.0017
+# A road that crosses itself does so on two levels: a pole belongs to the one that it was put beside.
+_ALONG_M = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +45,13 @@ class GroundBeside:
     fall_lasts_s: float = 15.0
 
 
-def feet_beside_m(spec: GroundBeside, motion: TrueMotion, plan_m: FloatArray, seed: int) -> FloatArray:
-    """Feet ``(n, 3)`` of poles at ``(n, 2)``, in the road's frame."""
+def feet_beside_m(
+    spec: GroundBeside, motion: TrueMotion, station_m: FloatArray, plan_m: FloatArray, seed: int
+) -> FloatArray:
+    """Feet ``(n, 3)`` of poles at stations ``(n,)`` and places ``(n, 2)``, in the road's frame."""
     time_s = np.arange(0.0, motion.spec.duration_s, _STEP_S)
     body = motion.at(time_s, bounces=False)
-    away = np.linalg.norm(body.position_m[None, :, :2] - plan_m[:, None], axis=-1)
-    nearest = np.argmin(away, axis=1)
+    nearest = _nearest(motion.station_m(time_s), body.position_m[:, :2], station_m, plan_m)
     falls = np.clip(np.abs(body.enu_R_rig[:, 2, 1]), spec.level, spec.fall)
     lasting = float(np.sqrt(np.mean(falls**2)))
     at, order = time_s[nearest], np.argsort(nearest, kind="stable")
@@ -72,6 +75,14 @@ def feet_beside_m(spec: GroundBeside, motion: TrueMotion, plan_m: FloatArray, se
     tilt = axes[:, :, 2]
     up = origin[:, 2] + (above - np.einsum("nk,nk->n", tilt[:, :2], plan_m - origin[:, :2])) / tilt[:, 2]
     return np.column_stack([plan_m, up])
+
+
+def _nearest(here_m: FloatArray, car_m: FloatArray, station_m: FloatArray, plan_m: FloatArray) -> IntArray:
+    """When (n,) the car, at stations (t,) and places (t, 2), came nearest to each pole on its own road."""
+    first = np.minimum(np.searchsorted(here_m, station_m - _ALONG_M), here_m.size - 1)
+    last = np.maximum(np.searchsorted(here_m, station_m + _ALONG_M), first + 1)
+    ways = zip(first.tolist(), last.tolist(), plan_m, strict=True)
+    return np.array([a + int(np.argmin(np.hypot(*(car_m[a:b] - place).T))) for a, b, place in ways])
 
 
 def _changes_of_slope(motion: TrueMotion) -> float:

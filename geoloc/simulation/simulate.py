@@ -194,7 +194,7 @@ def _objects(world: Scenario, road: Road, motion: TrueMotion, seed: int) -> Simu
     if beside is None:
         feet = road.pole_feet_m(station, offset)
     else:
-        feet = feet_beside_m(beside, motion, road.plan_m(station, offset), seed)
+        feet = feet_beside_m(beside, motion, station, road.plan_m(station, offset), seed)
     latitude, longitude, height = road.frame.geographic_from_enu(feet)
     east, north = utm33_from_geographic(latitude, longitude)
     return SimulatedObjects(

@@ -9,6 +9,7 @@ from simulated_raster import rasterised
 
 from geoloc.adjustment.adjust import adjust
 from geoloc.adjustment.result import Adjusted
+from geoloc.arrays import BoolArray, FloatArray
 from geoloc.earth.geodesy import enu_offset
 from geoloc.earth.terrain import Terrain
 from geoloc.locate.records import Kind
@@ -104,6 +105,25 @@ def test_a_face_in_one_frame_has_no_position() -> None:
     assert not adjusted.used.any()
 
 
+def test_foot_far_below_the_road_is_placed_by_its_rays() -> None:
+    """Of a foot below a bridge the road's plane says nothing; it comes out right, and its neighbours stay."""
+    up_m = -12.0
+    recording = recorded("urban", ins=True, silent=True)
+    mine = recording.object == 6
+    lifted_px, seen = _raised_px(recording, up_m)
+    pixel = np.where(mine[:, None], lifted_px, recording.pixel_px)
+    clicked = pixel + np.random.default_rng(3).normal(0.0, 1.5, pixel.shape)
+    keep = ~mine | seen
+    lifted = recording._replace(pixel_px=clicked).rows(keep)
+    adjusted = lifted.adjusted()
+    error = length(lifted.errors_m(adjusted))
+    assert error[6] < 0.2
+    assert adjusted.used[mine[keep]].mean() > 0.8
+    assert np.delete(error, 6).max() < 0.05
+    height = recording.drive.objects.height_m[6] + up_m
+    assert abs(adjusted.height_m[6] - height) < 3.0 * adjusted.sigma_height_m[6]
+
+
 def test_terrain_says_how_high_a_far_foot_stands() -> None:
     """From one frame on a hilly road the raster places a foot that the plane of the road misplaces."""
     recording = recorded("sample", silent=True, ins=True, kerbs=False)
@@ -151,6 +171,12 @@ def test_nothing_to_see_is_no_error() -> None:
 
 def _faces(recording: Recording, up_m: float) -> Recording:
     """Project a point above each foot with the true poses: sightings of faces."""
+    pixel, seen = _raised_px(recording, up_m)
+    return recording._replace(pixel_px=pixel).rows(seen)
+
+
+def _raised_px(recording: Recording, up_m: float) -> tuple[FloatArray, BoolArray]:
+    """Pixels (n, 2) of points above each foot by the trajectory's poses, and which are in the picture."""
     drive = recording.drive
     poses = recording.trajectory.poses_at(recording.epoch_ns)
     from geoloc.earth.geodesy import rotation_enu_from_rig
@@ -171,7 +197,7 @@ def _faces(recording: Recording, up_m: float) -> Recording:
         camera = drive.rig.camera(str(name))
         point = (rig[rows] - camera.rig_t_camera_m) @ camera.rig_R_camera
         pixel[rows], seen[rows] = camera.model.pixel_from_camera_point(point)
-    return recording._replace(pixel_px=pixel).rows(seen)
+    return pixel, seen
 
 
 def _adjust_faces(recording: Recording) -> Adjusted:
