@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 
 from twin.matching.config import MatchConfig
 from twin.matching.kept import digest
+from twin.matching.left import LAYOUT
 from twin.matching.sites import Site, along_the_road, sites_from_mirror
 from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import FACT as VEGNETT
@@ -35,7 +36,7 @@ class Asked:
     def rests_on(self) -> str:
         """Digest of everything that findings rest on but drives and NVDB's signs."""
         network = [self.view.fact(VEGNETT), self.view.fact(KATALOG_FACT)] if self.has_network else []
-        said = json.dumps([self.method, asdict(self.config), network], sort_keys=True)
+        said = json.dumps([LAYOUT, self.method, asdict(self.config), network], sort_keys=True)
         return digest(said.encode())
 
 

@@ -31,6 +31,7 @@ class Compared:
     current: Sequence[ObservedPole]
     sites: Sequence[Site]
     in_view: BoolArray
+    alone: Sequence[ObservedPole]
 
     def results(self, passed: IntArray, only: IntArray | None) -> Results:
         """What is left of it to the next match: all, or what lies in some cells.
@@ -40,13 +41,14 @@ class Compared:
         passed : int64 (n,)
             Cells that drives passed: of sites, those there count.
         """
-        sites = cells_of(np.array([(site.east_m, site.north_m) for site in self.sites]).reshape(-1, 2))
+        sites = cells_of(places_of(self.sites))
         now = {pole.key for pole in self.current}
         counted = [
             cells_of(places_of(self.current)),
             sites[are_among(sites, passed)],
             sites[self.in_view],
             cells_of(places_of([pole for pole in self.poles if pole.key not in now])),
+            cells_of(places_of(self.alone)),
         ]
         cells, ids = cells_of(places_of(self.findings)), [one.change_id for one in self.findings]
         if only is not None:
@@ -73,8 +75,8 @@ def compare(
     asked.say("assigning")
     assignment = assign(current, sites, seen.p_unannotated, config, codes)
     if scope is not None:
-        ends = [places_of(current), np.array([(s.east_m, s.north_m) for s in sites]).reshape(-1, 2)]
-        scope.check(np.concatenate(ends), assignment.groups(), assignment.reach_m)
+        ends = np.concatenate([places_of(current), places_of(sites)])
+        scope.check(ends, assignment.groups(), assignment.reach_m)
     findings = judge(
         current,
         sites,
@@ -87,7 +89,8 @@ def compare(
         mirrored=None if scope is None else _mirrored(asked, current, sites, assignment, scope),
     )
     findings = with_evidence(findings, current, drives)
-    return Compared(findings, poles, current, sites, seen.complete >= config.min_views)
+    alone = [current[k] for k in np.flatnonzero(assignment.site_of_pole < 0).tolist()]
+    return Compared(findings, poles, current, sites, seen.complete >= config.min_views, alone)
 
 
 def _mirrored(
@@ -108,6 +111,8 @@ def _mirrored(
     return found
 
 
-def places_of(some: Sequence[ObservedPole] | Sequence[Estimate] | Sequence[Finding]) -> FloatArray:
+def places_of(
+    some: Sequence[ObservedPole] | Sequence[Estimate] | Sequence[Finding] | Sequence[Site],
+) -> FloatArray:
     """East and north (n, 2), EPSG:25833."""
     return np.array([(one.east_m, one.north_m) for one in some]).reshape(-1, 2)

@@ -16,11 +16,11 @@ from geoloc.arrays import IntArray
 from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.absence import Passage, last_seen_by
-from twin.matching.cells import Grid, cells_about
+from twin.matching.cells import NOWHERE, Grid, cells_about, cells_of
 from twin.matching.config import MatchConfig
 from twin.matching.in_view import VIEWS, Asked, Counts, Places, Watcher
 from twin.matching.kept import Kept, digest
-from twin.matching.left import KnownDrive
+from twin.matching.left import KnownDrive, squares_of_drive
 from twin.matching.poles.ahead import NEAR_M, Ahead, ahead_of_nvdb, places_if_shifted
 from twin.matching.poles.many_drives import Driven
 from twin.matching.poles.poles import ObservedPole
@@ -232,6 +232,12 @@ class _Landmarks:
 _KIND = "clock"
 
 
+def clock_cells(kept: Kept, drive_id: str) -> IntArray | None:
+    """Cells whose signs told the last match of a drive's clock; None where it was not looked at."""
+    known = kept.get(_KIND, drive_id)
+    return None if known is None else np.asarray(known["cells"])
+
+
 def forget(kept: Kept, drive_id: str) -> None:
     """Forget what is kept of a drive that is gone."""
     for kind in (_KIND, VIEWS):
@@ -267,7 +273,10 @@ def past_sites(
 
 
 def known_drives(
-    drives: Sequence[Drive], estimates: Sequence[Estimate], clicks: Mapping[str, Mapping[str, str]]
+    drives: Sequence[Drive],
+    estimates: Sequence[Estimate],
+    clicks: Mapping[str, Mapping[str, str]],
+    kept: Kept,
 ) -> dict[str, KnownDrive]:
     """What the next match has to know of drives of which all estimates are there.
 
@@ -285,14 +294,18 @@ def known_drives(
             row = estimate.to_row()
             digests.update(json.dumps([row[name] for name in _HASHED], sort_keys=True).encode())
         said = clicks.get(drive.drive_id, {})
+        place_m = np.array([(one.east_m, one.north_m) for one in of_drive]).reshape(-1, 2)
+        told = clock_cells(kept, drive.drive_id)
+        concern = [drive.watcher.cells, cells_of(place_m), NOWHERE if told is None else told]
         found[drive.drive_id] = KnownDrive(
             recorded=drive.driven.recorded,
             car=drive.driven.car,
             touched=drive.watcher.cells,
-            place_m=np.array([(one.east_m, one.north_m) for one in of_drive]).reshape(-1, 2),
+            place_m=place_m,
             clicks={one.object: said.get(one.object, "") for one in of_drive},
             ahead=drive.shift,
             estimates_sha256=digests.hexdigest(),
+            squares=squares_of_drive(np.concatenate(concern)),
         )
     return found
 

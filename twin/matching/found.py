@@ -44,6 +44,7 @@ from twin.matching.poles.seen_in import (
 )
 from twin.matching.reading import estimates_of
 from twin.matching.scope import NEAR_M, Scope, scope_about
+from twin.matching.signs import cells_of_signs, drives_judged_anew
 from twin.matching.sites import Site, codes_of_mirror, mirror_near
 from twin.store.records import Estimate, Finding
 from twin.store.touched import FACT as TOUCHED
@@ -111,7 +112,7 @@ def everything(asked: Asked, kept: Kept) -> Found:
     passed = np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)]))
     results = compared.results(passed, None)
     put_results(kept, results, None)
-    known = known_drives(drives, estimates, clicks)
+    known = known_drives(drives, estimates, clicks, kept)
     for drive_id, one in known.items():
         one.put(kept, drive_id)
     squares = {drive_id: one.squares for drive_id, one in known.items()}
@@ -134,13 +135,13 @@ def everything(asked: Asked, kept: Kept) -> Found:
 
 
 def touched_part(asked: Asked, kept: Kept) -> Found | None:
-    """Work out what drives that were touched since the last match can have changed.
+    """Work out what drives and signs that were touched since the last match can have changed.
 
     Returns
     -------
     Found or None
-        None where everything has to be matched: nothing was, or by other settings, or NVDB's signs have
-        changed.
+        None where everything has to be matched: nothing was, or by other settings, or somebody changed the
+        store and did not say what, or a code has become more or less common among NVDB's signs.
 
     Raises
     ------
@@ -151,14 +152,18 @@ def touched_part(asked: Asked, kept: Kept) -> Found | None:
     if state is None or state.rests_on != asked.rests_on():
         return None
     revision = view.revision()
-    touched = touched_since(view.fact(TOUCHED), state.revision, revision)
-    if touched is None:
+    told = touched_since(view.fact(TOUCHED), state.revision, revision)
+    if told is None or (told.places and cost_of_common(codes_of_mirror(view), config) != state.codes):
         return None
-    asked.say("reading what the drives touch that came since the last match")
+    asked.say("reading what was touched since the last match")
+    signs = np.unique(cells_of(np.array(sorted(told.places), dtype=np.float64).reshape(-1, 2)))
+    touched = told.drives | (drives_judged_anew(asked, kept, state, signs) if signs.size else set())
     before = {one: known for one in sorted(touched) if (known := KnownDrive.of(kept, one)) is not None}
     came = drives_of(view, method, config, kept, touched)
     own = estimates_of(view, method, touched)
     passed = [drive.watcher.cells for drive in came] + [known.touched for known in before.values()]
+    if signs.size:
+        passed.append(cells_of_signs(asked, kept, state, signs))
     places = KeptPlaces(kept, "fused")
     scope = scope_about(
         touched,
@@ -217,7 +222,7 @@ def _part(
     every = np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)])
     results = compared.results(np.unique(every), scope.results)
     gone, counted = put_results(kept, results, scope.results)
-    fresh = known_drives(came, own, clicks)
+    fresh = known_drives(came, own, clicks, kept)
     for drive_id, one in fresh.items():
         one.put(kept, drive_id)
         state.squares[drive_id] = one.squares
@@ -327,8 +332,7 @@ def _sites_about(
     rows = mirror_near(asked.view, middles_of(cells), asked.config, CELL_M)
     sites = sites_of(asked, rows)
     seen = beside_nvdb(drives, sites, once, kept, scope.drives)
-    place_m = np.array([(site.east_m, site.north_m) for site in sites]).reshape(-1, 2)
-    inside = are_among(cells_of(place_m), scope.about)
+    inside = are_among(cells_of(places_of(sites)), scope.about)
     return [site for site, counts in zip(sites, inside, strict=True) if counts], seen
 
 

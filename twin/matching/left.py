@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geoloc.arrays import FloatArray, IntArray
-from twin.matching.cells import NOWHERE, are_among, cells_of, coarser
+from twin.matching.cells import CELL_M, NOWHERE, are_among, coarser, widened
 from twin.matching.kept import Kept
 from twin.matching.poles.ahead import Ahead
 
@@ -20,7 +21,10 @@ _PER_SQUARE = 16
 """Cells along a side of the squares by which drives are found: about a kilometre."""
 _PER_BLOCK = 128
 """Cells along a side of the squares whose findings are one row of the store: about 8 km."""
-COUNTED = ("poles", "sites", "in view", "outdated")
+COUNTED = ("poles", "sites", "in view", "outdated", "alone")
+"""Of poles, sites and so on each has its cell in what is left; "alone" are poles that NVDB does not have."""
+LAYOUT = 2
+"""Of what is left: what another one left is not looked at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,8 @@ class KnownDrive:
     ahead : Ahead or None
         As all its signs stand against NVDB's.
     estimates_sha256 : str
+    squares : int64 (m,)
+        By which it is found (:func:`squares_of_drive`).
     """
 
     recorded: str
@@ -48,11 +54,7 @@ class KnownDrive:
     clicks: Mapping[str, str]
     ahead: Ahead | None
     estimates_sha256: str
-
-    @property
-    def squares(self) -> IntArray:
-        """By which it is found."""
-        return np.unique(coarser(np.concatenate([self.touched, cells_of(self.place_m)]), _PER_SQUARE))
+    squares: IntArray
 
     def put(self, kept: Kept, drive_id: str) -> None:
         """Leave it to the next match."""
@@ -66,6 +68,7 @@ class KnownDrive:
                 "objects": _texts(self.clicks),
                 "clicks": _texts(self.clicks.values()),
                 "ahead": np.array(self.ahead or (), dtype=np.float64),
+                "squares": self.squares,
             },
         )
 
@@ -86,6 +89,7 @@ class KnownDrive:
             dict(clicks),
             Ahead(*shift) if shift else None,
             estimates_sha256,
+            arrays["squares"],
         )
 
     @staticmethod
@@ -103,7 +107,7 @@ class State:
     rests_on : str
         Digest of everything that findings rest on but drives and NVDB's signs.
     revision : int
-    totals : int64 (4,)
+    totals : int64 (5,)
         How many there are, in the order of `COUNTED`.
     codes : mapping of a sign code to the log odds that it costs for being common
     squares : mapping of a drive's id to the squares by which it is found
@@ -128,6 +132,11 @@ class State:
         hit = are_among(np.concatenate(list(self.squares.values())), wanted)
         number = np.repeat(np.arange(len(names)), lengths)
         return {names[k] for k in np.unique(number[hit]).tolist()}
+
+    def beside_drives(self, cells: IntArray) -> IntArray:
+        """Those of the cells that lie in the neighbourhood of some drive."""
+        squares = widened(np.concatenate([NOWHERE, *self.squares.values()]), 1)
+        return cells[are_among(coarser(cells, _PER_SQUARE), squares)]
 
     def put(self, kept: Kept) -> None:
         """Leave it to the next match."""
@@ -196,7 +205,7 @@ def put_results(kept: Kept, now: Results, only: IntArray | None) -> tuple[list[s
     -------
     gone : list of str
         Ids of findings of before in the cells of `only`.
-    totals : int64 (4,)
+    totals : int64 (5,)
         What was counted there before.
     """
     gone: list[str] = []
@@ -224,6 +233,18 @@ def put_results(kept: Kept, now: Results, only: IntArray | None) -> tuple[list[s
         else:
             kept.drop(_BLOCK, str(block))
     return gone, before_there
+
+
+def squares_of_drive(cells: IntArray) -> IntArray:
+    """Squares by which a drive is found in some of the cells that concern it."""
+    return np.unique(coarser(cells, _PER_SQUARE))
+
+
+def cells_counted(kept: Kept, name: str, about: IntArray, within_m: float) -> IntArray:
+    """Cells of what the last match counted by this name: all within so far of some cells, and some beyond."""
+    blocks = widened(coarser(about, _PER_BLOCK), math.ceil(within_m / (_PER_BLOCK * CELL_M)))
+    found = [arrays[name] for one in blocks.tolist() if (arrays := kept.get(_BLOCK, str(one))) is not None]
+    return np.unique(np.concatenate([NOWHERE, *found]))
 
 
 def _texts(words: Iterable[str]) -> NDArray[np.bytes_]:

@@ -14,9 +14,11 @@ from nvdb.objects import Skiltplate, Skiltpunkt
 from twin.mirror.counts import Counts, Kind, counted, counts_from_document, document_from_counts
 from twin.mirror.raw import same_object
 from twin.mirror.rows import mirror_row
+from twin.mirror.touched import MOST, Changed, changed_ids, gone_ids, places_of
 from twin.store import schema
 from twin.store.sql import bulk_insert, inserting, swap, taking_place
 from twin.store.store import Store, utc_now
+from twin.store.touched import Place
 
 _FACT = "mirror"
 _BACKFILL = "mirror_backfill"
@@ -24,6 +26,7 @@ _ENDS = "mirror_ends"
 """Type → the first end date in the visible mirror: to look for it at every sync would read all of it."""
 _COUNTS = "mirror_counts"
 """The visible mirror's :data:`twin.mirror.counts.Counts`."""
+_TABLES = tuple(schema.MIRROR.items())
 _ID_CHUNK = 500
 """Ids in one statement: SQLite of some systems takes no more than 999 parameters."""
 
@@ -75,7 +78,7 @@ class StoreMirror:
     def recounted(self) -> dict[int, Counter[Kind]]:
         """What :meth:`counts` says, from the objects themselves: reads the whole mirror."""
         with self._store.transaction() as connection:
-            return {type_id: counted(connection, t.visible) for type_id, t in schema.MIRROR.items()}
+            return {type_id: counted(connection, t.visible) for type_id, t in _TABLES}
 
     def count_aside(self, type_id: int) -> int:
         """Objects kept aside."""
@@ -135,11 +138,15 @@ class StoreMirror:
         before, after = self.counts(), {}
         created, changed, deleted = {}, {}, {}
         with self._store.transaction() as connection:
-            for type_id, tables in schema.MIRROR.items():
+            for type_id, tables in _TABLES:
+                if before[type_id]:
+                    _settle_spelling(connection, tables)
+            other = {type_id: changed_ids(connection, t) | gone_ids(connection, t) for type_id, t in _TABLES}
+            places = None if not any(before.values()) else _places(connection, other)
+            for type_id, tables in _TABLES:
                 after[type_id] = counted(connection, tables.aside)
                 n_both = changed[type_id] = 0
                 if before[type_id]:
-                    _settle_spelling(connection, tables)
                     n_both, changed[type_id] = _compare(connection, tables)
                     _keep_history(connection, tables, now)
                     _keep_fetch_time(connection, tables)
@@ -148,8 +155,9 @@ class StoreMirror:
                 swap(connection, tables.visible, tables.aside)
             self._store.drop_fact(connection, _BACKFILL)
             applied = Applied(created, changed, deleted, _totals(after))
-            self._publish_facts(connection, following, applied, after, now)
-            ends = {str(type_id): _first_end(connection, t.visible) for type_id, t in schema.MIRROR.items()}
+            self._publish_facts(connection, following, after, now)
+            self._touch(connection, applied, other, places)
+            ends = {str(type_id): _first_end(connection, t.visible) for type_id, t in _TABLES}
             self._store.put_fact(connection, _ENDS, ends)
         return applied
 
@@ -174,9 +182,15 @@ class StoreMirror:
         counts = self.counts()
         created, changed, removed = {}, {}, {}
         with self._store.transaction() as connection:
-            coming = {type_id: _first_end(connection, t.aside) for type_id, t in schema.MIRROR.items()}
-            for type_id, tables in schema.MIRROR.items():
+            coming = {type_id: _first_end(connection, t.aside) for type_id, t in _TABLES}
+            for _, tables in _TABLES:
                 _settle_spelling(connection, tables)
+            other = {
+                type_id: changed_ids(connection, t) | deleted.get(type_id, frozenset())
+                for type_id, t in _TABLES
+            }
+            places = _places(connection, other)
+            for type_id, tables in _TABLES:
                 n_both, changed[type_id] = _compare(connection, tables)
                 gone = _delete(connection, tables, deleted.get(type_id, frozenset()), now)
                 new = counted(connection, tables.aside)
@@ -189,13 +203,14 @@ class StoreMirror:
                 _upsert_aside(connection, tables)
             self._note_ends(connection, coming, now[:10])
             applied = Applied(created, changed, removed, _totals(counts))
-            self._publish_facts(connection, following, applied, counts, now)
+            self._publish_facts(connection, following, counts, now)
+            self._touch(connection, applied, other, places)
         return applied
 
     def _note_ends(self, connection: sa.Connection, coming: dict[int, str | None], today: str) -> None:
         """Keep the first end dates up to date with what came; those in the past are looked for anew."""
         ends = self._store.fact(_ENDS) or {}
-        for type_id, tables in schema.MIRROR.items():
+        for type_id, tables in _TABLES:
             days = (ends.get(str(type_id)), coming[type_id])
             first = min((day for day in days if day is not None), default=None)
             late = first is not None and first <= today
@@ -203,7 +218,7 @@ class StoreMirror:
         self._store.put_fact(connection, _ENDS, ends)
 
     def _publish_facts(
-        self, connection: sa.Connection, following: Following, applied: Applied, counts: Counts, now: str
+        self, connection: sa.Connection, following: Following, counts: Counts, now: str
     ) -> None:
         before = self._store.fact(_FACT) or {}
         # From when on this area's states were observed; before it only their own dates speak.
@@ -211,12 +226,23 @@ class StoreMirror:
         fact = {**_document(following), "since": since, "synced_at": now}
         self._store.put_fact(connection, _FACT, fact)
         self._store.put_fact(connection, _COUNTS, document_from_counts(counts))
+
+    def _touch(
+        self, connection: sa.Connection, applied: Applied, other: Changed, before: frozenset[Place] | None
+    ) -> None:
+        """Say where signs are otherwise now than they were, if any are."""
         if any((*applied.created.values(), *applied.changed.values(), *applied.deleted.values())):
-            self._store.touch(connection)
+            now = None if before is None else _places(connection, other)
+            self._store.touch(connection, places=None if before is None or now is None else before | now)
 
     def _empty_aside(self, connection: sa.Connection) -> None:
         for tables in schema.MIRROR.values():
             connection.execute(sa.delete(tables.aside))
+
+
+def _places(connection: sa.Connection, changed: Changed) -> frozenset[Place] | None:
+    """Where these objects are; None of more than can be told."""
+    return None if sum(map(len, changed.values())) > MOST else places_of(connection, changed)
 
 
 def _document(state: Backfill | Following) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from twin.store.backend import Backend
 from twin.store.clock import utc_now
 from twin.store.tables import Tables
 from twin.store.touched import FACT as TOUCHED
-from twin.store.touched import with_one_more
+from twin.store.touched import Place, Touched, with_one_more
 
 __all__ = ["Row", "Snapshot", "Store", "utc_now"]
 
@@ -278,20 +278,33 @@ class Store(Tables):
         with self.snapshot() as view:
             return view.revision()
 
-    def touch(self, connection: sa.Connection, drives: Collection[str] | None = None) -> None:
+    def touch(
+        self,
+        connection: sa.Connection,
+        drives: Collection[str] | None = None,
+        *,
+        places: Collection[Place] | None = None,
+    ) -> None:
         """Count a change of drives or mirror, inside the caller's transaction.
+
+        The next match is of what was touched. If neither drives nor places are named, anything may have
+        changed.
 
         Parameters
         ----------
         connection : Connection
         drives : collection of str, optional
-            All that changed are these drives: the next match is of what they touch. Default: anything may
-            have changed.
+            That came, went or were read anew.
+        places : collection of (int, int), optional
+            Where NVDB's signs, or what they face, were or are otherwise: EPSG:25833, cut to whole metres.
         """
         view = self.view(connection)
         revision = view.revision() + 1
+        what = Touched(frozenset(drives or ()), frozenset(places or ()))
+        is_known = drives is not None or places is not None
+        fact = with_one_more(view.fact(TOUCHED), revision, what if is_known else None)
         self.put_fact(connection, _REVISION, {"n": revision})
-        self.put_fact(connection, TOUCHED, with_one_more(view.fact(TOUCHED), revision, drives))
+        self.put_fact(connection, TOUCHED, fact)
 
     def put_fact(self, connection: sa.Connection, key: str, value: Row) -> None:
         """Keep a JSON object under `key` inside the caller's transaction."""

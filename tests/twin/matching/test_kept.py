@@ -21,7 +21,9 @@ from twin.errors import TwinError
 from twin.matching import match
 from twin.matching.config import MatchConfig
 from twin.matching.kept import Kept
+from twin.mirror.touched import places_of
 from twin.store import schema
+from twin.store.annotation_sets import AnnotationSet, annotation_sets, put, use_annotation_set
 from twin.store.kinds import Decision
 from twin.store.poses import blob_from_poses, poses_from_blob
 from twin.store.store import Row, Store
@@ -104,32 +106,85 @@ class History:
                 connection.execute(sa.delete(t).where(left_out))
             self.store.touch(connection, [row["drive_id"]])
 
+    def use_other_annotations(self) -> None:
+        """Somebody makes another set of a drive's annotations the current one, or takes that back."""
+        rows = self.store.rows(sa.select(schema.drive.c.drive_id).order_by(schema.drive.c.drive_id))
+        drive_id = self.draw.choice(rows)["drive_id"]
+        with self.store.transaction() as connection:
+            sets = annotation_sets(connection, drive_id)
+            if len(sets) < 2:
+                sets = [AnnotationSet(drive_id, k, None, None, "", True, k == 1, 1, 1, 1) for k in (1, 2)]
+                self._keep_another(connection, drive_id)
+                for one in sets:
+                    put(connection, one)
+        use_annotation_set(self.store, drive_id, next(one.number for one in sets if not one.is_current))
+
+    def _keep_another(self, connection: sa.Connection, drive_id: str) -> None:
+        """Other annotations of the same drive: signs a bit elsewhere, and not all of them."""
+        view, moved_m = self.store.view(connection), self.draw.gauss(0, 0.2)
+        for table, kept in schema.KEPT.items():
+            rows = view.rows(sa.select(table).where(table.c.drive_id == drive_id))
+            if table is schema.estimate:
+                rows = self.draw.sample(rows, len(rows) // 2)
+                rows = [{**row, "north_m": row["north_m"] + moved_m} for row in rows]
+            connection.execute(sa.insert(kept), [{**row, "annotation_set": 2} for row in rows])
+
     def lose(self) -> None:
         """All that is known of a drive goes."""
         if len(self.store.rows(sa.select(schema.drive.c.drive_id))) > 1:
             gone = self._first()
             with self.store.transaction() as connection:
-                for table in OF_DRIVES:
+                for table in (*OF_DRIVES, *schema.KEPT.values(), schema.annotation_set):
                     connection.execute(sa.delete(table).where(table.c.drive_id == gone))
                 self.store.touch(connection, [gone])
 
     def sync(self) -> None:
-        """NVDB has moved a sign, taken one away, or changed a code."""
+        """NVDB has moved signs, lost one, changed a code, got a new one, or forgot who carries a plate."""
+        rows = self.store.rows(sa.select(schema.skiltpunkt.c.nvdb_id).order_by(schema.skiltpunkt.c.nvdb_id))
+        for row in self.draw.sample(rows, self.draw.randint(1, 3)):
+            with self.store.transaction() as connection:
+                new = self.draw.randrange(10**12)
+                plates = frozenset(self._plates(row["nvdb_id"]))
+                ids = {95: frozenset({row["nvdb_id"], new}), 96: plates | {new + 1}}
+                before = places_of(connection, ids)
+                self._change(connection, row["nvdb_id"], new)
+                self.store.touch(connection, places=before | places_of(connection, ids))
+
+    def _plates(self, point_id: int) -> list[int]:
+        plate = schema.skiltplate.c
+        rows = self.store.rows(sa.select(plate.nvdb_id).where(plate.point_id == point_id))
+        return [row["nvdb_id"] for row in rows]
+
+    def _change(self, connection: sa.Connection, point_id: int, new: int) -> None:
         point, plate = schema.skiltpunkt, schema.skiltplate
-        (row,) = self.draw.sample(self.store.rows(sa.select(point.c.nvdb_id)), 1)
-        of_point = plate.c.point_id == row["nvdb_id"]
-        with self.store.transaction() as connection:
-            match self.draw.randrange(3):
-                case 0:
-                    by_m = self.draw.uniform(-3, 3)
-                    for table, which in ((point, point.c.nvdb_id == row["nvdb_id"]), (plate, of_point)):
-                        connection.execute(sa.update(table).where(which).values(east_m=table.c.east_m + by_m))
-                case 1:
-                    connection.execute(sa.delete(plate).where(of_point))
-                    connection.execute(sa.delete(point).where(point.c.nvdb_id == row["nvdb_id"]))
-                case _:
-                    connection.execute(sa.update(plate).where(of_point).values(skiltnummer="362.50"))
-            self.store.touch(connection)
+        this, carried = point.c.nvdb_id == point_id, plate.c.point_id == point_id
+        by_m = self.draw.choice([self.draw.uniform(-3, 3), self.draw.uniform(-30, 30), 900.0])
+        match self.draw.randrange(5):
+            case 0:
+                for table, which in ((point, this), (plate, carried)):
+                    connection.execute(sa.update(table).where(which).values(east_m=table.c.east_m + by_m))
+            case 1:
+                self.lose_sign(connection, point_id)
+            case 2:
+                code = self.draw.choice(["362.50", "110"])
+                connection.execute(sa.update(plate).where(carried).values(skiltnummer=code))
+            case 3:
+                view = self.store.view(connection)
+                of_new = {"nvdb_id": new, "plate_ids": [new + 1]}
+                (row,) = view.rows(sa.select(point).where(this))
+                east_m = None if row["east_m"] is None else row["east_m"] + by_m
+                connection.execute(sa.insert(point), [{**row, **of_new, "east_m": east_m}])
+                for row in view.rows(sa.select(plate).where(carried).limit(1)):
+                    of_new = {"nvdb_id": new + 1, "point_id": self.draw.choice([new, None])}
+                    connection.execute(sa.insert(plate), [{**row, **of_new}])
+            case _:
+                connection.execute(sa.update(plate).where(carried).values(point_id=None))
+
+    def lose_sign(self, connection: sa.Connection, point_id: int) -> None:
+        """NVDB has closed a sign."""
+        point, plate = schema.skiltpunkt, schema.skiltplate
+        connection.execute(sa.delete(plate).where(plate.c.point_id == point_id))
+        connection.execute(sa.delete(point).where(point.c.nvdb_id == point_id))
 
     def change_a_setting(self) -> None:
         """Another range of view, help of the map, another number of views."""
@@ -165,6 +220,15 @@ def with_another_place(path: Path) -> None:
                 elif row[parent] is not None:
                     row[parent] += MORE
             connection.execute(sa.insert(table), rows)
+        # In a country one sign more or less leaves each code as common as it was.
+        plates = [dict(row) for row in store.view(connection).rows(sa.select(schema.skiltplate))]
+        nowhere = {"east_m": None, "north_m": None, "point_id": None}
+        elsewhere = [
+            {**row, **nowhere, "nvdb_id": row["nvdb_id"] + k * 100 * MORE}
+            for row in plates
+            for k in range(1, 20)
+        ]
+        connection.execute(sa.insert(schema.skiltplate), elsewhere)
         store.touch(connection)
 
 
@@ -191,6 +255,7 @@ def test_a_match_is_that_of_everything_after_any_history(
     can = (
         history.ingest,
         history.ingest_again,
+        history.use_other_annotations,
         history.lose,
         history.sync,
         history.change_a_setting,
@@ -211,8 +276,8 @@ def test_a_match_is_that_of_everything_after_any_history(
     assert match(history.store, method=METHOD, config=history.config, anew=True).kept_agree is True
 
 
-def test_what_no_drive_touched_is_not_looked_at(matched_store: Path, tmp_path: Path) -> None:
-    """A finding that somebody has falsified stays so while drives come elsewhere; `--all` finds it."""
+def test_what_nothing_touched_is_not_looked_at(matched_store: Path, tmp_path: Path) -> None:
+    """A falsified finding stays so while drives and syncs come elsewhere; `--all` finds it."""
     path = tmp_path / "twin.db"
     shutil.copy(matched_store, path)
     with_another_place(path)
@@ -221,10 +286,24 @@ def test_what_no_drive_touched_is_not_looked_at(matched_store: Path, tmp_path: P
     ids = [row["change_id"] for row in history.store.rows(sa.select(schema.change.c.change_id))]
     with history.store.transaction() as connection:
         connection.execute(sa.update(schema.change).values(confidence=0.5))
+    asked = sa.select(schema.change.c.confidence).where(schema.change.c.change_id.in_(ids))
     history.ingest(FAR_M)
     match(history.store, method=METHOD)
-    asked = sa.select(schema.change.c.confidence).where(schema.change.c.change_id.in_(ids))
     assert history.store.count(schema.change) > len(ids)
+    assert {row["confidence"] for row in history.store.rows(asked)} == {0.5}
+    number = schema.change.c.nvdb_id
+    far = (
+        sa.select(number)
+        .where(number > MORE, number < 9 * MORE, schema.change.c.nvdb_type == 95)
+        .order_by(number)
+    )
+    sign = history.store.rows(far)[0]["nvdb_id"]
+    with history.store.transaction() as connection:
+        before = places_of(connection, {95: frozenset({sign}), 96: frozenset()})
+        history.lose_sign(connection, sign)
+        history.store.touch(connection, places=before)
+    match(history.store, method=METHOD)
+    assert sign not in {row["nvdb_id"] for row in history.store.rows(far)}
     assert {row["confidence"] for row in history.store.rows(asked)} == {0.5}
     assert match(history.store, method=METHOD, anew=True).kept_agree is False
     assert 0.5 not in {row["confidence"] for row in history.store.rows(asked)}
