@@ -191,13 +191,14 @@ def gauss_markov(rng: np.random.Generator, epoch_s: FloatArray, sigma: float, ta
     epoch_s : float64 (n,)
         Increasing; need not be even.
     """
-    white = rng.normal(size=epoch_s.size)
     decay = np.exp(-np.diff(epoch_s, prepend=epoch_s[:1]) / tau_s)
-    value, out = 0.0, np.empty(epoch_s.size)
-    for i, (rho, w) in enumerate(zip(decay, white, strict=True)):
-        value = w if i == 0 else rho * value + np.sqrt(1.0 - rho * rho) * w
-        out[i] = value
-    return out * sigma
+    kicks = rng.normal(size=epoch_s.size)
+    kicks[1:] *= np.sqrt(1.0 - decay[1:] ** 2)
+    value, out = 0.0, []
+    for rho, kick in zip(decay.tolist(), kicks.tolist(), strict=True):
+        value = rho * value + kick
+        out.append(value)
+    return np.array(out) * sigma
 
 
 def damped_oscillation(
@@ -213,13 +214,11 @@ def damped_oscillation(
     count : int
         Number of samples, `step_s` apart.
     """
+    from scipy.signal import lfilter
+
     omega = 2.0 * np.pi * frequency_hz
     rho = np.exp(-damping * omega * step_s)
     turn = complex(rho * np.exp(1j * omega * step_s))
-    white = rng.normal(size=(count, 2)) @ np.array([1.0, 1j])
-    kick = float(np.sqrt(1.0 - rho * rho))
-    value, out = complex(white[0]) if count else 0j, np.empty(count)
-    for i in range(count):
-        value = value if i == 0 else turn * value + kick * complex(white[i])
-        out[i] = value.real
-    return out
+    kicks = rng.normal(size=(count, 2)) @ np.array([1.0, 1j])
+    kicks[1:] *= np.sqrt(1.0 - rho * rho)
+    return np.asarray(lfilter([1.0], [1.0, -turn], kicks).real)
