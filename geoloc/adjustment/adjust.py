@@ -148,6 +148,7 @@ def adjust(
             0.0 if late_ms else _BASE_M,
             at.shift_s,
             unsure_s,
+            observations.trajectory.wander_m2ps,
         ),
         tuple(doubts),
         task.observations.trajectory.estimated,

@@ -192,7 +192,10 @@ def model_of(
     nodes = nodes_of(np.concatenate([scene.epoch_ns, beside_ns]))
     is_fitted = trajectory.is_fitted
     sigma = np.concatenate(
-        [_slow_sigma(body, _falls(body, budget.ground_fall), is_fitted) for body in (scene.body, beside)]
+        [
+            _slow_sigma(body, _falls(body, budget.ground_fall), is_fitted, trajectory.wander_m2ps)
+            for body in (scene.body, beside)
+        ]
     )
     n = scene.row.size
     has_lenses = scene.lens_away_px is not None
@@ -377,14 +380,12 @@ def _falls(body: Bodies, at_most: float) -> FloatArray:
     return np.minimum(np.hypot(lean, _LEVEL), at_most)
 
 
-def _slow_sigma(body: Bodies, fall: FloatArray, is_fitted: bool) -> FloatArray:
+def _slow_sigma(body: Bodies, fall: FloatArray, is_fitted: bool, wander_m2ps: float) -> FloatArray:
     """Sigmas (n, 8) at a node: attitude, that part of the place that changes, the ground's falls."""
     attitude = body.sigma_rad.copy()
     attitude[:, 1] *= 1.0 - (1.0 - _PITCH_AT_NODES) * _lively(body)
     if is_fitted:
         attitude[:, 2] = np.sqrt(attitude[:, 2] ** 2 - _trembling(body, is_fitted) ** 2)
-    across, up = (
-        changing_m(np.maximum(sigma, _MIN_SIGMA_M))
-        for sigma in (body.sigma_horizontal_m, body.sigma_vertical_m)
-    )
+    across = changing_m(np.maximum(body.sigma_horizontal_m, _MIN_SIGMA_M), wander_m2ps)
+    up = changing_m(np.maximum(body.sigma_vertical_m, _MIN_SIGMA_M))
     return np.column_stack([np.maximum(attitude, _MIN_SIGMA_RAD), across, across, up, fall, fall])

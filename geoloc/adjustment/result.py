@@ -53,7 +53,8 @@ class OfTheTrack(NamedTuple):
 
     Whether poses were fitted to fixes; one sigma of the antennas' lever arms, of a change of datum, and of a
     base station's own place, which is part of what fixes are off (m); how much had been added to the camera
-    clock before the adjustment, and what it may be off beyond what the adjustment says (s).
+    clock before the adjustment, and what it may be off beyond what the adjustment says (s); by how much the
+    variance of a place grows in a second that velocities alone bridge (m²/s), infinite without.
     """
 
     is_fitted: bool
@@ -62,6 +63,7 @@ class OfTheTrack(NamedTuple):
     base_m: float
     shift_s: float
     unsure_s: float
+    wander_m2ps: float = np.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +298,8 @@ def _of_the_track(model: Model, track: OfTheTrack) -> dict[str, FloatArray]:
     """What moves the car's whole track, and every object with it, so that no sighting can show it."""
     scene = model.scene
     count = np.bincount(scene.point)
-    lasting = lasting_m2(scene.body.sigma_horizontal_m, is_fitted=track.is_fitted)
+    sigma_m = scene.body.sigma_horizontal_m
+    lasting = lasting_m2(sigma_m, is_fitted=track.is_fitted, wander_m2ps=track.wander_m2ps)
     mean = np.bincount(scene.point, weights=lasting) / count
     base = np.minimum(mean, track.base_m**2)
     lever = np.full(count.size, track.lever_arm_m**2)

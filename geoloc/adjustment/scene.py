@@ -235,13 +235,13 @@ def bodies_at(trajectory: Trajectory, epoch_ns: IntArray) -> tuple[Bodies, Poses
     )
 
 
-def lasting_m2(sigma_m: FloatArray, *, is_fitted: bool) -> FloatArray:
+def lasting_m2(sigma_m: FloatArray, *, is_fitted: bool, wander_m2ps: float = np.inf) -> FloatArray:
     """Variance of what moves the whole track, so that no sighting shows it.
 
-    A quarter of the variance of fixes is new at each or gone in seconds; recorded poses do not say how long
-    their errors last, so that all of it may.
+    A quarter of the variance of fixes is new at each or gone in seconds, or less where velocities say how the
+    car went on (`changing_m`); recorded poses do not say how long their errors last, so that all of it may.
     """
-    return np.asarray(sigma_m**2 - changing_m(sigma_m) ** 2 * is_fitted)
+    return np.asarray(sigma_m**2 - changing_m(sigma_m, wander_m2ps) ** 2 * is_fitted)
 
 
 def rows_of(bodies: Bodies, rows: IntArray | BoolArray) -> Bodies:

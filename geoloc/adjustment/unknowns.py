@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.cameras.nominal import LENS_ERRORS
 from geoloc.locate.single_frame import ErrorBudget
+from geoloc.trajectory.fix_checks import CHANGES_WITHIN_S
 from geoloc.trajectory.interpolation import NANOSECONDS
 from geoloc.trajectory.poses import LastingRoll
 
@@ -34,7 +35,8 @@ _FALL_TAU_S = 15.0
 # How long an error of the trajectory's attitude lasts: roll is the crossfall of the road, pitch what a
 # climb over about a second does not show, heading the slip in a bend and noise of fixes over a second,
 # place the noise of fixes and reflections that change as the car moves.
-SLOW_TAU_S = (6.0, 1.0, 8.0, 2.0, 2.0, 2.0, _FALL_TAU_S, _FALL_TAU_S)
+_PLACE_TAU_S = CHANGES_WITHIN_S
+SLOW_TAU_S = (6.0, 1.0, 8.0, _PLACE_TAU_S, _PLACE_TAU_S, _PLACE_TAU_S, _FALL_TAU_S, _FALL_TAU_S)
 # Half a wheelbase is 1.25 to 1.55 m in cars, and 1.9 m in vans.
 _AXLES_SIGMA_M = 0.2
 # A car does not pitch just about the rig's y axis. Its axles lie as the road does, which falls by 3 % to the

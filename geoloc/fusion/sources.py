@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geoloc.arrays import FloatArray
-from geoloc.trajectory.fix_checks import changing_m
+from geoloc.trajectory.fix_checks import CODE_LASTS_S, changing_m
 
 TRACK, CLOCK = "gnss", "time"
 SAME_IN_EVERY_PASS = frozenset(
@@ -35,7 +35,12 @@ class FoundClock(NamedTuple):
     stated_s: float
 
 
-def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock: FoundClock) -> Parts:
+def parts_of(
+    by_source: Mapping[str, FloatArray],
+    heading_deg: FloatArray,
+    clock: FoundClock,
+    lasts_s: float = CODE_LASTS_S,
+) -> Parts:
     """Split covariances.
 
     With s the sigma of the clock by the least squares, p its prior's and u what was added to s in the end, a
@@ -49,6 +54,9 @@ def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock
     heading_deg : float64 (n,)
         Where the car drove to as it saw each pole, clockwise from that north.
     clock : FoundClock
+    lasts_s : float
+        Correlation time of what the track is off; longer than that of fixes where velocities say how the car
+        went on.
     """
     n = heading_deg.size
     own, common = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
@@ -66,9 +74,10 @@ def parts_of(by_source: Mapping[str, FloatArray], heading_deg: FloatArray, clock
     added = max(clock.stated_s**2 - clock.solved_s**2, 0.0)
     ahead = np.sqrt(late / (by_prior + added))[:, None] * ahead
     elsewhere = max(clock.solved_s**2 - by_prior, 0.0) * ahead[:, :, None] * ahead[:, None, :]
-    # What the track errs for seconds is each pole's own: only the rest lasts.
+    # What the track errs for seconds is each pole's own: only the rest lasts. By velocities it comes apart
+    # from pole to pole as its process says, and no further.
     whole_m = np.sqrt(track / 2.0)
-    seconds_m2 = changing_m(whole_m) ** 2
+    seconds_m2 = changing_m(whole_m) ** 2 * (lasts_s <= CODE_LASTS_S)
     own = _at_least_zero(own - elsewhere) + seconds_m2[:, None, None] * np.eye(2)
     return Parts(own, common, np.sqrt(whole_m**2 - seconds_m2), ahead)
 

@@ -43,6 +43,8 @@ VELOCITY_SIGMA_MPS = (0.05, 0.1)
 
 # Most of a fix's error outlasts the passage of a sign and moves everything with the car.
 _CHANGING_SHARE, _CHANGING_AT_MOST_M = 0.5, 0.3
+CHANGES_WITHIN_S = 2.0
+"""How long that lasts which is another one after seconds of a drive."""
 
 
 class _Positions(Protocol):
@@ -137,9 +139,21 @@ def noise_of_fixes(quality: IntArray, stated_m: FloatArray) -> FixNoise:
     )
 
 
-def changing_m(sigma_m: FloatArray) -> FloatArray:
-    """That part of what places are off, one sigma, which is another one after seconds of a drive."""
-    return np.asarray(np.minimum(_CHANGING_SHARE * sigma_m, _CHANGING_AT_MOST_M))
+def changing_m(sigma_m: FloatArray, wander_m2ps: float = np.inf) -> FloatArray:
+    """That part of what places are off, one sigma, which is another one after seconds of a drive.
+
+    Where velocities bridge the time between places, these come apart no faster than they let them wander:
+    a part that lasts for τ does so by 2 σ² / τ.
+
+    Parameters
+    ----------
+    sigma_m : float64 (n,)
+        Of the places.
+    wander_m2ps : float
+        By how much the variance of a place grows in a second that velocities alone bridge; infinite without.
+    """
+    by_velocities_m = np.sqrt(0.5 * wander_m2ps * CHANGES_WITHIN_S)
+    return np.minimum(np.minimum(_CHANGING_SHARE * sigma_m, _CHANGING_AT_MOST_M), by_velocities_m)
 
 
 def as_good_as_fixed(quality: IntArray, stated_m: FloatArray) -> BoolArray:

@@ -73,6 +73,8 @@ class Trajectory:
         (`fix_checks.lateness_s`): that is taken off.
     lasts_s : float
         Correlation time of what its places are off.
+    wander_m2ps : float
+        By how much the variance of a place grows in a second that velocities alone bridge; infinite without.
     is_fitted : bool
         Whether poses were fitted to fixes, so that it is known how much of their errors lasts; else recorded.
     motion : MotionFound or None
@@ -89,6 +91,7 @@ class Trajectory:
     estimated: PoseSigmas | None = None
     late_sigma_s: float = 0.0
     lasts_s: float = CODE_LASTS_S
+    wander_m2ps: float = np.inf
     is_fitted: bool = False
     motion: MotionFound | None = None
     _curves: list[PoseCurves] = field(default_factory=list, init=False, repr=False)
@@ -282,6 +285,7 @@ def trajectory_from_gnss(
         lasting_roll=fit.tilt.lasting_roll,
         late_sigma_s=late_sigma_s,
         lasts_s=fit.track.lasts_s,
+        wander_m2ps=fit.track.wander_m2ps,
         is_fitted=True,
         motion=fit.motion,
     )

@@ -13,6 +13,7 @@ from geoloc.arrays import FloatArray
 from geoloc.fusion.fuse import Clocks, Passes, fuse
 from geoloc.fusion.sources import FoundClock, parts_of
 from geoloc.locate.accuracy import nees
+from geoloc.trajectory.fix_checks import CODE_LASTS_S
 
 
 def covariance_alone(one: Passes, clocks: Clocks) -> FloatArray:
@@ -120,6 +121,15 @@ def test_sources_are_what_they_are_said_to_be() -> None:
     moved = (0.02 * parts.ahead_mps)[:, :, None] * (0.02 * parts.ahead_mps)[:, None, :]
     whole = parts.own_m2 + parts.common_m2 + parts.track_m[:, None, None] ** 2 * np.eye(2) + moved
     assert whole == pytest.approx(np.sum(list(by_source.values()), axis=0))
+
+
+def test_velocities_tell_how_neighbours_differ() -> None:
+    """Of a track that velocities hold nothing is each pole's own; of fixes alone 0.3 m are."""
+    track = {"gnss": np.tile(np.eye(2), (2, 1, 1))}
+    clock = FoundClock(1.0, 1.0, 1.0)
+    by_fixes, held = (parts_of(track, np.zeros(2), clock, lasts_s) for lasts_s in (CODE_LASTS_S, 300.0))
+    assert by_fixes.own_m2 == pytest.approx(np.tile(0.3**2 * np.eye(2), (2, 1, 1)))
+    assert (held.track_m.tolist(), held.own_m2.any()) == ([1.0, 1.0], False)
 
 
 def test_a_clock_that_bearings_find_moves_places_as_far_as_any_other() -> None:

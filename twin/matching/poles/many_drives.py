@@ -286,13 +286,14 @@ def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) ->
     poses = drive.read_poses()
     at = np.clip(np.searchsorted(poses.epoch_ns, last_ns), 0, poses.epoch_ns.size - 1)
     heading = poses.heading_deg[at] - grid_convergence_deg(*where)
+    lasts_s = CODE_LASTS_S if drive.corrections is None else drive.corrections.track_lasts_s
     return Passes(
         np.array([pole for pole, _ in seen], dtype=np.int64),
         np.full(len(seen), number),
         last_ns,
         place,
-        *parts_of(by_source, heading, _found_clock(drive)),
-        np.full(len(seen), CODE_LASTS_S if drive.corrections is None else drive.corrections.track_lasts_s),
+        *parts_of(by_source, heading, _found_clock(drive), lasts_s),
+        np.full(len(seen), lasts_s),
     )
 
 
