@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import enu_offset
 from geoloc.simulation.motion import TrueMotion
 from geoloc.simulation.noise import gauss_markov, stream
 from geoloc.simulation.road import Road
@@ -131,7 +133,31 @@ class ConsumerSpec:
     velocity_stated_mps: float = 0.05
 
 
-def consumer_drive(world: Scenario, seed: int, spec: ConsumerSpec) -> tuple[SimulatedDrive, GnssFixes]:
+class ConsumerErrors(NamedTuple):
+    """By what one drive's fixes and velocities are off.
+
+    Attributes
+    ----------
+    time_s : float64 (n,)
+        True time of each fix, since the first frame.
+    fixes_m : float64 (n, 2)
+        East and north.
+    reckoned_m : float64 (n, 2) or None
+        By how much the way is off that velocities, added up since the first fix, tell; None without any.
+    axis_m, lasts_s : float
+        Drawn: one sigma an axis of a fix, and how long most of that lasts.
+    """
+
+    time_s: FloatArray
+    fixes_m: FloatArray
+    reckoned_m: FloatArray | None
+    axis_m: float
+    lasts_s: float
+
+
+def consumer_drive(
+    world: Scenario, seed: int, spec: ConsumerSpec
+) -> tuple[SimulatedDrive, GnssFixes, ConsumerErrors]:
     """Drive once with a consumer receiver at the first antenna; its fixes, which state no sigma."""
     rng = stream(seed, "consumer receiver")
     axis_m = rng.uniform(*spec.error_m) / np.sqrt(2.0)
@@ -150,11 +176,31 @@ def consumer_drive(world: Scenario, seed: int, spec: ConsumerSpec) -> tuple[Simu
     drive = simulate_drive(replace(world, noise=noise), seed)
     fixes = drive.gnss[0]
     n = fixes.epoch_ns.size
+    arm_m = drive.rig.antennas[fixes.antenna].rig_t_antenna_m + drive.drawn.lever_arm_m[fixes.antenna]
+    motion = TrueMotion(Road(drive.scenario.road, seed), drive.scenario.motion, drive.scenario.noise, seed)
     if spec.velocity_mps is not None:
-        arm_m = drive.rig.antennas[fixes.antenna].rig_t_antenna_m + drive.drawn.lever_arm_m[fixes.antenna]
         receiver = ReceiverSpec(heading_deg=0.0, velocity_mps=spec.velocity_mps)
         fixes = with_receiver_motion(fixes, drive.scenario, seed, arm_m, receiver)
         stated = np.full((n, 2), spec.velocity_stated_mps) * [1.0, 2.0]
         fixes = replace(fixes, velocity_sigma_mps=stated)
+    errors = ConsumerErrors(*_errors(fixes, motion, drive.scenario.start_utc_ns, arm_m), axis_m, lasts_s)
     late_ns = round(1e9 * late_s)
-    return drive, replace(fixes, quality=np.ones(n, dtype=np.int64), epoch_ns=fixes.epoch_ns + late_ns)
+    late = replace(fixes, quality=np.ones(n, dtype=np.int64), epoch_ns=fixes.epoch_ns + late_ns)
+    return drive, late, errors
+
+
+def _errors(
+    fixes: GnssFixes, motion: TrueMotion, start_ns: int, arm_m: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Time of each fix, and by what fixes and added-up velocities are off."""
+    time_s = (fixes.epoch_ns - start_ns) / 1e9
+    body = motion.at(time_s)
+    latitude, longitude, _ = motion.road.frame.geographic_from_enu(body.position_m + body.enu_R_rig @ arm_m)
+    off_m = enu_offset(latitude, longitude, fixes.latitude_deg, fixes.longitude_deg)
+    fixes_m = np.stack(off_m, axis=1)
+    if not np.isfinite(fixes.velocity_mps).all():
+        return time_s, fixes_m, None
+    way = np.stack(enu_offset(latitude[:-1], longitude[:-1], latitude[1:], longitude[1:]), axis=1)
+    velocity = fixes.velocity_mps[:, :2]
+    told = 0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time_s)[:, None]
+    return time_s, fixes_m, np.concatenate([np.zeros((1, 2)), np.cumsum(told - way, axis=0)])

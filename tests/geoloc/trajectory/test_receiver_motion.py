@@ -268,7 +268,7 @@ def test_velocities_over_minutes_better_a_track_of_poor_fixes() -> None:
         world = replace(world, poles=world.poles[:1], cameras=world.cameras[:1])
         error_m = 2.8 if seed < 4 else 8.4
         spec = ConsumerSpec(error_m=(error_m, error_m), lasts_s=(120.0, 120.0), late_s=(0.0, 0.0))
-        drive, fixes = consumer_drive(world, seed, spec)
+        drive, fixes, _ = consumer_drive(world, seed, spec)
         track, truth = smoothed(drive, fixes), drive.poses
         poses = track.poses_at(drive.frame_epoch_ns[::30])
         # Places differ from one another by no more than velocities let them.
