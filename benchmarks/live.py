@@ -43,6 +43,7 @@ from geoloc.locate.accuracy import nees
 from geoloc.locate.records import Kind
 from geoloc.simulation.scenarios import PoleSpec
 from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.trajectory.poses import GnssFixes
 from twin.cli.output import console
 from twin.drives.read import read_drive
 from twin.live import Arrival, Detection, Estimate, Frame, LiveCar, LiveEngine, State, arrivals_of, car_of
@@ -64,13 +65,12 @@ class Driven(NamedTuple):
     square: FloatArray
 
 
-def fixes_of(drive: SimulatedDrive, antennas: int) -> Iterator[Arrival]:
-    """Fixes as they arrive."""
-    for one in drive.gnss[:antennas]:
-        columns = (one.epoch_ns, one.latitude_deg, one.longitude_deg, one.height_m, one.quality)
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        for at_ns, row in zip(np.maximum.accumulate(one.host_ns).tolist(), rows, strict=True):
-            yield Arrival(at_ns, Fix(one.antenna, *row))
+def fixes_of(one: GnssFixes) -> Iterator[Arrival]:
+    """Fixes of an antenna as they arrive."""
+    columns = (one.epoch_ns, one.latitude_deg, one.longitude_deg, one.height_m, one.quality)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    for at_ns, row in zip(np.maximum.accumulate(one.host_ns).tolist(), rows, strict=True):
+        yield Arrival(at_ns, Fix(one.antenna, *row))
 
 
 def frames_of(recording: Recorded, camera: str, most: int | None = None) -> Iterator[Arrival]:
@@ -101,7 +101,7 @@ def clock_ns(recording: Recorded) -> int:
 def arrivals(recording: Recorded, most: int | None = None) -> Iterator[Arrival]:
     """All that a simulated drive recorded, in the order in which it arrived."""
     cameras = np.unique(recording.sightings.camera).tolist()
-    streams = [fixes_of(recording.drive, recording.antennas)]
+    streams = [fixes_of(one) for one in recording.drive.gnss[: recording.antennas]]
     streams += [frames_of(recording, camera, most) for camera in cameras]
     return merge(*streams, key=lambda one: one.at_ns)
 
