@@ -72,6 +72,11 @@ class Estimate(NamedTuple):
     last_seen_ns: int
     at_ns: int
 
+    @property
+    def lasts(self) -> bool:
+        """Whether it changes no more."""
+        return self.state in (State.FINAL, State.LOST)
+
     def feature(self) -> dict[str, Any]:
         """Return a GeoJSON feature: WGS84 as geometry, EPSG:25833 among the properties."""
         known = math.isfinite(self.latitude_deg)

@@ -5,10 +5,11 @@ Who runs them gives each its own thread, so that either may block; what passes b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
+from twin.live.estimates import Estimate
 from twin.live.events import Arrival
 
 
@@ -65,8 +66,26 @@ class Source(Protocol):
 class Said(Protocol):
     """An estimate, a verdict, the car's state: what sinks are given."""
 
+    @property
+    def id(self) -> str:
+        """Return what it is about: one of the same class and id that is said later replaces it."""
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is kept in the file, and goes before the rest where a sink is slow: finals, verdicts."""
+
+    def feature(self) -> dict[str, Any]:
+        """Return it as a GeoJSON feature."""
+
     def line(self) -> str:
         """Return it as one line of JSON."""
+
+
+class LiveCheck(Protocol):
+    """What holds estimates against the road database."""
+
+    def take(self, arrival: Arrival, estimates: Sequence[Estimate]) -> list[Said]:
+        """Take what has arrived, and the estimates that came of it; return verdicts that are new or changed."""
 
 
 class Sink(Protocol):
