@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any, NamedTuple
 
@@ -12,9 +11,7 @@ import numpy as np
 
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_from_geographic
-from geoloc.locate.combine import SIGMAS_95, ellipse
-
-_DECIMALS_DEG, _DECIMALS_M = 9, 4
+from twin.live.features import ellipse_of, point, rounded, utc
 
 
 class State(StrEnum):
@@ -80,23 +77,19 @@ class Estimate(NamedTuple):
     def feature(self) -> dict[str, Any]:
         """Return a GeoJSON feature: WGS84 as geometry, EPSG:25833 among the properties."""
         known = math.isfinite(self.latitude_deg)
-        geometry = {
-            "type": "Point",
-            "coordinates": [round(x, _DECIMALS_DEG) for x in (self.longitude_deg, self.latitude_deg)],
-        }
         return {
             "type": "Feature",
             "id": self.id,
-            "geometry": geometry if known else None,
+            "geometry": point(self.longitude_deg, self.latitude_deg) if known else None,
             "properties": {
                 "state": self.state.value,
                 "object": self.object,
                 "label": self.label,
                 "skiltnummer": self.skiltnummer,
                 "n_sightings": self.sightings,
-                "first_seen": _utc(self.first_seen_ns),
-                "last_seen": _utc(self.last_seen_ns),
-                "at": _utc(self.at_ns),
+                "first_seen": utc(self.first_seen_ns),
+                "last_seen": utc(self.last_seen_ns),
+                "at": utc(self.at_ns),
                 **(self._place() if known else {}),
             },
         }
@@ -109,28 +102,10 @@ class Estimate(NamedTuple):
         easting, northing = utm33_from_geographic(
             np.array([self.latitude_deg]), np.array([self.longitude_deg])
         )
-        major, minor, azimuth = (float(x) for x in ellipse(self.covariance_m2))
-        sigma_east, sigma_north = np.sqrt(np.diag(self.covariance_m2)).tolist()
-        values = {
-            "easting": float(easting[0]),
-            "northing": float(northing[0]),
-            "height_m": self.height_m,
-            "sigma_major_m": major,
-            "sigma_minor_m": minor,
-            "sigma_azimuth_deg": azimuth,
-            "major95_m": SIGMAS_95 * major,
-            "minor95_m": SIGMAS_95 * minor,
-            "sigma_east_m": sigma_east,
-            "sigma_north_m": sigma_north,
-            "sigma_height_m": self.sigma_height_m,
+        return {
+            "easting": rounded(float(easting[0])),
+            "northing": rounded(float(northing[0])),
+            "height_m": rounded(self.height_m),
+            **ellipse_of(self.covariance_m2),
+            "sigma_height_m": rounded(self.sigma_height_m),
         }
-        return {name: _rounded(value) for name, value in values.items()}
-
-
-def _rounded(value: float) -> float | None:
-    return round(value, _DECIMALS_M) if math.isfinite(value) else None
-
-
-def _utc(epoch_ns: int) -> str:
-    moment = datetime.fromtimestamp(epoch_ns // 1_000_000_000, tz=UTC)
-    return f"{moment:%Y-%m-%dT%H:%M:%S}.{epoch_ns // 1_000_000 % 1000:03d}Z"

@@ -85,7 +85,10 @@ class LiveCheck(Protocol):
     """What holds estimates against the road database."""
 
     def take(self, arrival: Arrival, estimates: Sequence[Estimate]) -> list[Said]:
-        """Take what has arrived, and the estimates that came of it; return verdicts that are new or changed."""
+        """Take what has arrived, and the estimates that came of it; return verdicts, new or changed."""
+
+    def finish(self, estimates: Sequence[Estimate]) -> list[Said]:
+        """End the drive, with the estimates that its end has made final; return the last verdicts."""
 
 
 class Sink(Protocol):

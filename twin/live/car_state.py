@@ -1,0 +1,191 @@
+"""The state of a car that drives: where it is, what delivers, what waits and what was lost on the way."""
+
+from __future__ import annotations
+
+import json
+import math
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from geoloc.earth.geodesy import utm33_from_geographic
+from geoloc.live.causal import Following
+from twin.live.features import ellipse_of, point, rounded, utc
+
+
+class Health(StrEnum):
+    """How what the car is fed with does."""
+
+    WAITING = "waiting"
+    """Nothing has come yet."""
+    FINE = "fine"
+    DEGRADED = "degraded"
+    """Fixes of a worse kind than before, or of some of the antennas alone."""
+    LOST = "lost"
+    """Nothing comes any more."""
+
+
+class Clock(StrEnum):
+    """Whose time stepped."""
+
+    HOST = "host"
+    GNSS = "gnss"
+    CAMERA = "camera"
+    MOTION = "motion"
+
+
+class ClockStep(NamedTuple):
+    """A clock that stepped by so many seconds; what it stamps is taken by the time that it had before."""
+
+    clock: Clock
+    name: str
+    """Of the antenna, the camera, the quantity; "" of the host."""
+    step_s: float
+
+
+class SinkState(NamedTuple):
+    """One sink: whether it takes nothing at the moment, how many lines it did not get, whether it is gone."""
+
+    name: str
+    blocked: bool
+    lost: int
+    ended: bool
+
+
+class SourceState(NamedTuple):
+    """One source: whether it delivers, and how many lines or messages of it could not be read."""
+
+    name: str
+    lost: bool
+    garbage: int
+
+
+class KeepState(NamedTuple):
+    """The file of what is final: whether it cannot be written now; how much waits, and was given up."""
+
+    name: str
+    failing: bool
+    waiting: int
+    lost: int
+
+
+class Where(NamedTuple):
+    """Pose of the rig's origin; NaN where nothing can be said."""
+
+    latitude_deg: float = math.nan
+    longitude_deg: float = math.nan
+    height_m: float = math.nan
+    heading_deg: float = math.nan
+    speed_mps: float = math.nan
+    sigma_m: float = math.nan
+    """One sigma a horizontal axis."""
+    sigma_heading_deg: float = math.nan
+
+
+class CarState(NamedTuple):
+    """All of it at one time.
+
+    Attributes
+    ----------
+    at_ns : int
+        By the host's clock, UTC.
+    where : Where
+    position : Following
+    gnss : Health
+    cameras : tuple of (name, Health)
+        Those that have delivered so far.
+    queue : int
+        What has arrived and waits for the engine.
+    frames_dropped, others_dropped : int
+        So far, as the engine did not follow: frames, and other arrivals.
+    sources : tuple of SourceState
+    sinks : tuple of SinkState
+    keep : KeepState or None
+    steps : int
+        How often a clock stepped.
+    last_step : ClockStep or None
+    refused : int
+        Frames of cameras that the car does not have, and detections without a pixel.
+    faults : int
+        Arrivals at which twin itself failed; they were left out.
+    """
+
+    at_ns: int
+    where: Where = Where()
+    position: Following = Following.WAITING
+    gnss: Health = Health.WAITING
+    cameras: tuple[tuple[str, Health], ...] = ()
+    queue: int = 0
+    frames_dropped: int = 0
+    others_dropped: int = 0
+    sources: tuple[SourceState, ...] = ()
+    sinks: tuple[SinkState, ...] = ()
+    keep: KeepState | None = None
+    steps: int = 0
+    last_step: ClockStep | None = None
+    refused: int = 0
+    faults: int = 0
+
+    @property
+    def id(self) -> str:
+        """What it is about."""
+        return "car"
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it is kept: the next one replaces it."""
+        return False
+
+    def feature(self) -> dict[str, Any]:
+        """Return a GeoJSON feature at the car's place, or without one."""
+        where = self.where
+        known = math.isfinite(where.latitude_deg)
+        return {
+            "type": "Feature",
+            "id": self.id,
+            "geometry": point(where.longitude_deg, where.latitude_deg) if known else None,
+            "properties": {
+                "at": utc(self.at_ns),
+                "position": self.position.value,
+                "gnss": self.gnss.value,
+                "cameras": {name: health.value for name, health in self.cameras},
+                "queue": self.queue,
+                "frames_dropped": self.frames_dropped,
+                "others_dropped": self.others_dropped,
+                "refused": self.refused,
+                "sources": {one.name: {"lost": one.lost, "garbage": one.garbage} for one in self.sources},
+                "sinks": {
+                    one.name: {"blocked": one.blocked, "lines_lost": one.lost, "ended": one.ended}
+                    for one in self.sinks
+                },
+                "keep": None
+                if self.keep is None
+                else {"failing": self.keep.failing, "waiting": self.keep.waiting, "lost": self.keep.lost},
+                "clock_steps": self.steps,
+                "faults": self.faults,
+                **(self._place() if known else {}),
+            },
+        }
+
+    def line(self) -> str:
+        """Return the feature as one line of JSON."""
+        return json.dumps(self.feature(), ensure_ascii=False, allow_nan=False)
+
+    def _place(self) -> dict[str, float | None]:
+        where = self.where
+        easting, northing = utm33_from_geographic(
+            np.array([where.latitude_deg]), np.array([where.longitude_deg])
+        )
+        own = {
+            "easting": float(easting[0]),
+            "northing": float(northing[0]),
+            "height_m": where.height_m,
+            "heading_deg": where.heading_deg,
+            "sigma_heading_deg": where.sigma_heading_deg,
+            "speed_mps": where.speed_mps,
+        }
+        return {
+            **{name: rounded(value) for name, value in own.items()},
+            **ellipse_of(where.sigma_m**2 * np.eye(2)),
+        }

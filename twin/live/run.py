@@ -1,0 +1,281 @@
+"""A drive that goes on: sources feed one engine through one bounded queue, sinks and a file get what it says.
+
+Each source and each sink has its own thread, and one thread runs the engine, so that nothing that blocks
+holds up the rest. The engine and all that is said follow from the stamps of what arrives. A recorded drive
+goes the same way, with one difference: it waits where a queue is full, so that nothing of it is left out and
+its estimates are the same however fast it is played.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from threading import Event, Lock, Thread
+
+from geoloc.trajectory.interpolation import NANOSECONDS
+from twin.live.car_state import CarState
+from twin.live.clocks import Clocks
+from twin.live.engine import LiveEngine
+from twin.live.estimates import Estimate, State
+from twin.live.events import Arrival, Frame, MotionSample
+from twin.live.keep import Keeper
+from twin.live.lanes import Lanes
+from twin.live.notices import Notice, Quieted, notices
+from twin.live.outlets import Outlet
+from twin.live.ports import LiveCheck, Said, Sink, Source, Trouble, TroubleKind
+from twin.live.watch import Watch
+
+_TICK_S = 0.25
+_FIXES, _MOTION, _FRAMES = range(3)
+_FAULTS_LOGGED = 20
+_log = logging.getLogger("twin.live")
+
+
+@dataclass(frozen=True, slots=True)
+class RunSettings:
+    """How a drive is run.
+
+    Attributes
+    ----------
+    waits : bool
+        Of a recorded drive: it waits where a queue is full, and time is that of its stamps alone.
+    queue : int
+        What waits for the engine at most: 1,000 are four seconds of three cameras at 30 frames and fixes.
+    lines : int
+        What waits for a sink at most.
+    state_every_s : float
+        The car's state is said so often, and at once when it changes.
+    backlog_s : float
+        How long what waits is still worked out after the end was asked for.
+    flush_s : float
+        How long sinks may then take for what waits for them.
+    """
+
+    waits: bool = False
+    queue: int = 1000
+    lines: int = 2000
+    state_every_s: float = 1.0
+    backlog_s: float = 2.0
+    flush_s: float = 2.0
+
+
+class LiveRun:
+    """One drive, from its first arrival until its sources end or it is stopped.
+
+    Parameters
+    ----------
+    engine : LiveEngine
+    sources : sequence of Source
+    sinks : sequence of Sink
+    keeper : Keeper, optional
+        Gets what is final.
+    check : LiveCheck, optional
+    tell : callable, optional
+        Gets what has happened, from a thread of the run.
+    settings : RunSettings
+
+    Attributes
+    ----------
+    final, lost : int
+        Objects so far that got a position, and that did not.
+    last : CarState
+        How things were when that was last looked at.
+    whole : bool
+        Whether all that was final went into the file; True without one.
+    """
+
+    def __init__(
+        self,
+        engine: LiveEngine,
+        sources: Sequence[Source],
+        sinks: Sequence[Sink],
+        *,
+        keeper: Keeper | None = None,
+        check: LiveCheck | None = None,
+        tell: Callable[[Notice], None] | None = None,
+        settings: RunSettings | None = None,
+    ) -> None:
+        self.engine, self.settings = engine, settings or RunSettings()
+        self.final = self.lost = 0
+        self.whole = True
+        self.last = CarState(0)
+        self._sources, self._keeper, self._check, self._tell = sources, keeper, check, tell
+        self._queue: Lanes[Arrival | Trouble] = Lanes(3, self.settings.queue)
+        waits, lines = self.settings.waits, self.settings.lines
+        self._outlets = [Outlet(sink, waits=waits, most=lines) for sink in sinks]
+        self._watch, self._clocks, self._quieted = Watch(engine.car.antennas), Clocks(), Quieted()
+        self._now_ns = self._looked_ns = self._said_ns = 0
+        self._faults = 0
+        self._feeding = len(sources)
+        self._lock = Lock()
+        self._ended = Event()
+        self._stop_s: float | None = None
+        self._error: BaseException | None = None
+
+    def start(self) -> None:
+        """Begin, each source and the engine in a thread of its own."""
+        for source in self._sources:
+            Thread(target=self._feed, args=(source,), name=f"source {source.name}", daemon=True).start()
+        if not self._sources:
+            self._queue.close()
+        Thread(target=self._work, name="engine", daemon=True).start()
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait until all has ended; return whether it has.
+
+        Raises
+        ------
+        BaseException
+            What the engine's thread died of: a fault in twin.
+        """
+        ended = self._ended.wait(timeout_s)
+        if ended and self._error is not None:
+            raise self._error
+        return ended
+
+    def stop(self) -> None:
+        """Ask for the end: what is open becomes final, is written and handed on, within five seconds."""
+        self._stop_s = time.monotonic() + self.settings.backlog_s
+        for outlet in self._outlets:
+            outlet.hurry()
+        # Of a recorded drive the rest is as far away as its end.
+        self._queue.close(forget=self.settings.waits)
+        for source in self._sources:
+            source.close()
+
+    def _feed(self, source: Source) -> None:
+        try:
+            for one in source.arrivals():
+                if not self._queue.put(one, _lane(one), waits=self.settings.waits):
+                    break
+        except Exception:
+            _log.exception("%s", source.name)
+            self._queue.put(Trouble(time.time_ns(), source.name, TroubleKind.LOST), _FIXES)
+        finally:
+            with self._lock:
+                self._feeding -= 1
+                if not self._feeding:
+                    self._queue.close()
+
+    def _work(self) -> None:
+        try:
+            self._take_all()
+            self._finish()
+        except BaseException as error:
+            # The thread that waits raises it.
+            self._error = error
+        finally:
+            self._ended.set()
+
+    def _take_all(self) -> None:
+        heard_s = time.monotonic()
+        # A recorded drive has no time but that of its stamps.
+        tick_s = None if self.settings.waits else _TICK_S
+        while self._stop_s is None or time.monotonic() < self._stop_s:
+            one = self._queue.get(tick_s)
+            if one is None:
+                if self._queue.is_closed:
+                    return
+                silent_ns = round((time.monotonic() - heard_s) * NANOSECONDS)
+                self._look(self._now_ns + silent_ns if self._now_ns else 0)
+                continue
+            heard_s = time.monotonic()
+            if isinstance(one, Trouble):
+                self._watch.trouble(one)
+                self._look(self._now_ns)
+                continue
+            for arrival in self._clocks.steadied(one):
+                self._take(arrival)
+
+    def _take(self, arrival: Arrival) -> None:
+        """Hand one arrival to the engine; a fault of twin costs that arrival, not the drive."""
+        self._now_ns = max(self._now_ns, arrival.at_ns)
+        arrival = self._possible(arrival)
+        try:
+            estimates = self.engine.feed(arrival)
+            self._say_all(estimates)
+            if self._check is not None:
+                self._say_all(self._check.take(arrival, estimates))
+        except Exception:
+            self._faults += 1
+            if self._faults <= _FAULTS_LOGGED:
+                _log.exception("%s", type(arrival.what).__name__)
+        self._watch.take(arrival)
+        if self._now_ns - self._looked_ns >= _TICK_S * NANOSECONDS:
+            self._look(self._now_ns)
+
+    def _possible(self, arrival: Arrival) -> Arrival:
+        """Leave out of a frame what no camera of the car can have seen."""
+        frame = arrival.what
+        if not isinstance(frame, Frame):
+            return arrival
+        found = tuple(one for one in frame.detections if all(map(math.isfinite, one.pixel_px)))
+        if frame.camera not in self.engine.car.rig.cameras:
+            found = ()
+        if len(found) == len(frame.detections):
+            return arrival
+        self._watch.refused += len(frame.detections) - len(found)
+        return arrival._replace(what=frame._replace(detections=found))
+
+    def _say_all(self, said: Iterable[Said]) -> None:
+        for one in said:
+            if isinstance(one, Estimate) and one.lasts:
+                self.final += one.state is State.FINAL
+                self.lost += one.state is State.LOST
+            if one.lasts and self._keeper is not None:
+                self._keeper.keep(one)
+            for outlet in self._outlets:
+                outlet.say(one)
+
+    def _look(self, now_ns: int) -> None:
+        """Say the car's state where it has changed, or was not said for a while."""
+        now = self._state(now_ns)
+        found = list(self._quieted.let_through(notices(self.last, now), now_ns))
+        for notice in found:
+            if self._tell is not None:
+                self._tell(notice)
+        since_ns = abs(now_ns - self._said_ns)
+        if found or since_ns >= self.settings.state_every_s * NANOSECONDS:
+            self._said_ns = now_ns
+            self._say_all([now])
+        self.last, self._looked_ns = now, now_ns
+
+    def _state(self, now_ns: int) -> CarState:
+        return self._watch.state(now_ns, self.engine)._replace(
+            queue=len(self._queue),
+            frames_dropped=self._queue.lost[_FRAMES],
+            others_dropped=self._queue.lost[_MOTION] + self._queue.lost[_FIXES],
+            sinks=tuple(outlet.state for outlet in self._outlets),
+            keep=None if self._keeper is None else self._keeper.state,
+            steps=self._clocks.steps,
+            last_step=self._clocks.last,
+            faults=self._faults,
+        )
+
+    def _finish(self) -> None:
+        """End the drive: all that is open becomes final, goes into the file, and to the sinks."""
+        for arrival in self._clocks.rest():
+            self._take(arrival)
+        estimates = self.engine.finish()
+        self._say_all(estimates)
+        if self._check is not None and self._now_ns:
+            self._say_all(self._check.finish(estimates))
+        self._look(self._now_ns)
+        until_s = time.monotonic() + self.settings.flush_s
+        if self._keeper is not None:
+            self.whole = self._keeper.close(self.settings.flush_s)
+        for outlet in self._outlets:
+            left_s = None if self.settings.waits and self._stop_s is None else until_s - time.monotonic()
+            outlet.close(left_s if left_s is None else max(left_s, 0.1))
+        self.last = self._state(self._now_ns)
+
+
+def _lane(one: Arrival | Trouble) -> int:
+    if isinstance(one, Trouble):
+        return _FIXES
+    if isinstance(one.what, Frame):
+        return _FRAMES
+    return _MOTION if isinstance(one.what, MotionSample) else _FIXES
