@@ -7,7 +7,8 @@ same, under the address or, by DNS rebinding, under a name of its own that leads
 - the cookie of a browser that has shown the token of the URL printed at the start,
 - no ``Origin`` but this server's, and one at all where it changes something (against forged requests).
 
-No answer carries a CORS header, so no other origin reads any.
+No answer carries a CORS header, so no other origin reads any. A WebSocket needs the same, of a page with its
+``Origin``; a program, which has none, shows the token in the address.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 from starlette.datastructures import MutableHeaders
-from starlette.requests import Request
+from starlette.requests import HTTPConnection, Request
 from starlette.responses import RedirectResponse, Response
 
 from twin.web.messages import refusal
@@ -133,8 +134,10 @@ class Guard:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, or hand on to the routes with the session in the request's state."""
+        if scope["type"] == "websocket":
+            await self._websocket(scope, receive, send)
+            return
         if scope["type"] != "http":
-            # No page of twin speaks WebSocket.
             return
         request = Request(scope)
         answered = self._refused(request) or self._token_shown(request)
@@ -146,6 +149,20 @@ class Guard:
                 scope.setdefault("state", {})["session"] = session
         app = self._app if answered is None else answered
         await app(scope, _limited(receive), self._with_headers(send))
+
+    async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Let a browser's own page listen that has the cookie, or a program that shows the token."""
+        asked = HTTPConnection(scope)
+        origin = asked.headers.get("origin")
+        session = self._sessions.get(asked.cookies.get(self._cookie))
+        # Browsers always say whose page asks, and no stranger's page knows the token.
+        is_program = origin is None and self._sessions.is_token(asked.query_params.get("token", ""))
+        is_own_page = origin in self._address.origins and session is not None
+        if asked.headers.get("host", "") in self._address.hosts and (is_program or is_own_page):
+            scope.setdefault("state", {})["session"] = session
+            await self._app(scope, receive, send)
+        else:
+            await send({"type": "websocket.close", "code": 1008})
 
     def _refused(self, request: Request) -> Response | None:
         headers = request.headers

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
 LOOPBACK = "127.0.0.1"
+_LONGEST_MESSAGE = 4096
+"""What a page may say over WebSocket: pages of twin listen."""
 _PATIENCE_S = 2
 """How long answers under way may take after Ctrl-C."""
 
@@ -87,8 +89,15 @@ def serve(app: ASGIApp, listener: socket.socket, *, ready: Callable[[], None]) -
             return
 
 
-def server_of(app: ASGIApp) -> uvicorn.Server:
-    """Make the server that :func:`serve` runs: it says little, and trusts no header about who asks."""
+def server_of(app: ASGIApp, *, websockets: bool = False) -> uvicorn.Server:
+    """Make the server that :func:`serve` runs: it says little, and trusts no header about who asks.
+
+    Parameters
+    ----------
+    app : ASGIApp
+    websockets : bool
+        Whether it speaks WebSocket, by the library of that name.
+    """
     import uvicorn
 
     config = uvicorn.Config(
@@ -98,7 +107,8 @@ def server_of(app: ASGIApp) -> uvicorn.Server:
         server_header=False,
         proxy_headers=False,
         lifespan="off",
-        ws="none",
+        ws="websockets-sansio" if websockets else "none",
+        ws_max_size=_LONGEST_MESSAGE,
         timeout_graceful_shutdown=_PATIENCE_S,
     )
     return uvicorn.Server(config)

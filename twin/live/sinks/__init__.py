@@ -1,5 +1,10 @@
-"""Where what is said of a drive goes: lines on a stream, an MQTT broker, pages in browsers."""
+"""Where what is said of a drive goes.
+
+- :class:`Lines`: a stream, usually standard output
+- :class:`Pages`: pages in browsers, over WebSocket
+"""
 
 from twin.live.sinks.lines import Lines
+from twin.live.sinks.pages import Pages
 
-__all__ = ["Lines"]
+__all__ = ["Lines", "Pages"]
