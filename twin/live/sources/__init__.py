@@ -1,0 +1,9 @@
+"""Where a live drive's data come from: one address, one source.
+
+- :func:`open_source`: an address → a `twin.live.ports.Source`
+- :class:`Gives`: what an address is asked for, fixes or detections
+"""
+
+from twin.live.sources.open import Gives, open_source
+
+__all__ = ["Gives", "open_source"]
