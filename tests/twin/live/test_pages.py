@@ -7,23 +7,15 @@ import time
 from collections.abc import Iterator
 from http.client import HTTPConnection
 
-import numpy as np
 import pytest
+from live_lines import estimate
 from websockets.exceptions import ConnectionClosedOK, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from twin.live.car_state import CarState
-from twin.live.estimates import Estimate, State
+from twin.live.estimates import State
 from twin.live.sinks import Pages
 from twin.web import listening
-
-
-def said(name: str, state: State, sigma_m: float = 1.0, label: str = "") -> Estimate:
-    """An estimate of an object somewhere in Trondheim."""
-    covariance = sigma_m**2 * np.eye(2)
-    return Estimate(
-        name, None, label, "", "", state, 63.41, 10.45, 100.0, covariance, 0.1, 3, 10**18, 10**18, 10**18
-    )
 
 
 @pytest.fixture
@@ -59,15 +51,15 @@ def heard(client: ClientConnection, n: int) -> list[tuple[str, str]]:
 def test_who_comes_later_hears_what_holds_and_then_what_changes(pages: Pages) -> None:
     """One line each: what was replaced is not told again."""
     for one in (
-        said("P1", State.FIRST),
+        estimate("P1", State.FIRST),
         CarState(10**18),
-        said("P2", State.FIRST),
-        said("P1", State.FINAL),
+        estimate("P2", State.FIRST),
+        estimate("P1", State.FINAL),
     ):
         pages.write(one)
     with connect(address(pages)) as client:
         assert heard(client, 3) == [("car", ""), ("P2", "first"), ("P1", "final")]
-        pages.write(said("P2", State.REFINED))
+        pages.write(estimate("P2", State.REFINED))
         assert heard(client, 1) == [("P2", "refined")]
 
 
@@ -76,7 +68,7 @@ def test_strangers_hear_nothing(pages: Pages) -> None:
     mine = cookie(pages)
     own = {"origin": pages.name, "additional_headers": {"Cookie": mine}}
     with connect(address(pages, token=False), **own) as client:
-        pages.write(said("P1", State.FIRST))
+        pages.write(estimate("P1", State.FIRST))
         assert heard(client, 1) == [("P1", "first")]
     strangers = (
         {},
@@ -98,9 +90,9 @@ def test_a_browser_that_reads_nothing_holds_up_nobody(pages: Pages) -> None:
     with connect(address(pages), max_queue=1) as stuck, connect(address(pages)) as other:
         began_s = time.monotonic()
         for i in range(20_000):
-            pages.write(said("P1", State.REFINED, label="x" * 2000))
+            pages.write(estimate("P1", State.REFINED, label="x" * 2000))
             if i % 2000 == 0:
-                pages.write(said(f"F{i}", State.FINAL))
+                pages.write(estimate(f"F{i}", State.FINAL))
                 while heard(other, 1) != [(f"F{i}", "final")]:
                     pass
         assert time.monotonic() - began_s < 60.0
@@ -111,7 +103,7 @@ def test_a_browser_that_reads_nothing_holds_up_nobody(pages: Pages) -> None:
 def test_the_end_is_told(pages: Pages) -> None:
     """What was said last arrives before the server closes."""
     with connect(address(pages)) as client:
-        pages.write(said("P1", State.FINAL))
+        pages.write(estimate("P1", State.FINAL))
         pages.close()
         assert heard(client, 1) == [("P1", "final")]
         with pytest.raises(ConnectionClosedOK):
