@@ -101,16 +101,18 @@ class _Passed:
     skiltnummer: str = ""
     text: str = ""
     sightings: int = 0
+    cameras: set[str] = field(default_factory=set)
     first_ns: int = 0
     last_ns: int = 0
     estimate: Estimate | None = None
 
-    def take(self, seen: Detection, epoch_ns: int) -> None:
+    def take(self, seen: Detection, camera: str, epoch_ns: int) -> None:
         self.label, self.skiltnummer = self.label or seen.label, self.skiltnummer or seen.skiltnummer
         self.text = self.text or seen.text
         self.first_ns = min(self.first_ns, epoch_ns) if self.sightings else epoch_ns
         self.last_ns = max(self.last_ns, epoch_ns)
         self.sightings += 1
+        self.cameras.add(camera)
 
 
 class _Job(NamedTuple):
@@ -175,6 +177,11 @@ class LiveEngine:
     def following(self) -> Following:
         """How well the car is followed now."""
         return self._track.following(self._now_ns)
+
+    @property
+    def without_place(self) -> list[tuple[int, int]]:
+        """When each object in the window that has no estimate yet was seen, first and last."""
+        return [(one.first_ns, one.last_ns) for one in self._open.values() if one.estimate is None]
 
     def pose(self, epoch_ns: int) -> Poses | None:
         """Pose of the rig at an epoch, up to a moment ahead of now; None where nothing can be said."""
@@ -263,7 +270,7 @@ class LiveEngine:
                 self.unfollowed += 1
                 continue
             passed = self._passed(seen, name)
-            passed.take(seen, frame.epoch_ns)
+            passed.take(seen, frame.camera, frame.epoch_ns)
             self.sightings += 1
             self._landmarks.add(
                 Sighting(passed.number, frame.camera, frame.epoch_ns, seen.pixel_px, seen.kind, seen.size_px)
@@ -367,6 +374,7 @@ class LiveEngine:
             covariance_m2=covariance_m2,
             sigma_height_m=sigma_height_m,
             sightings=passed.sightings,
+            cameras=tuple(sorted(passed.cameras)),
             first_seen_ns=passed.first_ns,
             last_seen_ns=passed.last_ns,
             at_ns=self._now_ns,

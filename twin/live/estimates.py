@@ -47,6 +47,8 @@ class Estimate(NamedTuple):
     sigma_height_m : float
         NaN from one frame.
     sightings : int
+    cameras : tuple of str
+        Those that saw it, in the order of their names.
     first_seen_ns, last_seen_ns : int
         UTC of exposures.
     at_ns : int
@@ -65,6 +67,7 @@ class Estimate(NamedTuple):
     covariance_m2: FloatArray
     sigma_height_m: float
     sightings: int
+    cameras: tuple[str, ...]
     first_seen_ns: int
     last_seen_ns: int
     at_ns: int
@@ -87,6 +90,7 @@ class Estimate(NamedTuple):
                 "label": self.label,
                 "skiltnummer": self.skiltnummer,
                 "n_sightings": self.sightings,
+                "cameras": list(self.cameras),
                 "first_seen": utc(self.first_seen_ns),
                 "last_seen": utc(self.last_seen_ns),
                 "at": utc(self.at_ns),

@@ -1,0 +1,189 @@
+"""Live estimates as poles, put together by the rules that a match has for the objects of one drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import (
+    grid_convergence_deg,
+    utm33_covariance_from_enu,
+    utm33_from_geographic,
+)
+from twin.live.estimates import Estimate, State
+from twin.matching.config import MatchConfig
+from twin.matching.poles.poles import ObservedPole, observed_poles
+from twin.matching.poles.same_pole import each_pole_once, may_be_one
+from twin.store.records import Estimate as Measured
+from twin.store.records import split_codes
+
+DRIVE = "live"
+"""What matching calls the drive that goes on."""
+_STEP_DEG = 30.0
+_TRACK_EVERY_M = 2.0
+
+
+class Pole(NamedTuple):
+    """A pole as it is known now.
+
+    Attributes
+    ----------
+    id : str
+        That of its object that was seen first.
+    seen : ObservedPole
+    covariance_m2 : float64 (2, 2)
+        East and true north.
+    of_one_frame : bool
+        Whether its place is what one frame alone says.
+    is_final : bool
+        Whether all its objects have left the window.
+    """
+
+    id: str
+    seen: ObservedPole
+    covariance_m2: FloatArray
+    of_one_frame: bool
+    is_final: bool
+
+
+class _Placed(NamedTuple):
+    said: Estimate
+    measured: Measured
+
+
+class Poles:
+    """The objects that the engine has located so far, near the car.
+
+    Parameters
+    ----------
+    config : MatchConfig
+    """
+
+    def __init__(self, config: MatchConfig) -> None:
+        self._config = config
+        self._placed: dict[str, _Placed] = {}
+        self._lost: list[tuple[int, int]] = []
+        # Epoch, easting and northing of the car.
+        self._track: list[tuple[int, float, float]] = []
+
+    def drive(self, epoch_ns: int, place_m: FloatArray) -> None:
+        """Tell where the car is, EPSG:25833: it is from there that poles are seen."""
+        east_m, north_m = place_m.tolist()
+        if not self._track or np.hypot(*(place_m - self._track[-1][1:])) > _TRACK_EVERY_M:
+            self._track.append((epoch_ns, east_m, north_m))
+
+    def take(self, estimates: Iterable[Estimate]) -> FloatArray:
+        """Take estimates; return where they stand, and stood until now: EPSG:25833 and reach (n, 3)."""
+        touched: list[tuple[float, float, float]] = []
+        for said in estimates:
+            if said.state is State.LOST:
+                self._lost.append((said.first_seen_ns, said.last_seen_ns))
+                continue
+            before, placed = self._placed.get(said.id), _placed(said)
+            self._placed[said.id] = placed
+            touched += [_about(one.measured) for one in (before, placed) if one is not None]
+        return np.array(touched, dtype=np.float64).reshape(-1, 3)
+
+    def near(self, places_m: FloatArray, reach_m: float) -> list[Pole]:
+        """Return the poles within so far of any of some places (n, 2)."""
+        rows = list(self._placed.values())
+        if not rows or not len(places_m):
+            return []
+        stand = np.array([(one.measured.east_m, one.measured.north_m) for one in rows])
+        away = np.hypot(*np.moveaxis(stand[:, None] - places_m, -1, 0)).min(axis=1)
+        return self._together([rows[k] for k in np.flatnonzero(away <= reach_m).tolist()])
+
+    def was_lost(self, begin_ns: int, end_ns: int) -> bool:
+        """Whether an object was seen in that time that never got a position: it may have been any sign."""
+        return any(begin <= end_ns and end >= begin_ns for begin, end in self._lost)
+
+    def forget(self, place_m: FloatArray, beyond_m: float) -> None:
+        """Forget what stands so far from a place, and from where it was seen."""
+        for name, one in list(self._placed.items()):
+            stands = one.measured.east_m - place_m[0], one.measured.north_m - place_m[1]
+            if np.hypot(*stands) > beyond_m and one.said.state is State.FINAL:
+                del self._placed[name]
+        self._track = [one for one in self._track if np.hypot(*(place_m - one[1:])) <= 2 * beyond_m]
+        if self._track:
+            self._lost = [one for one in self._lost if one[1] >= self._track[0][0]]
+
+    def _together(self, placed: Sequence[_Placed]) -> list[Pole]:
+        said = {one.measured.member: one.said for one in placed}
+        seen_from = {one.measured.member: self._seen_from(one) for one in placed}
+        # What one frame says is joined with nothing: metres along its sight lie other poles.
+        first = [one.measured for one in placed if one.said.state is State.FIRST]
+        sure = [one.measured for one in placed if one.said.state is not State.FIRST]
+        poles = observed_poles(_once(sure, self._config), [DRIVE], self._config, seen_from)
+        for one in first:
+            poles += observed_poles([one], [DRIVE], self._config, seen_from)
+        return [_pole(pole, [said[member] for member in pole.members]) for pole in poles]
+
+    def _seen_from(self, one: _Placed) -> frozenset[float]:
+        """From which directions it was seen: where the car was then, in steps of 30° from true north."""
+        first, last = one.said.first_seen_ns, one.said.last_seen_ns
+        eyes = np.array([place for at, *place in self._track if first <= at <= last]).reshape(-1, 2)
+        east, north = (eyes - (one.measured.east_m, one.measured.north_m)).T
+        turn = float(grid_convergence_deg([one.said.latitude_deg], [one.said.longitude_deg])[0])
+        azimuth = np.round((np.rad2deg(np.arctan2(east, north)) + turn) / _STEP_DEG) * _STEP_DEG % 360.0
+        return frozenset(azimuth.tolist())
+
+
+def _pole(seen: ObservedPole, said: Sequence[Estimate]) -> Pole:
+    best = min(said, key=lambda one: float(np.trace(one.covariance_m2)))
+    return Pole(
+        id=min(said, key=lambda one: (one.first_seen_ns, one.id)).id,
+        seen=seen,
+        covariance_m2=best.covariance_m2,
+        of_one_frame=best.state is State.FIRST,
+        is_final=all(one.state is State.FINAL for one in said),
+    )
+
+
+def _placed(said: Estimate) -> _Placed:
+    latitude, longitude = np.array([said.latitude_deg]), np.array([said.longitude_deg])
+    east, north = utm33_from_geographic(latitude, longitude)
+    (ee, en), (_, nn) = utm33_covariance_from_enu(said.covariance_m2, latitude, longitude)[0].tolist()
+    measured = Measured(
+        drive_id=DRIVE,
+        object=said.id,
+        codes=split_codes(said.skiltnummer),
+        east_m=float(east[0]),
+        north_m=float(north[0]),
+        covariance_m2=(ee, en, nn),
+        cameras=said.cameras,
+        n_sightings=said.sightings,
+        first_ns=said.first_seen_ns,
+        last_ns=said.last_seen_ns,
+        text=said.text or None,
+    )
+    return _Placed(said, measured)
+
+
+def _about(one: Measured) -> tuple[float, float, float]:
+    """Where it stands, and how far from there a sign of NVDB may be it."""
+    return one.east_m, one.north_m, _GATE_SIGMAS * float(np.sqrt(one.covariance_m2[0] + one.covariance_m2[2]))
+
+
+_GATE_SIGMAS = 4.0
+
+
+def _once(rows: Sequence[Measured], config: MatchConfig) -> list[Measured]:
+    """Join objects that are one pole.
+
+    No picture may show both. Which pictures show an object is not kept; two that were never in view at the
+    same time were in no picture together, and others are taken for two.
+    """
+    pairs = may_be_one(rows, config) if len(rows) > 1 else []
+    names = {member for pair in pairs for member in pair}
+    some = [one for one in rows if one.member in names]
+    pictures = {one.member: {(one.member, 0, "")} for one in some}
+    for k, one in enumerate(some):
+        for other in some[:k]:
+            if one.first_ns <= other.last_ns and other.first_ns <= one.last_ns:
+                both = (f"{one.member} {other.member}", 0, "")
+                pictures[one.member].add(both)
+                pictures[other.member].add(both)
+    return each_pole_once(rows, pairs, {name: frozenset(shown) for name, shown in pictures.items()})
