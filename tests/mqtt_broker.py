@@ -1,4 +1,4 @@
-"""An MQTT broker for tests: MQTT 3.1.1 over a socket, as far as publishers and listeners of one topic need it."""
+"""An MQTT broker for tests: MQTT 3.1.1, as far as publishers and listeners of one topic need it."""
 
 from __future__ import annotations
 

@@ -3,28 +3,103 @@
 from __future__ import annotations
 
 import sys
-from collections import Counter
-from collections.abc import Iterable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from twin.cli.endings import ended_in_order
+from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, steps, warn
+from twin.errors import ConfigError, FileError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin.live import LiveEngine
+    from twin.live.check import LiveCheck
+    from twin.live.notices import Notice
+    from twin.live.ports import Sink, Source
+    from twin.live.run import LiveRun
+    from twin.store.address import StoreAddress
 
 app = typer.Typer()
 
 _FASTEST = "max"
+_KEEP = "live.gpkg"
+_LOOK_S = 0.1
+_EXAMPLE = "twin live --replay path/to/trip --speed max > live.geojsonl"
 
 
-@app.command("live", epilog="Example: twin live --replay path/to/trip --speed max > live.geojsonl")
+@app.command("live", epilog=f"Example: {_EXAMPLE}")
 def live(
     replay: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             help="Play a recorded drive, as if it went on now.", metavar="DRIVE", show_default=False
         ),
-    ],
+    ] = None,
+    gnss: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Where fixes come from: serial, TCP, UDP, gpsd, MQTT (twin help live); several times for"
+            " several antennas.",
+            metavar="URL",
+            show_default=False,
+        ),
+    ] = None,
+    detections: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Where detections come from: JSON lines over TCP, UDP, MQTT, or - for standard input.",
+            metavar="URL",
+            show_default=False,
+        ),
+    ] = None,
+    car: Annotated[
+        Path | None,
+        typer.Option(
+            help="The car: a folder with drive.toml and rig, as a drive's.",
+            metavar="FOLDER",
+            show_default=False,
+        ),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            help="Record all that arrives into this new folder, which twin ingest-drive reads.",
+            metavar="FOLDER",
+            show_default=False,
+        ),
+    ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            help="Add what is final to this GeoPackage, every second.  [default: live.gpkg beside the"
+            " recording, if there is one]",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ] = None,
+    to: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Send the lines to an MQTT broker too: mqtt://HOST/TOPIC.", metavar="URL", show_default=False
+        ),
+    ] = None,
+    serve: Annotated[
+        str | None,
+        typer.Option(
+            help="Show the drive on a map in browsers. Any host but 127.0.0.1 lets other machines in.",
+            metavar="HOST:PORT",
+            show_default=False,
+        ),
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check/--no-check", help="Hold what is seen against NVDB's signs in the store.")
+    ] = False,
+    store: StoreOption = DEFAULT_STORE,
     speed: Annotated[
         str,
         typer.Option(
@@ -34,37 +109,145 @@ def live(
     ] = "1",
     every: Annotated[
         bool,
-        typer.Option("--every/--final", help="Every estimate as it changes, or only those that are final."),
+        typer.Option(
+            "--every/--final",
+            help="On stdout every estimate as it changes, and how the car does, or final estimates alone.",
+        ),
     ] = True,
 ) -> None:
     """Locate signs as they are seen: one GeoJSON feature a line on stdout, with its error ellipse.
 
     An object is located from the first frame that shows it, refined while it is in view, and final when it
-    has been out of view for a few seconds: the property state says which. More: twin help live.
+    has been out of view for a few seconds: the property state says which. Ctrl-C ends it in order: what is
+    open becomes final. More: twin help live.
     """
+    with ExitStack() as stack:
+        if replay is not None:
+            if gnss or detections or car is not None or record is not None:
+                raise ConfigError(
+                    "--replay plays a recorded drive: leave out --gnss, --detections, --car, --record."
+                )
+            drive = _replayed(replay, speed)
+        else:
+            drive = _connected(stack, gnss or [], detections or [], car, record)
+        checked = _check(stack, store, drive) if check else None
+        sinks = _sinks(to or [], serve, final=not every)
+        kept = keep or (None if record is None else record / _KEEP)
+        _run(drive, sinks, kept, checked)
+
+
+class _Drive(NamedTuple):
+    """What is run: an engine that nothing has been fed to, and what feeds it."""
+
+    name: str
+    engine: LiveEngine
+    sources: Sequence[Source]
+    is_recorded: bool
+    is_complete: bool
+    """Whether frames come with every sign that they show."""
+
+
+def _replayed(path: Path, speed: str) -> _Drive:
     from twin.drives.read import read_drive
-    from twin.live import Estimate, LiveEngine, State, arrivals_of, car_of, played
+    from twin.live import LiveEngine, Replay, car_of
 
     factor = _factor(speed)
     with steps(quiet=False) as say:
-        drive = read_drive(replay, progress=say)
+        drive = read_drive(path, progress=say)
     for warning in drive.warnings:
         warn(str(warning))
     engine = LiveEngine(car_of(drive))
-    ended: Counter[State] = Counter()
+    return _Drive(str(path), engine, [Replay(drive, factor)], True, drive.annotations_complete)
 
-    def say_all(estimates: Iterable[Estimate]) -> None:
-        for estimate in estimates:
-            ended[estimate.state] += 1
-            if every or estimate.state is State.FINAL:
-                sys.stdout.write(estimate.line() + "\n")
-        sys.stdout.flush()
 
-    for arrival in played(arrivals_of(drive), factor):
-        say_all(engine.feed(arrival))
-    say_all(engine.finish())
-    lost = f"; {ended[State.LOST]} objects got no position" if ended[State.LOST] else ""
-    note(f"{engine.frames} frames, {engine.sightings} sightings, {ended[State.FINAL]} objects located{lost}.")
+def _connected(
+    stack: ExitStack, gnss: Sequence[str], detections: Sequence[str], car: Path | None, record: Path | None
+) -> _Drive:
+    from twin.live import LiveEngine
+    from twin.live.car import antennas_of, read_car
+    from twin.live.recorder import Recorder
+    from twin.live.sources import Gives, open_source
+
+    if not gnss or car is None:
+        raise ConfigError(
+            "twin live needs a drive: a recorded one (--replay DRIVE), or what a car delivers now (--gnss"
+            " URL, --detections URL and --car FOLDER)."
+        )
+    whose = read_car(car)
+    for warning in whose.warnings:
+        warn(str(warning))
+    engine = LiveEngine(whose.live_car(antennas_of(whose, gnss)))
+    recorder = None if record is None else stack.enter_context(Recorder(record, whose))
+    asked = [(url, Gives.FIXES) for url in gnss] + [(url, Gives.DETECTIONS) for url in detections]
+    sources = [open_source(url, gives, whose, recorder=recorder) for url, gives in asked]
+    complete = whose.settings.annotations_complete
+    return _Drive(str(car), engine, sources, False, complete)
+
+
+def _check(stack: ExitStack, store: StoreAddress, drive: _Drive) -> LiveCheck:
+    from twin.live.check import LiveCheck, MirrorAhead
+    from twin.matching.config import MatchConfig
+    from twin.store.store import Store
+
+    config = MatchConfig()
+    opened = stack.enter_context(Store.open(store, create=False))
+    ahead = MirrorAhead(opened, config)
+    stack.callback(ahead.close)
+    return LiveCheck(drive.engine, ahead, is_complete=drive.is_complete, config=config)
+
+
+def _sinks(to: Sequence[str], serve: str | None, *, final: bool) -> list[Sink]:
+    from twin.live.sinks import Lines, Mqtt, Pages
+    from twin.web import listening
+
+    sinks: list[Sink] = [Lines(sys.stdout, final=final)]
+    sinks += [Mqtt.of(url) for url in to]
+    if serve is not None:
+        pages = Pages(*listening(*_host_and_port(serve)))
+        note(f"The drive is shown at {pages.url}")
+        sinks.append(pages)
+    return sinks
+
+
+def _run(drive: _Drive, sinks: Sequence[Sink], keep: Path | None, check: LiveCheck | None) -> None:
+    from twin.live.keep import Keeper
+    from twin.live.run import LiveRun, RunSettings
+
+    keeper = None if keep is None else Keeper(keep, drive.name)
+    run = LiveRun(
+        drive.engine,
+        drive.sources,
+        sinks,
+        keeper=keeper,
+        check=check,
+        tell=_tell,
+        settings=RunSettings(waits=drive.is_recorded),
+    )
+    run.start()
+    with ended_in_order() as asked:
+        while not run.wait(_LOOK_S):
+            # Whoever read standard output has left, and nobody else is there to hear.
+            if asked.is_set() or (keeper is None and run.is_unheard):
+                run.stop()
+    _tell_the_end(run)
+
+
+def _tell(notice: Notice) -> None:
+    (warn if notice.is_bad else note)(notice.sentence())
+
+
+def _tell_the_end(run: LiveRun) -> None:
+    engine, last = run.engine, run.last
+    lost = f"; {run.lost} objects got no position" if run.lost else ""
+    dropped = f"; {last.frames_dropped} frames were left out" if last.frames_dropped else ""
+    note(f"{engine.frames} frames, {engine.sightings} sightings, {run.final} objects located{lost}{dropped}.")
+    if run.is_unheard and last.keep is None:
+        raise run.errors[0]
+    if not run.whole and last.keep is not None:
+        raise FileError(
+            f"{last.keep.name} could not be written at the end: {last.keep.waiting} final estimates and"
+            " verdicts are not in it. Free space on its disk, or end the program that holds it."
+        )
 
 
 def _factor(speed: str) -> float | None:
@@ -77,3 +260,12 @@ def _factor(speed: str) -> float | None:
     if not 0.0 < factor < 1e6:
         raise typer.BadParameter(f"--speed takes a number above 0, or {_FASTEST}, but not {speed:.40}.")
     return factor
+
+
+def _host_and_port(text: str) -> tuple[str, int]:
+    from twin.web.serve import LOOPBACK
+
+    host, _, port = text.rpartition(":")
+    if not (port.isascii() and port.isdigit() and int(port[:6]) < 2**16):
+        raise ConfigError(f"--serve is {text:.40}: write HOST:PORT, as 127.0.0.1:8080, or a port alone.")
+    return host or LOOPBACK, int(port)

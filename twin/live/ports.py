@@ -84,10 +84,10 @@ class Said(Protocol):
 class LiveCheck(Protocol):
     """What holds estimates against the road database."""
 
-    def take(self, arrival: Arrival, estimates: Sequence[Estimate]) -> list[Said]:
+    def take(self, arrival: Arrival, estimates: Sequence[Estimate]) -> Sequence[Said]:
         """Take what has arrived, and the estimates that came of it; return verdicts, new or changed."""
 
-    def finish(self, estimates: Sequence[Estimate]) -> list[Said]:
+    def finish(self, estimates: Sequence[Estimate]) -> Sequence[Said]:
         """End the drive, with the estimates that its end has made final; return the last verdicts."""
 
 

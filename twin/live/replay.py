@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from heapq import merge
+from pathlib import Path
+from threading import Event
 
 import numpy as np
 
@@ -89,6 +91,40 @@ def played(
             if early_s > 0.0:
                 sleep(early_s)
         yield one
+
+
+class Replay:
+    """A recorded drive as a source.
+
+    Parameters
+    ----------
+    drive : Drive
+    speed : float or None
+        Times as fast; None: as fast as it goes.
+    """
+
+    def __init__(self, drive: Drive, speed: float | None) -> None:
+        self._drive, self._speed = drive, speed
+        self._closed = Event()
+
+    @property
+    def name(self) -> str:
+        """Return the name of its folder."""
+        return Path(self._drive.path).name
+
+    def arrivals(self) -> Iterator[Arrival]:
+        """Yield what arrived, when it is time."""
+        for one in played(arrivals_of(self._drive), self._speed, sleep=self._rest):
+            if self._closed.is_set():
+                return
+            yield one
+
+    def close(self) -> None:
+        """End it."""
+        self._closed.set()
+
+    def _rest(self, for_s: float) -> None:
+        self._closed.wait(for_s)
 
 
 def _motion_of(drive: Drive) -> dict[Quantity, MotionSeries]:

@@ -23,7 +23,7 @@ from twin.live.estimates import Estimate, State
 from twin.live.events import Arrival, Frame, MotionSample
 from twin.live.keep import Keeper
 from twin.live.lanes import Lanes
-from twin.live.notices import Notice, Quieted, notices
+from twin.live.notices import Notice, NoticeKind, Quieted, notices
 from twin.live.outlets import Outlet
 from twin.live.ports import LiveCheck, Said, Sink, Source, Trouble, TroubleKind
 from twin.live.watch import Watch
@@ -114,6 +114,16 @@ class LiveRun:
         self._ended = Event()
         self._stop_s: float | None = None
         self._error: BaseException | None = None
+
+    @property
+    def errors(self) -> list[Exception]:
+        """What sinks have ended of."""
+        return [outlet.error for outlet in self._outlets if outlet.error is not None]
+
+    @property
+    def is_unheard(self) -> bool:
+        """Whether there are sinks, and all have ended."""
+        return bool(self._outlets) and len(self.errors) == len(self._outlets)
 
     def start(self) -> None:
         """Begin, each source and the engine in a thread of its own."""
@@ -235,7 +245,8 @@ class LiveRun:
         now = self._state(now_ns)
         found = list(self._quieted.let_through(notices(self.last, now), now_ns))
         for notice in found:
-            if self._tell is not None:
+            # Of the last one that has ended its error is told, at the end.
+            if self._tell is not None and not (notice.kind is NoticeKind.SINK_ENDED and self.is_unheard):
                 self._tell(notice)
         since_ns = abs(now_ns - self._said_ns)
         if found or since_ns >= self.settings.state_every_s * NANOSECONDS:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from twin.errors import ConfigError, MissingExtraError
 from twin.live.ports import Said
+from twin.live.sources.address import Scheme, address_of
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags
@@ -75,6 +76,25 @@ class Mqtt:
         self._client.reconnect_delay_set(1, 10)
         self._client.connect_async(host, port, keepalive=_ALIVE_S)
         self._client.loop_start()
+
+    @classmethod
+    def of(cls, url: str) -> Mqtt:
+        """Take an address apart: ``mqtt://USER:PASSWORD@HOST:PORT/TOPIC``, or ``mqtts://``.
+
+        Raises
+        ------
+        ConfigError
+            If it is none, or as `Mqtt`.
+        """
+        place = address_of(url, {"mqtt": Scheme(PORT), "mqtts": Scheme(TLS_PORT)})
+        return cls(
+            place.host,
+            place.port,
+            place.path.removeprefix("/"),
+            user=place.user,
+            password=place.password,
+            tls=place.scheme == "mqtts",
+        )
 
     @property
     def name(self) -> str:
