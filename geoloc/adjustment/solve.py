@@ -42,6 +42,8 @@ class Solution:
     x : float64 (u,)
     inlier : bool (n,)
         Sightings that took part in the end.
+    weight : float64 (n,)
+        How much each counted, over the square of `noise`.
     noise : float
         Factor on every sigma of a pixel that the residuals ask for, by their size and by how alike they are.
     residual_px : float64 (n, 2)
@@ -53,10 +55,19 @@ class Solution:
 
     x: FloatArray
     inlier: BoolArray
+    weight: FloatArray
     noise: float
     residual_px: FloatArray
     equations: Equations
     system: System
+
+
+class _Taken(NamedTuple):
+    """Which sightings take part, which of them are of points that they agree on, and how much each counts."""
+
+    inlier: BoolArray
+    agreeing: BoolArray
+    share: FloatArray
 
 
 class _At(NamedTuple):
@@ -75,8 +86,10 @@ def solve(
 
     First every sighting weighs by a Cauchy function whose scale shrinks from round to round; then those
     beyond the 99.9 % limit are left out (never more than half of a point's) and the rest count in full, so
-    that the normal matrix is that of the sightings used. What is known of the ground under a foot is weighed
-    likewise: rays that cross well place a foot on a wall, and the road beside says nothing of it.
+    that the normal matrix is that of the sightings used. Points whose better half contradicts itself, as of
+    an id that marks three signs, count for so little that they draw nothing along. What is known of the
+    ground under a foot is weighed as sightings are: rays that cross well place a foot on a wall, and the road
+    beside says nothing of it.
 
     Parameters
     ----------
@@ -96,29 +109,30 @@ def solve(
             if at.moved_m < _SETTLED_M:
                 break
     model = equations.model.with_expected_pixels(at.x)
-    equations = equations.with_model(model)
+    equations, scene = equations.with_model(model), model.scene
     at = at._replace(square=equations.squares(at.x))
-    noise, inlier = stated_noise or _first_noise(at.square), np.zeros(model.scene.point.size, dtype=bool)
+    noise, before = stated_noise or _first_noise(at.square), np.zeros(scene.point.size, dtype=bool)
     for _ in range(_FINAL_ROUNDS):
-        previous, inlier = inlier, _inliers(at.square / noise**2, model.scene.point)
+        taken = _taken(at.square / noise**2, scene.point)
         equations = _on_sure_ground(equations, at.x)
-        system = equations.system(at.x, inlier / noise**2)
-        redundancy = 0.0 if stated_noise else 2.0 * inlier.sum() - system.taken_up()
-        at = _step(equations, at, inlier / noise**2, system)
-        noise = stated_noise or _noise(at.square[inlier].sum(), redundancy)
-        if at.moved_m < _CONVERGED_M and np.array_equal(previous, inlier):
+        system = equations.system(at.x, taken.share / noise**2)
+        redundancy = 0.0 if stated_noise else 2.0 * taken.agreeing.sum() - system.taken_up()
+        at = _step(equations, at, taken.share / noise**2, system)
+        noise = stated_noise or _noise(at.square[taken.agreeing].sum(), redundancy)
+        if at.moved_m < _CONVERGED_M and np.array_equal(before, taken.inlier):
             break
-    last = equations.system(at.x, inlier / noise**2)
-    repeated = repeated_share(model.scene, last, model.ray_residuals(at.x), inlier)
+        before = taken.inlier
+    last = equations.system(at.x, taken.share / noise**2)
+    repeated = repeated_share(scene, last, model.ray_residuals(at.x), taken.agreeing)
     if repeated > 1.0:
         noise *= np.sqrt(repeated)
         for _ in range(_FINAL_ROUNDS):
-            at = _step(equations, at, inlier / noise**2)
+            at = _step(equations, at, taken.share / noise**2)
             if at.moved_m < _CONVERGED_M:
                 break
-        last = equations.system(at.x, inlier / noise**2)
-    residual = model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
-    return Solution(at.x, inlier, noise, residual, equations, last)
+        last = equations.system(at.x, taken.share / noise**2)
+    residual = model.ray_residuals(at.x) * scene.sigma_px[:, None]
+    return Solution(at.x, taken.inlier, taken.share / noise**2, noise, residual, equations, last)
 
 
 def _cauchy(square: FloatArray, scale: float) -> FloatArray:
@@ -148,20 +162,22 @@ def solve_near(model: Model, prior: Prior, start: FloatArray, noise: float) -> S
     equations = _on_likely_ground(equations, at.x, _ANNEALING[-2])
     at = _step(equations, at, _cauchy(at.square, noise * _ANNEALING[-2]) / noise**2)
     equations = _on_sure_ground(equations, at.x)
-    inlier = _inliers(at.square / noise**2, model.scene.point)
-    last = equations.system(at.x, inlier / noise**2)
-    at = _step(equations, at, inlier / noise**2, last)
+    taken = _taken(at.square / noise**2, model.scene.point)
+    weight = taken.share / noise**2
+    last = equations.system(at.x, weight)
+    at = _step(equations, at, weight, last)
     residual = equations.model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
-    return Solution(at.x, inlier, noise, residual, equations, last)
+    return Solution(at.x, taken.inlier, weight, noise, residual, equations, last)
 
 
 def noise_at(solution: Solution) -> float:
     """Return the factor on every sigma of a pixel that a solution's residuals ask for, as `solve` does."""
-    equations, inlier = solution.equations, solution.inlier
-    residual = equations.model.ray_residuals(solution.x)
-    redundancy = 2.0 * inlier.sum() - solution.system.taken_up()
-    noise = _noise(float((residual[inlier] ** 2).sum()), redundancy)
-    repeated = repeated_share(equations.model.scene, solution.system, residual, inlier)
+    equations = solution.equations
+    residual, scene = equations.model.ray_residuals(solution.x), equations.model.scene
+    agreeing = solution.inlier & (solution.weight * solution.noise**2 > 0.999)
+    redundancy = 2.0 * agreeing.sum() - solution.system.taken_up()
+    noise = _noise(float((residual[agreeing] ** 2).sum()), redundancy)
+    repeated = repeated_share(scene, solution.system, residual, agreeing)
     return noise * float(np.sqrt(max(repeated, 1.0)))
 
 
@@ -196,6 +212,21 @@ def _limited(model: Model, x: FloatArray, step: FloatArray) -> tuple[FloatArray,
     limited = step.copy()
     limited[places] *= shorter[:, None]
     return x + limited, float((length * shorter).max(initial=0.0))
+
+
+def _taken(square: FloatArray, point: IntArray) -> _Taken:
+    """Choose the sightings that take part, by their squared residuals in units of the noise.
+
+    What is kept of a point beyond the gate, because it is the better half, counts as if the noise of that
+    point were so large that it passes. Where that is most of all sightings the noise is not known yet.
+    """
+    inlier = _inliers(square, point)
+    worst = np.ones(int(point.max(initial=-1)) + 1)
+    np.maximum.at(worst, point[inlier], square[inlier] / _GATE)
+    agreeing = inlier & (worst[point] <= 1.0)
+    if 2 * agreeing.sum() < inlier.sum():
+        return _Taken(inlier, inlier, inlier.astype(np.float64))
+    return _Taken(inlier, agreeing, inlier / worst[point])
 
 
 def _inliers(square: FloatArray, point: IntArray) -> BoolArray:

@@ -167,7 +167,7 @@ def left_behind(model: Model, solution: Solution, cut_ns: int, shift_s: float) -
     # What lasts of the trajectory's roll it learns itself, and says how well it knows it by now.
     gone[[ROLL, LEAN]] = True
     old = model.scene.epoch_ns < cut_ns
-    both = np.sqrt(np.repeat(solution.inlier / solution.noise**2, 2))
+    both = np.sqrt(np.repeat(solution.weight, 2))
     rays_old = np.flatnonzero(np.repeat(old, 2))
     seen = (model.ray_residuals(solution.x).ravel() * both)[rays_old]
     matrices, residuals = [system.jacobian[rays_old]], [seen]

@@ -80,6 +80,17 @@ def test_a_track_that_jumps_to_another_sign_keeps_the_larger_part() -> None:
     assert (adjusted.rejected[few] == Reason.OUTLIER).mean() > 0.9
 
 
+def test_an_id_that_marks_three_signs_draws_no_other_along() -> None:
+    """Of an object whose better half of sightings contradicts itself nothing is learnt about the others."""
+    recording = recorded("urban")
+    taken = np.isin(recording.object, [6, 7]) & (np.random.default_rng(1).random(recording.object.size) < 0.6)
+    mixed = recording._replace(object=np.where(taken, 5, recording.object))
+    adjusted, alone = mixed.adjusted(), recording.adjusted()
+    moved = np.abs(length(mixed.errors_m(adjusted)) - length(recording.errors_m(alone)))
+    assert np.delete(moved, 5).max() < 0.05
+    assert abs(adjusted.noise - alone.noise) < 0.1
+
+
 def test_road_that_leans_moves_no_foot() -> None:
     """On 3 % more crossfall than expected the roof leans 5 cm aside; the cameras see that, and feet stay."""
     recording = recorded("urban", antennas=1, silent=True, kerbs=False, crossfall_percent=5.0)
