@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,20 +20,29 @@ _REFLECTED_S = 10.0
 
 
 class Best(NamedTuple):
-    """The best linear estimate of where the car is: its error east and north, and its variance an axis."""
+    """The best linear estimate of where the car is: its error east and north, and the covariance of that."""
 
     error_m: FloatArray
-    variance_m2: float
+    covariance_m2: FloatArray
 
 
-def best_linear(errors: ConsumerErrors, spec: ConsumerSpec, at_s: float) -> Best:
+NOTHING = Best(np.full(2, np.nan), np.full((2, 2), np.nan))
+
+
+def best_linear(errors: ConsumerErrors, spec: ConsumerSpec, at_s: float, ahead_mps: FloatArray) -> Best:
     """Estimate where the car is at a time by the fixes and velocities of its whole journey.
 
     With the covariance of this very drive's noise (Gauss and Markov's theorem): no estimator that is linear
-    in them is better in the mean. Lateness, lever arm and camera are exact here.
+    in them is better in the mean. How late receivers are in the mean is known, but not how late this one is:
+    on a straight road nothing tells. Lever arm and camera are exact here.
+
+    Parameters
+    ----------
+    ahead_mps : float64 (2,)
+        The car's velocity then, east and north.
     """
     if errors.reckoned_m is None or spec.velocity_mps is None:
-        return Best(np.full(2, np.nan), np.nan)
+        return NOTHING
     time_s = errors.time_s
     now = int(np.argmin(np.abs(time_s - at_s)))
     # Fixes brought to that time by the velocities: what they say of the place then, each with its error.
@@ -44,13 +54,30 @@ def best_linear(errors: ConsumerErrors, spec: ConsumerSpec, at_s: float) -> Best
     drawn = errors.axis_m, errors.lasts_s
     inverse = np.linalg.inv(_covariance(mean_s - time_s[now], spec, drawn, spec.white_m**2 / count))
     weight = inverse.sum(axis=0)
-    return Best(weight @ mean_m / weight.sum(), float(1.0 / weight.sum()))
+    later_m = (errors.late_s - float(np.mean(spec.late_s))) * ahead_mps
+    late_m2 = lateness_sigma_s(spec) ** 2 * np.outer(ahead_mps, ahead_mps)
+    return Best(weight @ mean_m / weight.sum() + later_m, np.eye(2) / weight.sum() + late_m2)
 
 
-def floor_m(spec: ConsumerSpec, minutes: float, drives: int, draws: int = 60) -> tuple[float, float]:
-    """Expected median error of so many drives by their tracks alone, half-way through journeys.
+def lateness_sigma_s(spec: ConsumerSpec) -> float:
+    """One sigma of how late a drive's receiver is: of a uniform draw."""
+    return float(np.ptp(spec.late_s)) / np.sqrt(12.0)
 
-    If the noise of each drive were known; and if all are taken alike, with the usual noise.
+
+def together(best: Sequence[Best]) -> FloatArray:
+    """Error (2,) of the best estimates of several drives, weighed by their covariances."""
+    weights = np.linalg.inv(np.array([one.covariance_m2 for one in best]))
+    pull = (weights @ np.array([one.error_m for one in best])[:, :, None]).sum(axis=0)
+    return np.asarray(np.linalg.solve(weights.sum(axis=0), pull)[:, 0])
+
+
+def floor_m(
+    spec: ConsumerSpec, minutes: float, drives: int, speed_mps: float, draws: int = 60
+) -> tuple[float, float, float]:
+    """Expected median error of so many drives half-way through journeys, if all but the receivers were exact.
+
+    By their tracks alone, if the noise of each drive were known; if all are taken alike, with the usual
+    noise; and the first with each drive's own lateness, which nothing tells on a straight road.
     """
     rng = np.random.default_rng(90_000)
     since_s = np.arange(0.0, 60.0 * minutes, STEP_S) - 30.0 * minutes
@@ -67,8 +94,9 @@ def floor_m(spec: ConsumerSpec, minutes: float, drives: int, draws: int = 60) ->
         information.append(np.linalg.inv(covariance).sum())
         alike_m2.append(weight @ covariance @ weight)
     variances = np.array([1.0 / np.mean(information), np.mean(alike_m2)]) / drives
-    known_m, typical = (MEDIAN_OF_SIGMA * np.sqrt(variances)).tolist()
-    return known_m, typical
+    late_m2 = (lateness_sigma_s(spec) * speed_mps) ** 2 / drives
+    known, typical, late = np.sqrt([*variances, variances[0] + 0.5 * late_m2]).tolist()
+    return MEDIAN_OF_SIGMA * known, MEDIAN_OF_SIGMA * typical, MEDIAN_OF_SIGMA * late
 
 
 def _covariance(

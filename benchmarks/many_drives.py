@@ -1,15 +1,18 @@
-"""One road driven many times: error of its poles, and the share inside the ellipses, against the drives.
+"""A road driven many times: error of its poles, and the share inside the ellipses, against the drives.
 
-Usage: python benchmarks/many_drives.py [--receivers rtk consumer] [--roads 8] [--minutes 20] [--figure FILE]
+Usage: python benchmarks/many_drives.py [--receivers rtk consumer] [--scale 0.5] [--figure FILE] [--floor]
 
-Journeys of so many minutes at 60 km/h, each on a day of its own, that pass the same poles on a kilometre of
-road in their middle, every other one the other way. One camera (120°), one antenna. Each drive is adjusted by
+Journeys of 20 minutes at 60 km/h, each on a day of its own, that pass the same poles on a kilometre of road
+in their middle, every other one the other way. One camera (120°), one antenna. Each drive is adjusted by
 itself, as `twin ingest-drive` does it. From there on it is what `twin match` runs: estimates are grouped into
 poles (nobody tells which are one), and these are placed by all drives, in squares of 256 m with what lies
-about them. Groups of drives do not overlap: one road gives 25 single drives, five groups of five, one of 25.
+about them. Single drives are all there are; groups are drawn at random from a road's drives, since 25 drives
+of one road err together and are little more than one draw.
+
 "Tied to measured signs" is `twin match --map-aided`: every other pole has a sign of NVDB that was measured to
-10 cm, one in ten of these has been moved by 3 m since. "Best" is the best linear estimate by the very same
-fixes and velocities with the noise of each drive known, if all else were exact. Nothing here is a timing.
+10 cm, one in ten of these has been moved by 3 m since, drawn anew for each group. "Best" is the best linear
+estimate by the very same fixes and velocities, the noise of each drive known and all else exact. Nothing here
+is a timing.
 """
 
 from __future__ import annotations
@@ -17,12 +20,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from accuracy import CHI2_95, Recorded, adjusted_of, show
-from best_linear import Best, best_linear, floor_m
+from best_linear import NOTHING, Best, best_linear, floor_m, together
 from rich.progress import track
 from simulated_receiver import ConsumerSpec, consumer_drive
 
@@ -46,31 +50,49 @@ from twin.store.figure_files import write_figure
 from twin.store.records import Covariance, Estimate
 
 CAMERA = "C3_tricam120"
-DRIVES = 25
 COUNTS = (1, 2, 5, 10, 25)
+_MOST = COUNTS[-1]
 BARS_M = {"consumer": 0.25}
 """Bar on the median at 25 drives; ellipses are to hold 90 to 98 % at 1, 5 and 25."""
-RECEIVERS: dict[str, ConsumerSpec | None] = {
-    "rtk": None,
-    "consumer": ConsumerSpec(),
-    "consumer-good": ConsumerSpec(error_m=(1.2, 2.4)),
-    "consumer-nmea": ConsumerSpec(velocity_mps=0.1, velocity_stated_mps=0.15),
-    "consumer-fixes": ConsumerSpec(velocity_mps=None),
-}
-LABELS = {
-    "rtk": "RTK",
-    "consumer": "consumer, fixes off by 2–4 m (rms), Doppler velocities",
-    "consumer-good": "consumer, fixes off by 2–4 m (95 %), Doppler velocities",
-    "consumer-nmea": "consumer, 2–4 m (rms), speed and course of RMC or VTG",
-    "consumer-fixes": "consumer, 2–4 m (rms), fixes alone",
+
+
+class Receiver(NamedTuple):
+    """A receiver, and on how many roads how many journeys of what length are made with it."""
+
+    label: str
+    spec: ConsumerSpec | None
+    roads: int = 1
+    drives: int = 40
+    minutes: float = 20.0
+
+
+RECEIVERS = {
+    "consumer": Receiver(
+        "consumer, fixes off by 2–4 m (rms), Doppler velocities", ConsumerSpec(), roads=2, drives=60
+    ),
+    "rtk": Receiver("RTK", None, minutes=5.0),
+    "consumer-good": Receiver(
+        "consumer, fixes off by 2–4 m (95 %), Doppler velocities", ConsumerSpec(error_m=(1.2, 2.4))
+    ),
+    "consumer-nmea": Receiver(
+        "consumer, 2–4 m (rms), speed and course of RMC or VTG",
+        ConsumerSpec(velocity_mps=0.1, velocity_stated_mps=0.15),
+    ),
+    "consumer-fixes": Receiver("consumer, 2–4 m (rms), fixes alone", ConsumerSpec(velocity_mps=None)),
 }
 FIRST_SEED = 140_000
 """Nothing was chosen on these drives or on those after them."""
+_GROUPS = 20
+"""Groups of a road, of five drives and more."""
+_APART = 5
 _HALF_M = 500.0
 _FRAMES_HZ = 5.0
-_FLOOR_MINUTES = (5.0, 10.0, 20.0, 60.0)
+_FLOOR_MINUTES, _SPEED_MPS = (5.0, 10.0, 20.0, 60.0), 60.0 / 3.6
 _CONFIG = MatchConfig()
 _MEASURED_M, _MOVED_M, _MOVED_SHARE = 0.1, 3.0, 0.1
+
+
+NO_SIGNS: tuple[list[Site], frozenset[str]] = ([], frozenset())
 
 
 class Drive(NamedTuple):
@@ -100,12 +122,19 @@ def driven(world: Scenario, seed: int, spec: ConsumerSpec | None) -> Drive:
     """Drive once, with RTK or a consumer receiver, and adjust the drive."""
     if spec is None:
         drive = simulate_drive(world, seed)
-        fixes, best = drive.gnss[0], Best(np.full(2, np.nan), np.nan)
+        fixes, best = drive.gnss[0], NOTHING
     else:
         drive, fixes, errors = consumer_drive(world, seed, spec)
-        best = best_linear(errors, spec, world.motion.duration_s / 2.0)
+        best = best_linear(errors, spec, *_half_way(drive))
     arms = {fixes.antenna: drive.rig.antennas[fixes.antenna].rig_t_antenna_m}
     return _in_store(drive, trajectory_from_gnss((fixes,), arms), f"{seed}", best)
+
+
+def _half_way(drive: SimulatedDrive) -> tuple[float, FloatArray]:
+    """When the car is there (s), and its velocity then, east and north."""
+    middle = drive.frame_epoch_ns.size // 2
+    turn, speed_mps = np.radians(drive.poses.heading_deg[middle]), drive.scenario.motion.speed[0][1]
+    return middle / _FRAMES_HZ, speed_mps * np.array([np.sin(turn), np.cos(turn)])
 
 
 def _in_store(drive: SimulatedDrive, trajectory: Trajectory, drive_id: str, best: Best) -> Drive:
@@ -165,7 +194,7 @@ def placed_by(drives: Sequence[Drive], sites: Sequence[Site]) -> list[ObservedPo
     return map_aided(placed, sites, rows, ways, _CONFIG, Kept())[0] if sites else placed
 
 
-def measured(drive: Drive, seed: int) -> tuple[list[Site], frozenset[str]]:
+def measured(drive: Drive, seed: Sequence[int]) -> tuple[list[Site], frozenset[str]]:
     """Signs of a road as NVDB has them, and the objects whose signs were moved since."""
     rng = np.random.default_rng(seed)
     codes = {row.object: row.codes[0] for row in drive.rows}
@@ -190,6 +219,7 @@ class Group(NamedTuple):
     square: FloatArray
     is_moved: FloatArray
     best_m: float
+    """NaN where signs tell more than fixes."""
     wrong: int
     """Poles that are not one pole: merged of several, or a further piece of one."""
 
@@ -207,9 +237,18 @@ def group_of(drives: Sequence[Drive], sites: Sequence[Site], moved: frozenset[st
         squares.append(pole.covariance_m2)
         of_moved.append(name in moved)
     error = np.array(errors)
-    weight = np.array([1.0 / drive.best.variance_m2 for drive in drives])
-    best = weight @ np.array([drive.best.error_m for drive in drives]) / weight.sum()
-    return Group(error, nees(error, np.array(squares)), np.array(of_moved), float(np.hypot(*best)), wrong)
+    best_m = np.nan if sites else float(np.hypot(*together([drive.best for drive in drives])))
+    return Group(error, nees(error, np.array(squares)), np.array(of_moved), best_m, wrong)
+
+
+def groups_of(count: int, drives: Sequence[Drive], seed: int) -> Iterator[list[Drive]]:
+    """Groups of so many drives, as many each way; small ones that have no drive in common."""
+    rng = np.random.default_rng(seed)
+    for _ in range(1 if count < _APART else _GROUPS):
+        ways = [rng.permutation(np.arange(way, len(drives), 2)).tolist() for way in (0, 1)]
+        order = [k for pair in zip_longest(*ways) for k in pair if k is not None]
+        for first in range(0, len(drives) - count + 1 if count < _APART else 1, count):
+            yield [drives[k] for k in order[first : first + count]]
 
 
 class Row(NamedTuple):
@@ -253,22 +292,22 @@ def rows_of(roads: Sequence[Sequence[Drive]], first_seed: int, *, tied: bool = F
     for count in COUNTS:
         groups = []
         for number, drives in enumerate(roads):
-            sites, moved = measured(drives[0], first_seed + number) if tied else ([], frozenset[str]())
-            groups += [
-                group_of(drives[first : first + count], sites, moved)
-                for first in range(0, len(drives) - count + 1, count)
-            ]
+            for k, group in enumerate(groups_of(count, drives, first_seed + number)):
+                sites, moved = measured(drives[0], [first_seed + number, count, k]) if tied else NO_SIGNS
+                groups.append(group_of(group, sites, moved))
         rows.append(Row(count, groups))
     return rows
 
 
-def run(receiver: str, roads: int, minutes: float, first_seed: int) -> list[list[Drive]]:
+def run(receiver: str, scale: float, first_seed: int) -> list[list[Drive]]:
     """All drives with one receiver, road by road."""
-    jobs = [(number, drive) for number in range(roads) for drive in range(DRIVES)]
+    _, spec, roads, drives, minutes = RECEIVERS[receiver]
+    drives = max(round(scale * drives), _MOST)
+    jobs = [(number, drive) for number in range(roads) for drive in range(drives)]
     found: list[list[Drive]] = [[] for _ in range(roads)]
     for number, drive in track(jobs, description=receiver, console=console(stderr=True), transient=True):
         world = road(first_seed + number, minutes, against=drive % 2 == 1)
-        found[number].append(driven(world, first_seed + 100 * (number + 1) + drive, RECEIVERS[receiver]))
+        found[number].append(driven(world, first_seed + 1000 * (number + 1) + drive, spec))
     return found
 
 
@@ -303,29 +342,43 @@ def main() -> None:
     """Print one row a receiver and number of drives."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--receivers", choices=RECEIVERS, nargs="+", default=["rtk", "consumer", "consumer-good"]
+        "--receivers", choices=RECEIVERS, nargs="+", default=["consumer", "rtk", "consumer-good"]
     )
-    parser.add_argument("--roads", type=int, default=6, help="roads, each driven 25 times (default 6)")
-    parser.add_argument("--minutes", type=float, default=20.0, help="length of a journey (default 20)")
+    parser.add_argument("--scale", type=float, default=1.0, help="so many times the drives of each receiver")
     parser.add_argument("--first-seed", type=int, default=FIRST_SEED, help="other roads and drives")
     parser.add_argument("--markdown", action="store_true", help="print tables for the docs")
     parser.add_argument("--figure", type=Path, help="draw error against the number of drives into this file")
-    parser.add_argument("--floor", action="store_true", help="only what tracks leave of 25 drives at best")
+    parser.add_argument("--floor", action="store_true", help="only what receivers leave of 25 drives at best")
     options = parser.parse_args()
     if options.floor:
         _show_floors(markdown=options.markdown)
         return
     found: dict[str, list[Row]] = {}
-    of_signs: dict[str, list[Row]] = {}
     for name in options.receivers:
-        roads = run(name, options.roads, options.minutes, options.first_seed)
-        found[LABELS[name]] = rows_of(roads, options.first_seed)
+        roads = run(name, options.scale, options.first_seed)
+        label = RECEIVERS[name].label
+        of_this = {label: rows_of(roads, options.first_seed)}
         if name in BARS_M:
-            tied = rows_of(roads, options.first_seed, tied=True)
-            found[f"{LABELS[name]}, tied to measured signs"] = tied
-            of_signs[f"{LABELS[name]}, poles whose measured sign was moved"] = [row.moved() for row in tied]
+            of_this[f"{label}, tied to measured signs"] = rows_of(roads, options.first_seed, tied=True)
+        found |= of_this
+        _show(name, of_this, sum(map(len, roads)), markdown=options.markdown)
+    if options.figure:
+        draw(found, options.figure)
+
+
+def _show(name: str, found: Mapping[str, Sequence[Row]], drives: int, *, markdown: bool) -> None:
+    bar = f"{BARS_M[name]:.2f}" if name in BARS_M else ""
+    label, *tied = found
+    rows = [("by drives alone", row) for row in found[label]]
+    for one in tied:
+        rows += [("tied to measured signs", row) for row in found[one]]
+        rows += [("poles whose measured sign was moved", row.moved()) for row in found[one]]
+    table = [
+        (what, row.count, *row.cells(), bar if row.count == _MOST and what == rows[0][0] else "")
+        for what, row in rows
+    ]
     header = [
-        "receiver",
+        "placed",
         "drives",
         "groups",
         "median / p95 [m]",
@@ -335,49 +388,28 @@ def main() -> None:
         "wrong",
         "bar",
     ]
-    bars = {LABELS[name]: f"{bar:.2f}" for name, bar in BARS_M.items()}
-    table = [
-        (label, row.count, *row.cells(), bars.get(label, "") if row.count == DRIVES else "")
-        for label, rows in (found | of_signs).items()
-        for row in rows
-    ]
-    show("Error against the number of drives", header, table, markdown=options.markdown)
-    _show_roads(found, markdown=options.markdown)
-    if options.figure:
-        draw(found, options.figure)
-
-
-def _show_roads(found: Mapping[str, Sequence[Row]], *, markdown: bool) -> None:
-    """All poles of a road err together with 25 drives: each road is one draw."""
-    table = [
-        (
-            label,
-            " ".join(
-                f"{np.median(np.hypot(*group.error_m.T)):.2f}/{group.best_m:.2f}" for group in row.groups
-            ),
-        )
-        for label, rows in found.items()
-        for row in rows
-        if row.count == DRIVES and np.isfinite(row.groups[0].best_m)
-    ]
-    show("25 drives, road by road: median / best [m]", ["receiver", "roads"], table, markdown=markdown)
+    show(f"{label}: {drives} drives of {RECEIVERS[name].minutes:g} minutes", header, table, markdown=markdown)
 
 
 def _show_floors(*, markdown: bool) -> None:
-    specs = {LABELS[name]: spec for name in ("consumer", "consumer-good") if (spec := RECEIVERS[name])}
+    """Print medians that no estimator betters in the mean."""
     better = replace(ConsumerSpec(), velocity_mps=0.02)
-    some = {**specs, "consumer, 2–4 m (rms), Doppler velocities of 2 cm/s": better}
+    some = {RECEIVERS[name].label: RECEIVERS[name].spec for name in ("consumer", "consumer-good")}
+    some["consumer, 2–4 m (rms), Doppler velocities of 2 cm/s"] = better
     table = [
-        (label, *("{:.2f} / {:.2f}".format(*floor_m(spec, minutes, DRIVES)) for minutes in _FLOOR_MINUTES))
+        (
+            label,
+            *(
+                " / ".join(f"{one:.2f}" for one in floor_m(spec, minutes, _MOST, _SPEED_MPS))
+                for minutes in _FLOOR_MINUTES
+            ),
+        )
         for label, spec in some.items()
+        if spec is not None
     ]
     header = ["receiver", *(f"{minutes:g} min" for minutes in _FLOOR_MINUTES)]
-    show(
-        "Best median of 25 drives by tracks alone [m]: noise known / all alike",
-        header,
-        table,
-        markdown=markdown,
-    )
+    title = "Best median of 25 drives [m]: noise known / all alike / noise known, each late by its own"
+    show(title, header, table, markdown=markdown)
 
 
 if __name__ == "__main__":

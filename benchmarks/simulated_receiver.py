@@ -144,8 +144,8 @@ class ConsumerErrors(NamedTuple):
         East and north.
     reckoned_m : float64 (n, 2) or None
         By how much the way is off that velocities, added up since the first fix, tell; None without any.
-    axis_m, lasts_s : float
-        Drawn: one sigma an axis of a fix, and how long most of that lasts.
+    axis_m, lasts_s, late_s : float
+        Drawn: one sigma an axis of a fix, how long most of that lasts, and by how much all of it is late.
     """
 
     time_s: FloatArray
@@ -153,6 +153,7 @@ class ConsumerErrors(NamedTuple):
     reckoned_m: FloatArray | None
     axis_m: float
     lasts_s: float
+    late_s: float
 
 
 def consumer_drive(
@@ -183,7 +184,9 @@ def consumer_drive(
         fixes = with_receiver_motion(fixes, drive.scenario, seed, arm_m, receiver)
         stated = np.full((n, 2), spec.velocity_stated_mps) * [1.0, 2.0]
         fixes = replace(fixes, velocity_sigma_mps=stated)
-    errors = ConsumerErrors(*_errors(fixes, motion, drive.scenario.start_utc_ns, arm_m), axis_m, lasts_s)
+    errors = ConsumerErrors(
+        *_errors(fixes, motion, drive.scenario.start_utc_ns, arm_m), axis_m, lasts_s, late_s
+    )
     late_ns = round(1e9 * late_s)
     late = replace(fixes, quality=np.ones(n, dtype=np.int64), epoch_ns=fixes.epoch_ns + late_ns)
     return drive, late, errors
