@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoloc.trajectory.fix_checks import SIGMA_FLOOR_M, lateness_s, noise_of_fixes, sigma_of_fixes
+from geoloc.trajectory.fix_checks import (
+    CHANGES_WITHIN_S,
+    SIGMA_FLOOR_M,
+    changing_m,
+    lateness_s,
+    noise_of_fixes,
+    sigma_of_fixes,
+)
 from geoloc.trajectory.poses import GnssFixes
 
 NAN = np.nan
@@ -23,6 +30,15 @@ def test_good_fix_of_unknown_kind_shares_its_error_like_a_fixed_one() -> None:
     assert noise.slow_m / noise.sigma_m == pytest.approx([0.33, 0.33, 0.9])
     assert noise.white_m / noise.sigma_m == pytest.approx([0.4] * 3)
     assert noise.slow_lasts_s.tolist() == [10.0, 10.0, 120.0]
+
+
+def test_velocities_bound_what_places_change_by_within_seconds() -> None:
+    """By fixes alone half of 5 cm and 0.3 m of 2 m are new; by velocities what they let places wander by."""
+    sigma_m = np.array([0.05, 2.0])
+    assert changing_m(sigma_m) == pytest.approx([0.025, 0.3])
+    held = changing_m(sigma_m, 0.005)
+    assert held[0] == 0.025
+    assert 2.0 * held[1] ** 2 / CHANGES_WITHIN_S == pytest.approx(0.005)
 
 
 def test_fixes_without_stated_sigmas_have_nan() -> None:
