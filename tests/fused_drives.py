@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.config import MatchConfig
-from twin.matching.poles.many_drives import Driven
+from twin.matching.poles.many_drives import Driven, headings_at
 from twin.store.records import Correction, Corrections, Estimate
 
 CONFIG = MatchConfig()
@@ -25,7 +27,7 @@ def driven(drive_id: str, *, adjusted: bool = True) -> Driven:
     poses = Poses(epoch_ns, lat, lon, *(zero for _ in names), zero, np.ones(10, bool), np.full(10, ""))
     clock = Correction(0.0, 5.0)
     found = Corrections(1.0, clock, clock, {}, 5.0) if adjusted else None
-    return Driven(drive_id, lambda: poses, found, "car", drive_id)
+    return Driven(drive_id, lambda: poses, partial(headings_at, poses), found, "car", drive_id)
 
 
 def estimate(drive_id: str, name: str, north: float, east: float = 0.0) -> Estimate:

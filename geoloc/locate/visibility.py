@@ -19,6 +19,8 @@ _MARGIN_PX = 30.0
 _CHUNK = 2000
 # Poses that are compared with sites at a time: few, so that the box about them is small.
 _PART = 50
+# So few pairs are not worth a box.
+_FEW = 50_000
 # No box may cut off what lies just within reach.
 _ROUNDING = 1.0 + 1e-9
 
@@ -125,9 +127,10 @@ def _pairs(
     east, north = metres_per_degree(pose_lat)
     reach = reach_m / north.min() * _ROUNDING, reach_m / east.min() * _ROUNDING
     near = _in_box(lat, lon, pose_lat, pose_lon, reach)
+    at_once = chunk.size if near.size * chunk.size <= _FEW else _PART
     found_pose, found_site = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    for start in range(0, chunk.size, _PART):
-        part = slice(start, start + _PART)
+    for start in range(0, chunk.size, at_once):
+        part = slice(start, start + at_once)
         some = near[_in_box(lat[near], lon[near], pose_lat[part], pose_lon[part], reach)]
         if some.size:
             de = (lon[some] - pose_lon[part, None]) * east[part, None]

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import sqlalchemy as sa
 
-from geoloc.arrays import IntArray
+from geoloc.arrays import FloatArray, IntArray
 from geoloc.rig.rig import Rig, rig_from_document, without_template_masks
 from geoloc.trajectory.trajectory import Poses
 from twin.matching.absence import Passage, last_seen_by
@@ -21,8 +21,8 @@ from twin.matching.config import MatchConfig
 from twin.matching.in_view import VIEWS, Asked, Counts, Places, Watcher
 from twin.matching.kept import Kept, digest
 from twin.matching.left import KnownDrive, squares_of_drive
-from twin.matching.poles.ahead import NEAR_M, Ahead, ahead_of_nvdb, places_if_shifted
-from twin.matching.poles.many_drives import Driven
+from twin.matching.poles.ahead import NEAR_M, Ahead, Shifted, ahead_of_nvdb
+from twin.matching.poles.many_drives import Driven, headings_at
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.reading import rows_of_drives
 from twin.matching.sites import Site
@@ -133,6 +133,11 @@ def _drive(view: Snapshot, row: Row, config: MatchConfig, kept: Kept, known: Kno
         recorded, car = digest(packed, _blob(view, drive_id, "poses")), hashlib.sha256(packed).hexdigest()
     else:
         recorded, car = known.recorded, known.car
+
+    def heading_deg(epoch_ns: IntArray) -> FloatArray:
+        found = None if known is None else known.headings(epoch_ns)
+        return headings_at(read_poses(), epoch_ns) if found is None else found
+
     unplaced = f"{row['n_unplaced']} annotated objects have no position" if row["n_unplaced"] else ""
     read_poses, cameras = cache(poses), tuple(row["cameras"])
     watcher = Watcher(drive_id, cache(rig), read_poses, recorded.encode(), cameras, config, kept)
@@ -147,6 +152,7 @@ def _drive(view: Snapshot, row: Row, config: MatchConfig, kept: Kept, known: Kno
         driven=Driven(
             drive_id,
             read_poses,
+            heading_deg,
             Corrections.from_json(row["corrections"]),
             car,
             recorded,
@@ -195,7 +201,7 @@ def beside_nvdb(
 
 def cells_if_shifted(drive: Drive, estimates: Sequence[Estimate]) -> IntArray:
     """Cells whose sites can tell by what the clock of a drive's camera is off."""
-    return cells_about(places_if_shifted(estimates, drive.driven.read_poses()), NEAR_M)
+    return cells_about(Shifted.of(estimates, drive.driven.read_poses()).everywhere(), NEAR_M)
 
 
 class _Landmarks:
@@ -214,11 +220,12 @@ class _Landmarks:
         known = kept.get(_KIND, drive.drive_id)
         if known is not None and known["rests_on"].item() != rests_on:
             known = None
-        cells = cells_if_shifted(drive, estimates) if known is None else known["cells"]
+        signs = cache(lambda: Shifted.of(estimates, drive.driven.read_poses()))
+        cells = cells_about(signs().everywhere(), NEAR_M) if known is None else known["cells"]
         near = self._grid.inside(cells).tolist()
         beside = digest(*(self._all[j] for j in near))
         if known is None or known["beside"].item() != beside:
-            found = ahead_of_nvdb(estimates, drive.driven.read_poses(), [self._sites[j] for j in near])
+            found = ahead_of_nvdb(signs(), [self._sites[j] for j in near])
             known = {
                 "rests_on": np.array(rests_on),
                 "cells": cells,
@@ -296,6 +303,8 @@ def known_drives(
         said = clicks.get(drive.drive_id, {})
         place_m = np.array([(one.east_m, one.north_m) for one in of_drive]).reshape(-1, 2)
         told = clock_cells(kept, drive.drive_id)
+        seen_ns = np.unique(np.array([one.last_ns for one in of_drive], dtype=np.int64))
+        has_heading = drive.driven.has_poses and seen_ns.size > 0
         concern = [drive.watcher.cells, cells_of(place_m), NOWHERE if told is None else told]
         found[drive.drive_id] = KnownDrive(
             recorded=drive.driven.recorded,
@@ -306,6 +315,8 @@ def known_drives(
             ahead=drive.shift,
             estimates_sha256=digests.hexdigest(),
             squares=squares_of_drive(np.concatenate(concern)),
+            seen_ns=seen_ns if has_heading else NOWHERE,
+            heading_deg=drive.driven.heading_deg(seen_ns) if has_heading else np.zeros(0),
         )
     return found
 

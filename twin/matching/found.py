@@ -240,7 +240,7 @@ def _part(
         gone=gone,
         keys=keys,
         members_gone=frozenset(old - now),
-        marks={member: mark for member, mark in marks.items() if member in keys},
+        marks=_otherwise(marks, keys, held, scope.drives),
         drives=drives,
         known=known | fresh,
         state=state,
@@ -248,6 +248,17 @@ def _part(
         map_aided="",
         has_network=asked.has_network,
     )
+
+
+def _otherwise(
+    marks: Mapping[str, Mark], keys: Mapping[str, str], held: Mapping[str, str], drives: frozenset[str]
+) -> dict[str, Mark]:
+    """Marks that may not be known as they are now: of touched drives, and of poles with other keys."""
+    return {
+        member: mark
+        for member, mark in marks.items()
+        if member in keys and (mark.drive_id in drives or held.get(member) != keys[member])
+    }
 
 
 def _gathered(

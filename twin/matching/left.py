@@ -23,7 +23,7 @@ _PER_BLOCK = 128
 """Cells along a side of the squares whose findings are one row of the store: about 8 km."""
 COUNTED = ("poles", "sites", "in view", "outdated", "alone")
 """Of poles, sites and so on each has its cell in what is left; "alone" are poles that NVDB does not have."""
-LAYOUT = 2
+LAYOUT = 3
 """Of what is left: what another one left is not looked at."""
 
 
@@ -45,6 +45,10 @@ class KnownDrive:
     estimates_sha256 : str
     squares : int64 (m,)
         By which it is found (:func:`squares_of_drive`).
+    seen_ns : int64 (j,)
+        Epochs at which it saw its estimates last, each once, ascending.
+    heading_deg : float64 (j,)
+        Of the car, from true north, at these.
     """
 
     recorded: str
@@ -55,6 +59,15 @@ class KnownDrive:
     ahead: Ahead | None
     estimates_sha256: str
     squares: IntArray
+    seen_ns: IntArray
+    heading_deg: FloatArray
+
+    def headings(self, epoch_ns: IntArray) -> FloatArray | None:
+        """Heading (n,) of the car at epochs; None where it is not known of each."""
+        at = np.searchsorted(self.seen_ns, epoch_ns)
+        if not self.seen_ns.size or (self.seen_ns[np.minimum(at, self.seen_ns.size - 1)] != epoch_ns).any():
+            return None
+        return np.asarray(self.heading_deg[at])
 
     def put(self, kept: Kept, drive_id: str) -> None:
         """Leave it to the next match."""
@@ -69,6 +82,8 @@ class KnownDrive:
                 "clicks": _texts(self.clicks.values()),
                 "ahead": np.array(self.ahead or (), dtype=np.float64),
                 "squares": self.squares,
+                "seen_ns": self.seen_ns,
+                "heading_deg": self.heading_deg,
             },
         )
 
@@ -90,6 +105,8 @@ class KnownDrive:
             Ahead(*shift) if shift else None,
             estimates_sha256,
             arrays["squares"],
+            arrays["seen_ns"],
+            arrays["heading_deg"],
         )
 
     @staticmethod

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -54,8 +55,8 @@ def estimates_of(
     if cells is not None and rows:
         place = np.array([(row["east_m"], row["north_m"]) for row in rows])
         rows = [rows[k] for k in np.flatnonzero(are_among(cells_of(place), cells)).tolist()]
-    kind = Method(method)
-    return sorted((_estimate(row, kind) for row in rows), key=lambda one: (one.drive_id, one.object))
+    kind, cameras = Method(method), cache(lambda said: tuple(_read(said)))
+    return sorted((_estimate(row, kind, cameras) for row in rows), key=lambda one: (one.drive_id, one.object))
 
 
 _JSON = ("cameras", "budget")
@@ -65,7 +66,7 @@ _PLAIN = (
 )
 
 
-def _estimate(row: Row, method: Method) -> Estimate:
+def _estimate(row: Row, method: Method, cameras: Callable[[str], tuple[str, ...]]) -> Estimate:
     budget = _read(row["budget"])
     return Estimate(
         drive_id=row["drive_id"],
@@ -74,7 +75,7 @@ def _estimate(row: Row, method: Method) -> Estimate:
         east_m=row["east_m"],
         north_m=row["north_m"],
         covariance_m2=(row["cov_ee_m2"], row["cov_en_m2"], row["cov_nn_m2"]),
-        cameras=tuple(_read(row["cameras"])),
+        cameras=cameras(row["cameras"]) if isinstance(row["cameras"], str) else tuple(row["cameras"]),
         n_sightings=row["n_sightings"],
         first_ns=row["first_ns"],
         last_ns=row["last_ns"],

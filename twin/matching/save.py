@@ -15,6 +15,7 @@ from twin.matching.poles.keys import Mark
 from twin.matching.poles.seen_in import keys_held, marks_named
 from twin.store import schema
 from twin.store.records import Finding
+from twin.store.sql import as_values, bulk_insert, each_text
 from twin.store.store import Row, Snapshot, Store, utc_now
 from twin.store.touched import FACT as TOUCHED
 from twin.store.touched import without_those_of
@@ -83,8 +84,7 @@ def save_changes(
         gone = None if part is None else part.gone
         before = known_findings(view, gone)
         _delete(connection, schema.change, schema.change.c.change_id, gone)
-        if findings:
-            connection.execute(sa.insert(schema.change), [finding.to_row() for finding in findings])
+        bulk_insert(connection, schema.change, as_values(schema.change, [one.to_row() for one in findings]))
         _put_keys(connection, view, pole_keys, part)
         _remember(connection, view, pole_keys, marks or {})
         if kept is not None:
@@ -109,9 +109,7 @@ def _delete(
     if gone is None:
         connection.execute(sa.delete(table))
     elif gone:
-        connection.execute(
-            sa.delete(table).where(name == sa.bindparam("gone")), [{"gone": key} for key in gone]
-        )
+        connection.execute(sa.delete(table).where(name.in_(each_text(gone))))
 
 
 def _put_keys(
@@ -124,8 +122,7 @@ def _put_keys(
         before = keys_held(view, pole_keys)
         fresh = {member: key for member, key in fresh.items() if before.get(member) != key}
         _delete(connection, t, t.c.member, sorted({*part.members_gone, *(fresh.keys() & before.keys())}))
-    if fresh:
-        connection.execute(sa.insert(t), [{"member": member, "pole": key} for member, key in fresh.items()])
+    bulk_insert(connection, t, list(fresh.items()))
 
 
 def _remember(

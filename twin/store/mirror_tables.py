@@ -122,7 +122,9 @@ MIRROR = {
 skiltpunkt = MIRROR[95].visible
 skiltplate = MIRROR[96].visible
 
-for _column in (skiltpunkt.c.east_m, skiltplate.c.east_m, skiltplate.c.point_id):
+_FOUND_BY = ("east_m", "point_id", "skiltnummer")
+
+for _column in (skiltpunkt.c.east_m, *(skiltplate.c[name] for name in _FOUND_BY)):
     # Of the visible tables alone: a backfill is written faster without, and gets them as it becomes visible.
     sa.Index(f"ix_{_column.table.name}_{_column.name}", _column)
 

@@ -50,7 +50,7 @@ __all__ = [
     "veglenke_aside",
 ]
 
-VERSION = 17
+VERSION = 18
 """Raised with every change of the tables: another version is upgraded (:mod:`.migrate`) or refused."""
 
 meta = sa.Table(
@@ -348,7 +348,7 @@ pole_key = sa.Table(
     "pole_key",
     metadata,
     sa.Column("member", TEXT, primary_key=True, comment="drive:object"),
-    sa.Column("pole", TEXT, nullable=False, comment="key of the pole that it belonged to"),
+    sa.Column("pole", TEXT, nullable=False, index=True, comment="key of the pole that it belonged to"),
     comment="Which pole an estimate belonged to in the last match.",
 )
 
@@ -358,8 +358,8 @@ known_mark = sa.Table(
     sa.Column("id", ROWID, primary_key=True, comment="counts the rows"),
     sa.Column("drive_id", TEXT, nullable=False, comment="the drive"),
     sa.Column("clicks", TEXT, nullable=False, comment="what was clicked for the pole"),
-    sa.Column("pole", TEXT, nullable=False, comment="the key that the pole got first"),
-    sa.Column("east_m", REAL, nullable=False, comment="easting, EPSG:25833, metres"),
+    sa.Column("pole", TEXT, nullable=False, index=True, comment="the key that the pole got first"),
+    sa.Column("east_m", REAL, nullable=False, index=True, comment="easting, EPSG:25833, metres"),
     sa.Column("north_m", REAL, nullable=False, comment="northing, likewise"),
     sa.Column("skiltnummer", TEXT, nullable=False, comment="codes of its plates, top down, joined by ;"),
     sa.UniqueConstraint("drive_id", "clicks", "pole"),

@@ -49,7 +49,7 @@ class Snapshot:
         """Run a query and return its rows as mappings."""
         result = self._connection.execute(statement)
         names = list(result.keys())
-        return [dict(zip(names, row, strict=True)) for row in result]
+        return [dict(zip(names, row, strict=True)) for row in result.fetchall()]
 
     def fact(self, key: str) -> dict[str, Any] | None:
         """As :meth:`Store.fact`, of this state."""

@@ -28,6 +28,12 @@ _NEAREST_S = 0.7
 """So long before its last sighting a sign is best placed: near, and still in the picture."""
 
 
+_LATE_S: FloatArray = np.linspace(-_LATEST_S, _LATEST_S, round(2 * _LATEST_S / _STEP_S) + 1)
+_NO_SHIFT = _LATE_S.size // 2
+_SURELY_M = 0.99 * _SCATTER * _LEAST_M
+"""A sign this near to NVDB's counts as being there, whatever the shift that it is weighed against."""
+
+
 class Ahead(NamedTuple):
     """One shift along the drive's own path that brings its signs to NVDB's.
 
@@ -43,7 +49,39 @@ class Ahead(NamedTuple):
     late_s: float
 
 
-def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[Site]) -> Ahead | None:
+class Shifted(NamedTuple):
+    """A drive's signs as the clock of its camera would have to be late or early.
+
+    Attributes
+    ----------
+    read : list of Estimate
+        Of which codes and last sighting are known.
+    place : float64 (n, 2)
+        Where they are: EPSG:25833.
+    shifted : float64 (n, shifts, 2)
+        Where they would be; NaN beyond the ends of the path.
+    """
+
+    read: list[Estimate]
+    place: FloatArray
+    shifted: FloatArray
+
+    @classmethod
+    def of(cls, estimates: Sequence[Estimate], poses: Poses) -> Shifted:
+        """Shift the signs of one drive along its poses, which are in time order."""
+        read = [one for one in estimates if one.codes and one.last_ns]
+        if poses.epoch_ns.size < 2:
+            read = []
+        place = np.array([(one.east_m, one.north_m) for one in read]).reshape(-1, 2)
+        return cls(read, place, _shifted(read, place, poses) if read else np.zeros((0, _LATE_S.size, 2)))
+
+    def everywhere(self) -> FloatArray:
+        """Places (n, 2) at which sites can tell by what the signs are shifted, each to within `NEAR_M`."""
+        some = np.concatenate([self.place, self.shifted.reshape(-1, 2)])
+        return np.asarray(some[np.isfinite(some[:, 0])])
+
+
+def ahead_of_nvdb(signs: Shifted, sites: Sequence[Site]) -> Ahead | None:
     """Find the one error of the camera's clock that brings a drive's signs to NVDB's, as they are not.
 
     A clock that is stated to a second is no contradiction within the drive: a path without landmarks fits any
@@ -52,10 +90,8 @@ def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[S
 
     Parameters
     ----------
-    estimates : sequence of Estimate
+    signs : Shifted
         Of one drive, one a pole.
-    poses : Poses
-        Where it drove, in time order.
     sites : sequence of Site
         Of which those that NVDB has on the centre line do not count.
 
@@ -64,13 +100,10 @@ def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[S
     Ahead or None
         None where the drive fits as it is, or too few signs agree on another shift.
     """
-    read = _read(estimates)
+    read, place, shifted = signs
     near = [site for site in sites if site.own_geometry and site.codes]
-    if len(read) < _FEWEST or len(near) < _FEWEST or poses.epoch_ns.size < 2:
+    if len(read) < _FEWEST or len(near) < _FEWEST or _fits_as_it_is(signs, near):
         return None
-    place = np.array([(one.east_m, one.north_m) for one in read])
-    late_s = _shifts_s()
-    shifted = _shifted(read, place, poses, late_s)
     pairs = _pairs(read, near, shifted)
     sign, site = pairs.T
     if np.unique(sign).size < _FEWEST:
@@ -91,36 +124,39 @@ def ahead_of_nvdb(estimates: Sequence[Estimate], poses: Poses, sites: Sequence[S
         return None
     scatter_m = np.where(off_m <= within_m, off_m, np.nan)
     best = min(np.flatnonzero(clear).tolist(), key=lambda k: (-count[k], np.nanmean(scatter_m[:, k])))
-    late = float(late_s[best])
+    late = float(_LATE_S[best])
     return Ahead(float(np.copysign(along_m[best], late)), late)
 
 
-def places_if_shifted(estimates: Sequence[Estimate], poses: Poses) -> FloatArray:
-    """Places (n, 2) at which sites can tell by what a drive's signs are shifted, each to within `NEAR_M`."""
-    read = _read(estimates)
-    if not read or poses.epoch_ns.size < 2:
-        return np.zeros((0, 2))
-    place = np.array([(one.east_m, one.north_m) for one in read])
-    everywhere = np.concatenate([place, _shifted(read, place, poses, _shifts_s()).reshape(-1, 2)])
-    return np.asarray(everywhere[np.isfinite(everywhere[:, 0])])
+def _fits_as_it_is(signs: Shifted, near: Sequence[Site]) -> bool:
+    """Whether so many signs stand where NVDB has them that no shift can bring twice as many to sites.
+
+    So it is with nearly every drive, which need not be looked at further.
+    """
+    from scipy.spatial import cKDTree
+
+    on_path = np.flatnonzero(np.isfinite(signs.shifted[:, _NO_SHIFT, 0]))
+    there = cKDTree([(site.east_m, site.north_m) for site in near])
+    some = there.query_ball_point(signs.place[on_path], _SURELY_M)
+    codes = [frozenset(site.codes) for site in near]
+    pairs = [
+        (k, j)
+        for k, hits in zip(on_path.tolist(), some, strict=True)
+        for j in hits
+        if not codes[j].isdisjoint(signs.read[k].codes)
+    ]
+    as_is = min(len({k for k, _ in pairs}), len({j for _, j in pairs}))
+    return len(signs.read) < 2 * as_is + 2
 
 
-def _read(estimates: Sequence[Estimate]) -> list[Estimate]:
-    return [one for one in estimates if one.codes and one.last_ns]
-
-
-def _shifts_s() -> FloatArray:
-    return np.linspace(-_LATEST_S, _LATEST_S, round(2 * _LATEST_S / _STEP_S) + 1, dtype=np.float64)
-
-
-def _shifted(read: Sequence[Estimate], place: FloatArray, poses: Poses, late_s: FloatArray) -> FloatArray:
+def _shifted(read: Sequence[Estimate], place: FloatArray, poses: Poses) -> FloatArray:
     """Places (n, shifts, 2) of the signs if the clock is late by so much; NaN beyond the ends of the path."""
     east, north = utm33_from_geographic(poses.latitude_deg, poses.longitude_deg)
     turned = poses.heading_deg - grid_convergence_deg(poses.latitude_deg, poses.longitude_deg)
     heading = np.unwrap(np.deg2rad(turned))
     at_s = 1e-9 * (poses.epoch_ns - poses.epoch_ns[0])
     seen_s = 1e-9 * (np.array([one.last_ns for one in read]) - poses.epoch_ns[0]) - _NEAREST_S
-    true_s = seen_s[:, None] - late_s
+    true_s = seen_s[:, None] - _LATE_S
     there, here = (
         [np.interp(time, at_s, column, left=np.nan, right=np.nan) for column in (east, north, heading)]
         for time in (true_s, seen_s[:, None])

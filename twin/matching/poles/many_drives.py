@@ -31,6 +31,8 @@ class Driven:
     ----------
     read_poses : callable
         Gives where it drove, in time order.
+    heading_deg : callable
+        Gives the car's heading (n,) from true north at epochs (n,), where there is any pose.
     corrections : Corrections or None
         What its adjustment found; None where it was ingested by another method.
     car : str
@@ -43,6 +45,7 @@ class Driven:
 
     drive_id: str
     read_poses: Callable[[], Poses]
+    heading_deg: Callable[[IntArray], FloatArray]
     corrections: Corrections | None
     car: str
     recorded: str
@@ -52,6 +55,12 @@ class Driven:
     def content(self) -> bytes:
         """What tells it from any other drive, as far as fusing goes."""
         return repr((self.drive_id, self.recorded, self.car, self.corrections)).encode()
+
+
+def headings_at(poses: Poses, epoch_ns: IntArray) -> FloatArray:
+    """Heading (n,) of the first pose at or after each epoch (n,), else of the last one."""
+    at = np.clip(np.searchsorted(poses.epoch_ns, epoch_ns), 0, poses.epoch_ns.size - 1)
+    return np.asarray(poses.heading_deg[at])
 
 
 class Measured(NamedTuple):
@@ -283,9 +292,7 @@ def _passes(number: int, drive: Driven, seen: Sequence[tuple[int, Estimate]]) ->
         )
         for source in sources
     }
-    poses = drive.read_poses()
-    at = np.clip(np.searchsorted(poses.epoch_ns, last_ns), 0, poses.epoch_ns.size - 1)
-    heading = poses.heading_deg[at] - grid_convergence_deg(*where)
+    heading = drive.heading_deg(last_ns) - grid_convergence_deg(*where)
     lasts_s = CODE_LASTS_S if drive.corrections is None else drive.corrections.track_lasts_s
     return Passes(
         np.array([pole for pole, _ in seen], dtype=np.int64),

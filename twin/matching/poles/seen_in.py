@@ -15,7 +15,7 @@ from twin.matching.poles.same_pole import Picture
 from twin.matching.reading import rows_of_drives
 from twin.store import schema
 from twin.store.records import Estimate, split_codes
-from twin.store.sql import rounded
+from twin.store.sql import each_text, rounded
 from twin.store.store import Row, Snapshot
 
 
@@ -71,7 +71,8 @@ def marks_of(estimates: Sequence[Estimate], clicks: Mapping[str, Mapping[str, st
 
 def known_marks(view: Snapshot) -> list[KnownMark]:
     """Every mark of earlier matches, the oldest first."""
-    return [_mark(row) for row in view.rows(_MARKS.order_by(schema.known_mark.c.id))]
+    columns = view.columns(_MARKS.order_by(schema.known_mark.c.id))
+    return [_known(*row) for row in zip(*(columns[name] for name in _COLUMNS[1:]), strict=True)]
 
 
 def known_marks_about(
@@ -95,17 +96,20 @@ def known_marks_about(
         Of the poles.
     """
     t = schema.known_mark.c
-    rows = rows_of_drives(view, _MARKS, t.drive_id, drives)
     (west, south), (east, north) = place_m.min(axis=0) - CELL_M, place_m.max(axis=0) + CELL_M
     box = t.east_m.between(float(west), float(east)) & t.north_m.between(float(south), float(north))
-    rows += view.rows(_MARKS.where(box, t.drive_id.not_in(sorted(drives))))
-    near = are_among(cells_of(np.array([(row["east_m"], row["north_m"]) for row in rows])), about)
-    wanted = (
-        row
-        for row, is_near in zip(rows, near.tolist(), strict=True)
-        if is_near or (row["drive_id"], row["clicks"]) in clicked
-    )
-    return [_mark(row) for row in sorted(wanted, key=lambda row: row["id"])]
+    mine, others = t.drive_id.in_(each_text(sorted(drives))), t.drive_id.not_in(each_text(sorted(drives)))
+    found: list[KnownMark] = []
+    numbers: list[int] = []
+    for asked in (_MARKS.where(mine), _MARKS.where(box, others)):
+        columns = view.columns(asked)
+        place = np.array([columns["east_m"], columns["north_m"]], dtype=np.float64).T
+        near = are_among(cells_of(place), about).tolist()
+        for is_near, number, *row in zip(near, *(columns[name] for name in _COLUMNS), strict=True):
+            if is_near or (row[0], row[1]) in clicked:
+                numbers.append(number)
+                found.append(_known(*row))
+    return [found[k] for k in np.argsort(np.array(numbers, dtype=np.int64)).tolist()]
 
 
 def marks_named(view: Snapshot, names: Set[tuple[str, str, str]]) -> dict[tuple[str, str, str], Row]:
@@ -120,9 +124,10 @@ _COLUMNS = ("id", "drive_id", "clicks", "pole", "east_m", "north_m", "skiltnumme
 _MARKS = sa.select(*(schema.known_mark.c[name] for name in _COLUMNS))
 
 
-def _mark(row: Row) -> KnownMark:
-    codes = split_codes(row["skiltnummer"])
-    return KnownMark(Mark(row["drive_id"], row["clicks"], row["east_m"], row["north_m"], codes), row["pole"])
+def _known(
+    drive_id: str, clicks: str, pole: str, east_m: float, north_m: float, skiltnummer: str
+) -> KnownMark:
+    return KnownMark(Mark(drive_id, clicks, east_m, north_m, split_codes(skiltnummer)), pole)
 
 
 def ever_used(view: Snapshot, keys: Collection[str]) -> set[str]:
