@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -14,18 +15,31 @@ from twin.drives.drive import Drive
 from twin.drives.folder.drive_toml import SETTINGS_FILE
 from twin.drives.folder.notes import DriveDoubt
 from twin.drives.folder.stated_errors import TERMS, can_be, wanted
+from twin.drives.frames.clocks import StatedClock
 from twin.errors import ConfigError
 
 _WELL_KNOWN_MS = 50.0
 _NOTICED = 3.0
 
 
-def budget_of(drive: Drive, budget: ErrorBudget | None, errors: Mapping[str, float]) -> ErrorBudget:
+class StatesErrors(Protocol):
+    """A drive, or a car that will make one."""
+
+    @property
+    def clock(self) -> StatedClock | None:
+        """Return why its cameras' stamps are not known as well as usual; None where they are."""
+
+    @property
+    def errors(self) -> Mapping[str, float]:
+        """Return the terms of the error budget that it states."""
+
+
+def budget_of(drive: StatesErrors, budget: ErrorBudget | None, errors: Mapping[str, float]) -> ErrorBudget:
     """One sigma of each source.
 
     Parameters
     ----------
-    drive : Drive
+    drive : Drive, or another that states its errors
     budget : ErrorBudget or None
         In place of the usual one and of what the drive states.
     errors : mapping of term to one sigma

@@ -24,6 +24,8 @@ class TroubleKind(StrEnum):
     """What came cannot be read, and was left out."""
     CLOCK = "clock"
     """Its time stepped, or stands."""
+    DROPPED = "dropped"
+    """It gives more than can be taken, and some was left out: a camera that is too fast for its detector."""
 
 
 class Trouble(NamedTuple):
@@ -45,7 +47,7 @@ class Trouble(NamedTuple):
     at_ns: int
     source: str
     kind: TroubleKind
-    count: int = 1
+    count: int = 1  # type: ignore[assignment]  # a tuple's method of this name, which nobody calls
     detail: str = ""
 
 

@@ -37,6 +37,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import PurePosixPath
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +146,7 @@ def gather(
         images = [shape.image for shape in file.shapes]
         pictures = {c: PictureNames(of, images) for c, of in (image_frames or {}).items() if of}
         context = FileReading(rig.source, meanings, pictures, first_frame, numbered)
-        rows += _rows(file, chooser, context)
+        rows += annotations_of(file, chooser, context)
         warnings += all_left_out(file, declared, chooser, context)
         unsized |= check_reach(file, chooser, rig.source)
         skipped += left_out(context, file.where)
@@ -217,8 +218,15 @@ def only(annotations: Annotations, keep: NDArray[np.bool_]) -> Annotations:
     return Annotations(**{f.name: getattr(annotations, f.name)[keep] for f in fields(Annotations)})
 
 
-def _rows(
-    file: AnnotationFile, chooser: CameraChooser, context: FileReading
+class ChoosesCamera(Protocol):
+    """Says which camera a shape belongs to."""
+
+    def of(self, shape: Shape, /) -> RigCamera:
+        """Return it."""
+
+
+def annotations_of(
+    file: AnnotationFile, chooser: ChoosesCamera, context: FileReading
 ) -> Iterator[tuple[Annotation, str]]:
     """Yield annotations, named only by their attribute ``object``, and their tracks, unique in the file."""
     inherited = _track_attributes(file.shapes)

@@ -46,6 +46,20 @@ class DetectorOptions:
     threshold: float = DEFAULT_THRESHOLD
 
 
+def check_options(options: DetectorOptions) -> None:
+    """Refuse options that are out of their range.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if options.every < 1 or not 0.0 < options.threshold < 1.0:
+        raise ConfigError(
+            f"The detector is to look at every {options.every} frames for scores of {options.threshold:g}:"
+            " give a whole number from 1, and a score between 0 and 1."
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Recorded:
     """What a detector needs of a drive.
@@ -92,11 +106,7 @@ def detect(recorded: Recorded, options: DetectorOptions, say: Callable[[str], No
     DriveError
         If there are no pictures, the pictures are not of this rig, or the network cannot be run.
     """
-    if options.every < 1 or not 0.0 < options.threshold < 1.0:
-        raise ConfigError(
-            f"The detector is to look at every {options.every} frames for scores of {options.threshold:g}:"
-            " give a whole number from 1, and a score between 0 and 1."
-        )
+    check_options(options)
     if not recorded.pictures:
         raise DriveError(
             "The drive has no pictures for the detector: add a video named after its camera, or name a video"

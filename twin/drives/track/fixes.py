@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,9 @@ HIGHEST_M = 20_000
 
 LARGEST_SIGMA_M = 10_000.0
 """A fix that may be anywhere in the county says nothing already."""
+
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class LeftOutError(Exception):
@@ -183,6 +187,25 @@ def check_epoch(epoch_ns: int) -> None:
     """
     if not credible(epoch_ns):
         raise LeftOutError("stamp outside the years 2000–2099")
+
+
+def epoch_of(text: str) -> int:
+    """Nanoseconds UTC of an instant in ISO 8601, to the microsecond.
+
+    Raises
+    ------
+    LeftOutError
+        If it is none, or without a zone.
+    """
+    if not text:
+        raise LeftOutError("no time")
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise LeftOutError("time unreadable") from None
+    if moment.tzinfo is None:
+        raise LeftOutError("time without a zone (Z for UTC)")
+    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
 
 
 def sigma_or_nan(value_m: float) -> float:

@@ -70,7 +70,7 @@ def read_track(folder: DriveFolder, settings: DriveSettings, rig: Rig, notes: Re
             f"{folder.root} holds no GNSS recording ({wanted}) and no poses: add it, or name it under [gnss]"
             f" or [poses] in {SETTINGS_FILE}.{''.join(f' {one}' for one in damaged)}"
         )
-    rig = _with_antennas(rig, files, settings)
+    rig = rig_with_antennas(rig, files, settings)
     gnss = _read_gnss(folder, files, settings, notes)
     _warn_of_zero_lever_arms(rig, gnss, notes)
     return Track(rig, gnss, None)
@@ -116,8 +116,19 @@ def _with_stated_sigmas(track: PoseTrack, stated: Mapping[str, float]) -> PoseTr
     )
 
 
-def _with_antennas(rig: Rig, files: Mapping[str, str], settings: DriveSettings) -> Rig:
-    """Give the rig the lever arms of ``drive.toml``, and the antennas that only ``drive.toml`` knows."""
+def rig_with_antennas(rig: Rig, files: Mapping[str, str], settings: DriveSettings) -> Rig:
+    """Give the rig the lever arms of ``drive.toml``, and the antennas that only ``drive.toml`` knows.
+
+    Parameters
+    ----------
+    files : mapping of antenna to file
+        The recordings.
+
+    Raises
+    ------
+    DriveError
+        If ``drive.toml`` names an antenna that there is not.
+    """
     arms = settings.lever_arms_m
     unknown = [name for name in (*files, *arms) if name not in rig.antennas]
     for name in unknown:

@@ -2,12 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
 from enum import StrEnum
+from functools import partial
+from pathlib import Path
 
-from twin.drives.detection.run import DetectorOptions
-from twin.live.car import Car
+import msgspec
+
+from geoloc.errors import CalibrationError
+from twin.drives.detection.network import Detector
+from twin.drives.detection.run import DetectorOptions, check_options
+from twin.drives.track.formats.gpsd import GpsdStream
+from twin.drives.track.formats.nmea import NmeaStream
+from twin.drives.track.formats.rosbag import POSITION_TYPE
+from twin.errors import ConfigError
+from twin.live.car import Car, antenna_of
 from twin.live.ports import Source
-from twin.live.recorder import Recorder
+from twin.live.recorder import Form, Recorder
+from twin.live.sources import mqtt_link, serial_link
+from twin.live.sources.address import STDIN, Address, Scheme, address_of
+from twin.live.sources.antenna import Antenna
+from twin.live.sources.camera import CameraSource, PictureAddress
+from twin.live.sources.decoders import Decoder, FixLines, FixMessages, FrameLines
+from twin.live.sources.frames import FrameReader
+from twin.live.sources.links import Link, ListeningLink, StdinLink, TcpLink, UdpLink
+from twin.live.sources.ros import TEXT_TYPE, PlayedSource, Ros2Link, ToLines, fix_lines, text_lines
+from twin.live.sources.stream import StreamSource
+
+_GPSD_PORT, _RTSP_PORT, _RTSPS_PORT, _HTTP_PORT, _HTTPS_PORT = 2947, 554, 322, 80, 443
+_FASTEST = "max"
+_ANTENNA = ("antenna",)
 
 
 class Gives(StrEnum):
@@ -15,6 +39,36 @@ class Gives(StrEnum):
 
     FIXES = "fixes"
     DETECTIONS = "detections"
+
+
+FIX_SCHEMES: Mapping[str, Scheme] = {
+    "serial": Scheme(options=(*_ANTENNA, "baud"), is_path=True),
+    "serial+sbp": Scheme(options=(*_ANTENNA, "baud"), is_path=True),
+    "tcp": Scheme(options=_ANTENNA),
+    "tcp+sbp": Scheme(options=_ANTENNA),
+    "udp": Scheme(options=_ANTENNA, listens=True),
+    "udp+sbp": Scheme(options=_ANTENNA, listens=True),
+    "gpsd": Scheme(_GPSD_PORT, options=_ANTENNA),
+    "mcap": Scheme(options=(*_ANTENNA, "topic", "speed"), is_path=True),
+    "ros2": Scheme(options=_ANTENNA, is_path=True),
+}
+DETECTION_SCHEMES: Mapping[str, Scheme] = {
+    "tcp": Scheme(options=("listen",), listens=True),
+    "udp": Scheme(listens=True),
+    "mqtt": Scheme(mqtt_link.PORT),
+    "mqtts": Scheme(mqtt_link.TLS_PORT),
+    "mcap": Scheme(options=("topic", "speed"), is_path=True),
+    "ros2": Scheme(is_path=True),
+    STDIN: Scheme(),
+}
+PICTURE_SCHEMES: Mapping[str, Scheme] = {
+    "rtsp": Scheme(_RTSP_PORT, options=None),
+    "rtsps": Scheme(_RTSPS_PORT, options=None),
+    "http": Scheme(_HTTP_PORT, options=None),
+    "https": Scheme(_HTTPS_PORT, options=None),
+    "v4l2": Scheme(options=("camera",), is_path=True),
+    "file": Scheme(options=("camera",), is_path=True),
+}
 
 
 def open_source(
@@ -40,7 +94,7 @@ def open_source(
     recorder : Recorder, optional
         Gets everything that is received, before anything else is done with it.
     detector : DetectorOptions, optional
-        The network that looks at the pictures of a camera or video.
+        Of detections: the network that looks at the pictures of the camera or video at the address.
 
     Returns
     -------
@@ -54,5 +108,140 @@ def open_source(
         For an address that is none, an antenna or a camera that the car does not have.
     MissingExtraError
         Where its library is not installed.
+    DriveError
+        If a recording, or the detector's network, cannot be used.
     """
-    raise NotImplementedError
+    if gives is Gives.FIXES:
+        return _fixes(address_of(url, FIX_SCHEMES), car, recorder)
+    if detector is not None:
+        return _pictures(address_of(url, PICTURE_SCHEMES), car, recorder, detector)
+    return _detections(address_of(url, DETECTION_SCHEMES), car, recorder)
+
+
+def antennas_of(car: Car, urls: Collection[str]) -> tuple[str, ...]:
+    """Return the antenna of each address of fixes: what `Car.live_car` takes.
+
+    Raises
+    ------
+    ConfigError
+        For one that the car does not have, one that two addresses name, or where none is named and the car
+        has several.
+    """
+    names = [antenna_of(car, address_of(url, FIX_SCHEMES).options.get("antenna")) for url in urls]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"Two addresses give fixes of {', '.join(twice)}: keep one for each antenna.")
+    return tuple(names)
+
+
+def _fixes(address: Address, car: Car, recorder: Recorder | None) -> Source:
+    antenna = antenna_of(car, address.options.get("antenna"))
+    transport, _, protocol = address.scheme.partition("+")
+    form = Form.SBP if protocol else Form.GPSD if transport in ("gpsd", "mcap", "ros2") else Form.NMEA
+    keep = _nowhere if recorder is None else recorder.fixes(antenna, form)
+    decoder = partial(_fix_decoder, form, Antenna(antenna, car), keep)
+    if transport == "mcap":
+        return _played(address, POSITION_TYPE, fix_lines, decoder())
+    return StreamSource(address.name, _fix_link(address, transport), decoder)
+
+
+def _fix_link(address: Address, transport: str) -> Link:
+    match transport:
+        case "serial":
+            baud = address.number("baud", serial_link.USUAL_BAUD)
+            return serial_link.SerialLink(address.path, baud)
+        case "udp":
+            return UdpLink(address.host, address.port, lines=address.scheme == transport)
+        case "ros2":
+            return Ros2Link(address.path, is_position=True)
+        case "gpsd":
+            return TcpLink(address.host, address.port, _watch(address.path))
+        case _:
+            return TcpLink(address.host, address.port)
+
+
+def _watch(device: str) -> bytes:
+    """Ask gpsd for reports, of one of its devices where the address names one."""
+    only = {"device": device} if device.strip("/") else {}
+    return b"?WATCH=" + msgspec.json.encode({"enable": True, "json": True, **only}) + b";\n"
+
+
+def _fix_decoder(form: Form, antenna: Antenna, keep: Callable[[bytes], None]) -> Decoder:
+    if form is Form.SBP:
+        return FixMessages(antenna, keep)
+    return FixLines(GpsdStream() if form is Form.GPSD else NmeaStream(), antenna, keep)
+
+
+def _nowhere(_data: bytes) -> None:
+    """Keep nothing."""
+
+
+def _detections(address: Address, car: Car, recorder: Recorder | None) -> Source:
+    decoder = partial(FrameLines, FrameReader(car), recorder)
+    if address.scheme == "mcap":
+        return _played(address, TEXT_TYPE, text_lines, decoder())
+    return StreamSource(address.name, _detection_link(address), decoder)
+
+
+def _detection_link(address: Address) -> Link:
+    match address.scheme:
+        case "udp":
+            return UdpLink(address.host, address.port)
+        case "mqtt" | "mqtts":
+            topic = address.path.removeprefix("/")
+            if not topic:
+                raise ConfigError(f"{address.name} names no topic: write it behind the host.")
+            tls = address.scheme == "mqtts"
+            return mqtt_link.MqttLink(address.host, address.port, topic, address.user, address.password, tls)
+        case "ros2":
+            return Ros2Link(address.path, is_position=False)
+        case "tcp" if address.host and "listen" not in address.options:
+            return TcpLink(address.host, address.port)
+        case "tcp":
+            return ListeningLink(address.host, address.port)
+        case _:
+            return StdinLink()
+
+
+def _played(address: Address, kind: str, to_lines: ToLines, decoder: Decoder) -> Source:
+    text = address.options.get("speed", "1")
+    try:
+        speed = None if text == _FASTEST else float(text)
+    except ValueError:
+        speed = 0.0
+    if speed is not None and not 0.0 < speed < 1e6:
+        raise ConfigError(f"{address.name}: speed takes a number above 0, or {_FASTEST}, but not {text:.40}.")
+    topic = address.options.get("topic")
+    return PlayedSource(address.name, Path(address.path), kind, topic, to_lines, decoder, speed)
+
+
+def _pictures(address: Address, car: Car, recorder: Recorder | None, options: DetectorOptions) -> Source:
+    check_options(options)
+    named, known = address.options.get("camera"), sorted(car.rig.cameras)
+    if named is None and len(known) != 1:
+        raise ConfigError(
+            f"The car in {car.path} has the cameras {', '.join(known)}: say whose pictures come from"
+            f" {address.name}, with ?camera={known[0] if known else 'NAME'} behind it."
+        )
+    try:
+        camera = car.rig.camera(named or known[0])
+    except CalibrationError as error:
+        raise ConfigError(f"{address.name}: {error}") from error
+    size_px = (camera.model.width_px, camera.model.height_px)
+    is_device = address.scheme == "v4l2"
+    where = PictureAddress(
+        address.path if is_device or address.scheme == "file" else address.without("camera"),
+        "v4l2" if is_device else None,
+        is_file=address.scheme == "file",
+    )
+    return CameraSource(
+        address.name,
+        where,
+        camera.name,
+        size_px,
+        Detector(options.model),
+        options.threshold,
+        options.every,
+        FrameReader(car),
+        recorder,
+    )

@@ -14,6 +14,7 @@ from twin.drives.annotations.formats import (
     coco,
     cvat,
     datumaro,
+    frame_lines,
     labelme,
     labelme_xml,
     labelstudio,
@@ -114,6 +115,13 @@ FORMATS = (
         labelme_xml.looks_like_labelme_xml,
         labelme_xml.read_labelme_xml,
         True,
+    ),
+    AnnotationFormat(
+        frame_lines.TOOL,
+        "JSON lines",
+        frame_lines.SUFFIX,
+        frame_lines.looks_like_frame_lines,
+        frame_lines.read_frame_lines,
     ),
     AnnotationFormat(
         plain_csv.TOOL, "CSV", ".csv", plain_csv.looks_like_annotations_csv, plain_csv.read_annotations_csv

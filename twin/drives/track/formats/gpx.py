@@ -8,16 +8,22 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
 from io import BytesIO
 
-from twin.drives.track.fixes import Fix, FixesRead, LeftOutError, check_epoch, check_position, fixes_read
+from twin.drives.track.fixes import (
+    Fix,
+    FixesRead,
+    LeftOutError,
+    check_epoch,
+    check_position,
+    epoch_of,
+    fixes_read,
+)
 from twin.drives.track.sea_level import above_ellipsoid
 from twin.errors import DriveError
 
 _SINGLE = 1
 _QUALITY = {"dgps": 2, "pps": 3}
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _POINT = "trkpt"
 
 
@@ -90,19 +96,7 @@ def _fix(point: dict[str, str]) -> Fix:
     except ValueError:
         raise LeftOutError("elevation is no number") from None
     check_position(latitude, longitude, height)
-    epoch_ns = _epoch_ns(point.get("time", ""))
+    epoch_ns = epoch_of(point.get("time", ""))
     check_epoch(epoch_ns)
     quality = _QUALITY.get(point.get("fix", ""), _SINGLE)
     return Fix(epoch_ns, epoch_ns, latitude, longitude, height, quality)
-
-
-def _epoch_ns(text: str) -> int:
-    if not text:
-        raise LeftOutError("no time")
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        raise LeftOutError("time unreadable") from None
-    if moment.tzinfo is None:
-        raise LeftOutError("time without a zone (Z for UTC)")
-    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000

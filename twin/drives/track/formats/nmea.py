@@ -112,7 +112,8 @@ def iter_sentences(content: bytes, faults: Counter[str] | None = None) -> Iterat
 def _sentence(text: str) -> Sentence:
     from pynmea2 import NMEASentence, ParseError
 
-    match = _LINE.fullmatch(text)
+    # A line that was cut, or another protocol, may stand before a whole sentence.
+    match = _LINE.fullmatch(text[max(text.rfind("$"), 0) :])
     if not match:
         raise LeftOutError("not an NMEA sentence")
     body, stated, rest = match.group("body", "sum", "rest")
@@ -127,7 +128,7 @@ def _sentence(text: str) -> Sentence:
         if body.startswith(MAGNETIC_COMPASS):
             raise LeftOutError("heading of a magnetic compass")
         values = body.split(",")[1:]
-        return Sentence(kind, dict(zip(_HEADING_FIELDS, values, strict=False)), _host_ns(rest))
+        return Sentence(kind, dict(zip(_HEADING_FIELDS, values, strict=False)), host_stamp_ns(rest))
     try:
         message = NMEASentence.parse(f"${body}")
     except ParseError:
@@ -135,11 +136,17 @@ def _sentence(text: str) -> Sentence:
     # The library's own conversions are passed by: they cut the time to whole microseconds, downwards, and
     # turn an absent latitude into 0.
     names = (field[1] for field in message.fields)
-    return Sentence(kind, dict(zip(names, message.data, strict=False)), _host_ns(rest))
+    return Sentence(kind, dict(zip(names, message.data, strict=False)), host_stamp_ns(rest))
 
 
-def _host_ns(rest: str) -> int | None:
-    """Host stamp behind a sentence, in ns; None where there is none."""
+def host_stamp_ns(rest: str) -> int | None:
+    """Host stamp behind a sentence, in ns; None where there is none.
+
+    Raises
+    ------
+    LeftOutError
+        If something else stands there.
+    """
     if not rest.strip():
         return None
     try:
@@ -221,11 +228,17 @@ class _Log:
             if near_ns is None:
                 faults[_NO_DATE] += 1
                 continue
-            epoch_ns = reference_ns = _nearest_day(row.time_ns, near_ns)
-            host_ns = epoch_ns if row.host_ns is None else row.host_ns
-            sigmas_m = self.sigmas_m.get(row.time_ns, (math.nan, math.nan))
-            fixes.append(Fix(epoch_ns, host_ns, *row[2:], *sigmas_m, **self.motion.at(row.time_ns)))
+            fix = self.fix(row, near_ns)
+            reference_ns = fix.epoch_ns
+            fixes.append(fix)
         return fixes
+
+    def fix(self, row: _Measured, near_ns: int) -> Fix:
+        """Return a fix on the day that brings its time nearest to an epoch, with all that is said of it."""
+        epoch_ns = _nearest_day(row.time_ns, near_ns)
+        host_ns = epoch_ns if row.host_ns is None else row.host_ns
+        sigmas_m = self.sigmas_m.get(row.time_ns, (math.nan, math.nan))
+        return Fix(epoch_ns, host_ns, *row[2:], *sigmas_m, **self.motion.at(row.time_ns))
 
     def warnings(self, where: str) -> list[str]:
         """Tell what a user should know; host stamps overrule dates without a word."""
@@ -244,6 +257,60 @@ class _Log:
         if self.seen and not self.seen["GGA"]:
             return "switch GGA sentences on in the receiver"
         return "check that it is the NMEA recording of this drive"
+
+
+class NmeaStream:
+    """Lines as a receiver sends them → fixes, each as soon as all that is said of its epoch has come.
+
+    A fix is complete when a sentence of another time comes, or `pause` tells that nothing does. Its date is
+    that of RMC and ZDA where the receiver sends them, else that of the host.
+
+    Attributes
+    ----------
+    readable, unreadable : int
+        Lines so far that are sound sentences, and that are none.
+    """
+
+    def __init__(self) -> None:
+        self.readable = self.unreadable = 0
+        self._log, self._faults = _Log(), Counter[str]()
+        self._stated_ns: int | None = None
+
+    def feed(self, line: bytes, at_ns: int) -> list[Fix]:
+        """Take a line that came when the host's clock showed `at_ns`, unless it carries a host stamp."""
+        faults = Counter[str]()
+        sentence = next(iter_sentences(line, faults), None)
+        self.unreadable += faults.total()
+        if sentence is None:
+            return []
+        self.readable += 1
+        before = self._log.motion.time_ns
+        stamp_ns = at_ns if sentence.host_ns is None else sentence.host_ns
+        self._log.take(sentence._replace(host_ns=stamp_ns), self._faults)
+        now = self._log.motion.time_ns
+        return [] if now is None or now == before else self._complete(now)
+
+    def pause(self) -> list[Fix]:
+        """Return what waits: nothing more has come for a moment."""
+        self._log.motion.finish()
+        return self._complete(None)
+
+    def _complete(self, but_ns: int | None) -> list[Fix]:
+        """Hand on all fixes but those of a time of day, and forget what belongs to them."""
+        log, fixes, waiting = self._log, [], list[_Measured | int]()
+        for row in log.rows:
+            if isinstance(row, int):
+                self._stated_ns = row
+            elif row.time_ns == but_ns:
+                waiting.append(row)
+            else:
+                fixes.append(log.fix(row, self._stated_ns or row.host_ns or 0))
+                self._stated_ns = self._stated_ns and fixes[-1].epoch_ns
+        log.rows = waiting
+        log.sigmas_m = {at: sigmas for at, sigmas in log.sigmas_m.items() if at == but_ns}
+        log.motion.forget(but_ns)
+        self._faults.clear()
+        return fixes
 
 
 def _sigmas(sentence: Sentence) -> tuple[int, tuple[float, float]]:

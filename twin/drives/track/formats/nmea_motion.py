@@ -50,6 +50,11 @@ class Motion:
     _last: _Moment | None = None
     _waiting: list[_Untimed] = field(default_factory=list)
 
+    @property
+    def time_ns(self) -> int | None:
+        """Time of day of the last sentence that has one."""
+        return None if self._last is None else self._last.time_ns
+
     def pass_time(self, time_ns: int, host_ns: int | None) -> None:
         """Take note of a sentence with a time."""
         moment = _Moment(time_ns, host_ns)
@@ -61,7 +66,7 @@ class Motion:
     def take_rmc(self, time_ns: int, fields: Mapping[str, str]) -> None:
         """Keep the velocity of an RMC sentence."""
         if (speed := _number(fields.get("spd_over_grnd", ""))) is not None:
-            velocity = _velocity(speed * _KNOT_MPS, _number(fields.get("true_course", "")))
+            velocity = velocity_of(speed * _KNOT_MPS, _number(fields.get("true_course", "")))
             if velocity is not None:
                 self.velocities[time_ns] = velocity
 
@@ -82,6 +87,11 @@ class Motion:
         for one in self._waiting:
             self._settle(one, None)
         self._waiting.clear()
+
+    def forget(self, but_ns: int | None) -> None:
+        """Drop what is said at any time of day but one."""
+        self.headings_deg = {at: value for at, value in self.headings_deg.items() if at == but_ns}
+        self.velocities = {at: value for at, value in self.velocities.items() if at == but_ns}
 
     def at(self, time_ns: int) -> dict[str, Any]:
         """What is said at a time of day, as arguments of a `Fix`."""
@@ -123,11 +133,14 @@ def _heading_deg(kind: str, fields: Mapping[str, str]) -> float:
 
 def _velocity_of_vtg(fields: Mapping[str, str]) -> _Velocity | None:
     kmh = _number(fields.get("spd_over_grnd_kmph", ""))
-    return None if kmh is None else _velocity(kmh * _KMH_MPS, _number(fields.get("true_track", "")))
+    return None if kmh is None else velocity_of(kmh * _KMH_MPS, _number(fields.get("true_track", "")))
 
 
-def _velocity(speed_mps: float, course_deg: float | None) -> _Velocity | None:
-    """A velocity: 0, as good as the speed, where the car creeps; None without a course or beyond any car."""
+def velocity_of(speed_mps: float, course_deg: float | None) -> _Velocity | None:
+    """East, north and one sigma of each: 0, as good as the speed, where the car creeps.
+
+    None without a course, or beyond any car.
+    """
     if speed_mps < _CREEPING_MPS:
         return 0.0, 0.0, math.hypot(FILTERED_SIGMA_MPS, speed_mps)
     if course_deg is None or speed_mps > MAX_SPEED_MPS:

@@ -153,14 +153,21 @@ def _fixes(paths: Sequence[Path], antenna: str, where: str, topic: str) -> Fixes
     rows = []
     for host_ns, message in messages_of(paths, where, [topic], faults):
         try:
-            rows.append(_fix(message, host_ns))
+            rows.append(fix_of(message, host_ns))
         except LeftOutError as reason:
             faults[str(reason)] += 1
     cure = f"check that {topic} is the position of this drive"
     return fixes_read(rows, antenna, where, faults=faults, cure=cure)
 
 
-def _fix(message: Any, host_ns: int) -> Fix:
+def fix_of(message: Any, host_ns: int) -> Fix:
+    """Return the fix of a NavSatFix message; see `read_rosbag`.
+
+    Raises
+    ------
+    LeftOutError
+        If it is none.
+    """
     if message.status.status < 0:
         raise LeftOutError("no fix by its status")
     place = (float(message.latitude), float(message.longitude), float(message.altitude))

@@ -12,7 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from geoloc.trajectory.fix_checks import HEADING_SIGMA_DEG, MAX_SPEED_MPS
 from twin.drives.epochs import (
@@ -83,7 +83,7 @@ def read_sbp(content: bytes, antenna: str, where: str) -> FixesRead:
     DriveError
         If no position can be used.
     """
-    return _fixes(_Log(content), antenna, where, ANTENNA_FIRST)
+    return _fixes(Log.of(content), antenna, where, ANTENNA_FIRST)
 
 
 def read_sbp_poses(content: bytes, where: str) -> PosesRead:
@@ -97,7 +97,7 @@ def read_sbp_poses(content: bytes, where: str) -> PosesRead:
     DriveError
         If no position, or no attitude, can be used.
     """
-    log = _Log(content)
+    log = Log.of(content)
     fixes = _fixes(log, "", where, FUSED_FIRST)
     faults: Counter[str] = Counter()
     return poses_of_fixes(fixes, _attitudes(log, where, faults), where, faults)
@@ -105,7 +105,7 @@ def read_sbp_poses(content: bytes, where: str) -> PosesRead:
 
 def clock_of(content: bytes) -> Clock | None:
     """Clock of a recording, which turns times of the week into UTC; None without a sound time message."""
-    return _Log(content).clock()
+    return Log.of(content).clock()
 
 
 class Clock(NamedTuple):
@@ -159,10 +159,10 @@ class _Attitude(NamedTuple):
     angles_deg: tuple[float, ...]
 
 
-class _Log:
-    """What is kept of a recording's messages."""
+class Log:
+    """What is kept of a recording's messages, or of those of one epoch of a stream."""
 
-    def __init__(self, content: bytes) -> None:
+    def __init__(self) -> None:
         self.faults: Counter[str] = Counter()
         self.positions: dict[int, dict[int, list[_Position]]] = {kind: {} for kind in _NAMES}
         """By message type and sender."""
@@ -175,8 +175,14 @@ class _Log:
         self._residual_ns: dict[float, int] = {}
         self._ahead_s: Counter[int] = Counter()
         self._moved = 0
-        for message in sbp.iter_messages(content, self.faults):
-            self._take(message)
+
+    @classmethod
+    def of(cls, content: bytes) -> Self:
+        """Keep what a whole recording says."""
+        log = cls()
+        for message in sbp.iter_messages(content, log.faults):
+            log.take(message)
+        return log
 
     def clock(self) -> Clock | None:
         """Clock of the recording; None where it has no sound time message."""
@@ -187,7 +193,8 @@ class _Log:
         ahead = self._ahead_s.most_common(1)
         return Clock(near_ns, ahead[0][0] if ahead else None, self._residual_ns, self._moved)
 
-    def _take(self, message: Message) -> None:
+    def take(self, message: Message) -> None:
+        """Keep what a message says."""
         kind, sender, field = message
         if kind in self.positions:
             self.positions[kind].setdefault(sender, []).append(_position(field))
@@ -209,6 +216,17 @@ class _Log:
         elif int(field["flags"]) & 0b111:  # else the receiver calls its time invalid
             self._take_time(kind, field)
 
+    def forget(self) -> None:
+        """Drop all that is said of places and motions; what is known of the clock stays."""
+        for by_sender in self.positions.values():
+            by_sender.clear()
+        for attitudes in self.attitudes.values():
+            attitudes.clear()
+        self.motions.clear()
+        self._residual_ns.clear()
+        self.faults.clear()
+        self.wrong_attitudes.clear()
+
     def _motion(self, sender: int) -> _Motion:
         return self.motions.setdefault(sender, _Motion({kind: {} for kind in _VELOCITIES}, {}))
 
@@ -227,7 +245,7 @@ class _Log:
                 self._ahead_s[round((nearest_week(tow_ns, utc_ns) - utc_ns) / 1e9)] += 1
 
 
-def _fixes(log: _Log, antenna: str, where: str, order: Sequence[int]) -> FixesRead:
+def _fixes(log: Log, antenna: str, where: str, order: Sequence[int]) -> FixesRead:
     clock, faults = log.clock(), log.faults
     rows: list[Fix] = []
     warnings: list[str] = []
@@ -237,7 +255,7 @@ def _fixes(log: _Log, antenna: str, where: str, order: Sequence[int]) -> FixesRe
             continue
         faults["position of another sender"] += sum(len(positions) for _, positions in by_sender[:-1])
         sender, positions = by_sender[-1]
-        rows = _rows(positions, _said(log.motions.get(sender), kind), clock, faults)
+        rows = rows_of(positions, said_of(log.motions.get(sender), kind), clock, faults)
         if rows:
             warnings = _warnings(positions, kind, where)
             break
@@ -278,7 +296,7 @@ def _velocity(
     return (east, north, -down), (sigma_or_nan(horizontal), sigma_or_nan(vertical))
 
 
-def _said(motion: _Motion | None, kind: int) -> Callable[[float], dict[str, Any]]:
+def said_of(motion: _Motion | None, kind: int) -> Callable[[float], dict[str, Any]]:
     """What is said of heading and velocity at the time of week of a position, as arguments of a `Fix`."""
     if motion is None:
         return lambda _: {}
@@ -295,12 +313,13 @@ def _said(motion: _Motion | None, kind: int) -> Callable[[float], dict[str, Any]
     return said
 
 
-def _rows(
+def rows_of(
     positions: Sequence[_Position],
     said: Callable[[float], dict[str, Any]],
     clock: Clock | None,
     faults: Counter[str],
 ) -> list[Fix]:
+    """Return the positions that are usable, with what is said of them; the others are counted."""
     rows = []
     for position in positions:
         try:
@@ -350,7 +369,7 @@ def _warnings(positions: Sequence[_Position], kind: int, where: str) -> list[str
     return warnings
 
 
-def _cure(log: _Log, clock: Clock | None) -> str:
+def _cure(log: Log, clock: Clock | None) -> str:
     if not any(log.positions.values()):
         return "switch the messages POS_LLH and GPS_TIME on in the receiver"
     if clock is None:
@@ -358,7 +377,7 @@ def _cure(log: _Log, clock: Clock | None) -> str:
     return "check that it is the SBP recording of this drive"
 
 
-def _attitudes(log: _Log, where: str, faults: Counter[str]) -> Attitudes:
+def _attitudes(log: Log, where: str, faults: Counter[str]) -> Attitudes:
     clock = log.clock()
     faults += log.wrong_attitudes
     rows: list[tuple[int, tuple[float, ...]]] = []

@@ -125,12 +125,54 @@ def _from_binary(content: bytes, faults: Counter[str], layouts: Mapping[int, _La
             yield from _decoded(*frame, faults, layouts[frame[0]])
 
 
+class MessageStream:
+    """Bytes as a receiver sends them → messages, each as soon as it is whole.
+
+    Attributes
+    ----------
+    readable, unreadable : int
+        Frames so far, of any type, and stretches of bytes that are none.
+    """
+
+    def __init__(self, layouts: Mapping[int, _Layout] = LAYOUTS) -> None:
+        self.readable = self.unreadable = 0
+        self._layouts, self._held = layouts, b""
+
+    def feed(self, data: bytes) -> list[Message]:
+        """Take what has come; what may be the beginning of a frame waits for its rest."""
+        content, faults, end, messages = self._held + data, Counter[str](), 0, list[Message]()
+        for frame, ends in _frames_and_ends(content, is_whole=False):
+            end = ends
+            if frame is None:
+                self.unreadable += 1
+                continue
+            self.readable += 1
+            if frame[0] in self._layouts:
+                messages += _decoded(*frame, faults, self._layouts[frame[0]])
+        self._held = content[end:]
+        return messages
+
+
 def _frames(content: bytes) -> Iterator[tuple[int, int, bytes] | None]:
     """Type, sender and payload of each frame with a sound checksum; None for each stretch of other bytes."""
+    return (frame for frame, _ in _frames_and_ends(content, is_whole=True))
+
+
+def _frames_and_ends(
+    content: bytes, *, is_whole: bool
+) -> Iterator[tuple[tuple[int, int, bytes] | None, int]]:
+    """Each frame, or None for a stretch of other bytes, and where it ends.
+
+    What is not `is_whole` may go on: a frame that its end cuts is then no stretch of other bytes.
+    """
     at, end = 0, 0
-    while (at := content.find(_PREAMBLE, at)) >= 0 and at + 1 + _HEADER.size <= len(content):
+    while (at := content.find(_PREAMBLE, at)) >= 0:
+        if at + 1 + _HEADER.size > len(content):
+            break
         kind, sender, length = _HEADER.unpack_from(content, at + 1)
         crc_at = at + 1 + _HEADER.size + length
+        if not is_whole and kind and crc_at + _CRC.size > len(content):
+            break
         # The checksum is CRC-16/XMODEM over all but the preamble. That of zeros is zero, so that a number 85
         # of eight bytes would be a frame; but no message has type 0.
         if (
@@ -141,11 +183,13 @@ def _frames(content: bytes) -> Iterator[tuple[int, int, bytes] | None]:
             at += 1
             continue
         if at > end:
-            yield None
-        yield kind, sender, content[crc_at - length : crc_at]
-        at = end = crc_at + _CRC.size
-    if end < len(content):
-        yield None
+            yield None, at
+        end = crc_at + _CRC.size
+        yield (kind, sender, content[crc_at - length : crc_at]), end
+        at = end
+    rest = len(content) if is_whole or at < 0 else at
+    if end < rest:
+        yield None, rest
 
 
 def _decoded(

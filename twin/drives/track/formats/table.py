@@ -11,7 +11,18 @@ from typing import NamedTuple
 
 from twin.drives.folder.drive_toml import DriveSettings
 from twin.drives.track.fixes import FixesRead, PosesRead
-from twin.drives.track.formats import exif, framedata, gpmf, gpx, nmea, poses_csv, rosbag, sbp, sbp_messages
+from twin.drives.track.formats import (
+    exif,
+    framedata,
+    gpmf,
+    gpsd,
+    gpx,
+    nmea,
+    poses_csv,
+    rosbag,
+    sbp,
+    sbp_messages,
+)
 from twin.drives.track.formats.recording import Recording
 
 ReadFixes = Callable[[Recording, str, DriveSettings], FixesRead]
@@ -128,7 +139,14 @@ DRIVEWORKS = TrackFormat(
     asked_for="DriveWorks' JSON of a GPS",
     states_quality=False,
 )
-FORMATS = (ROS, GOPRO, EXIF, POSES, DRIVEWORKS, GPX, SBP, NMEA)
+GPSD = TrackFormat(
+    "gpsd",
+    "GNSS, reports of gpsd",
+    _begins(gpsd.looks_like_gpsd),
+    _whole(gpsd.read_gpsd),
+    asked_for="gpsd's JSON",
+)
+FORMATS = (ROS, GOPRO, EXIF, POSES, DRIVEWORKS, GPX, GPSD, SBP, NMEA)
 """The first that knows a recording as its own reads it."""
 _ASKED_FOR = [one.asked_for for one in reversed(FORMATS) if one.asked_for]
 NAMES = f"{', '.join(_ASKED_FOR[:-1])} or {_ASKED_FOR[-1]}"

@@ -1,0 +1,106 @@
+"""Frames as detectors write them → frames as the engine takes them: read as a drive's annotations are."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from geoloc.errors import CalibrationError
+from geoloc.locate.records import Kind
+from geoloc.rig.rig import RigCamera
+from twin.drives.annotations.formats.frame_lines import TOOL, FrameLine, shapes_of
+from twin.drives.annotations.formats.shapes import AnnotationFile, Shape
+from twin.drives.annotations.gather import annotations_of
+from twin.drives.annotations.labels import Meanings
+from twin.drives.annotations.left_out import FileReading
+from twin.drives.drive import Annotation
+from twin.drives.frames.stamp_files import MAX_FRAME
+from twin.live.car import Car
+from twin.live.events import Detection, Frame
+
+_REMEMBERED = 2000
+_POSITIONS = {kind.value for kind in (Kind.FOOT, Kind.BOX)}
+
+
+class UnusableFrameError(Exception):
+    """A frame that is left out; its text says why, for people."""
+
+
+class _Of:
+    """One camera, whatever the shape."""
+
+    def __init__(self, camera: RigCamera) -> None:
+        self._camera = camera
+
+    def of(self, _shape: Shape) -> RigCamera:
+        return self._camera
+
+
+class FrameReader:
+    """What a car makes of a detector's frames.
+
+    Attributes
+    ----------
+    left_out : Counter of str
+        Detections that are none, by reason; for people.
+    """
+
+    def __init__(self, car: Car) -> None:
+        self.left_out: Counter[str] = Counter()
+        self._car = car
+        self._reading = self._fresh()
+        self._frames = 0
+
+    def stamp_ns(self, line: FrameLine) -> int:
+        """Return the stamp of a frame, as a drive's file of stamps has it.
+
+        Raises
+        ------
+        UnusableFrameError
+            For a camera that the car does not have, or a frame without a number or a time.
+        """
+        stamp_ns = line.stamp(self._car.settings.camera_offset_ns)
+        if stamp_ns is None:
+            raise UnusableFrameError("a frame without a time_ns, time or stamp_ns of this century")
+        if not 0 <= line.frame <= MAX_FRAME:
+            raise UnusableFrameError(f"a frame number outside 0–{MAX_FRAME}")
+        self._camera(line.camera)
+        return stamp_ns
+
+    def frame(self, line: FrameLine, stamp_ns: int) -> Frame:
+        """Return a frame, with what can be used of its detections."""
+        camera = self._camera(line.camera)
+        shapes: list[Shape] = []
+        for shape in shapes_of(line):
+            if isinstance(shape, Shape):
+                shapes.append(shape)
+            else:
+                self.left_out[str(shape)] += 1
+        rows = annotations_of(AnnotationFile(TOOL, TOOL, shapes), _Of(camera), self._reading)
+        alone = len(self._car.rig.cameras) == 1
+        found = tuple(_detection(row, track, alone=alone) for row, track in rows if row.kind in _POSITIONS)
+        for reasons in self._reading.faults.values():
+            self.left_out += reasons
+        self._reading.faults.clear()
+        self._frames += 1
+        if self._frames % _REMEMBERED == 0:
+            # It remembers every label that it was asked for: garbage may have many.
+            self._reading = self._fresh()
+        return Frame(line.camera, line.frame, stamp_ns + self._car.settings.camera_offset_ns, found)
+
+    def _camera(self, name: str) -> RigCamera:
+        try:
+            return self._car.rig.camera(name)
+        except CalibrationError as error:
+            raise UnusableFrameError(str(error)[:200]) from error
+
+    def _fresh(self) -> FileReading:
+        return FileReading(self._car.rig.source, Meanings(self._car.labels), {}, 0, {})
+
+
+def _detection(row: Annotation, track: str, *, alone: bool) -> Detection:
+    # A track's number says nothing of what other cameras see.
+    named = row.object or (track if alone and row.has_id else None)
+    _, top, _, bottom = row.box_px
+    size_px = bottom - top if row.kind == Kind.BOX.value else math.nan
+    return Detection(row.pixel_px, row.kind, named, row.label, row.skiltnummer, row.text, size_px)
