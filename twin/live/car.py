@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from twin.drives.track.read import rig_with_antennas
 from twin.errors import ConfigError
 from twin.ingest.budget import budget_of
 from twin.live.engine import LiveCar
+from twin.live.sources.address import FIX_SCHEMES, address_of
 
 EUREF89 = "EUREF89"
 ONLY_ANTENNA = "gnss"
@@ -141,6 +142,22 @@ def antenna_of(car: Car, named: str | None) -> str:
             f" address, with ?antenna={known[0]} behind it."
         )
     return known[0] if known else ONLY_ANTENNA
+
+
+def antennas_of(car: Car, urls: Sequence[str]) -> tuple[str, ...]:
+    """Return the antenna of each address of fixes: what `Car.live_car` takes.
+
+    Raises
+    ------
+    ConfigError
+        For one that the car does not have, one that two addresses name, or where none is named and the car
+        has several.
+    """
+    names = [antenna_of(car, address_of(url, FIX_SCHEMES).options.get("antenna")) for url in urls]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigError(f"Two addresses give fixes of {', '.join(twice)}: keep one for each antenna.")
+    return tuple(names)
 
 
 def year_of(epoch_ns: int) -> float:

@@ -2,9 +2,8 @@
 
 - :func:`open_source`: an address → a `twin.live.ports.Source`
 - :class:`Gives`: what an address is asked for, fixes or detections
-- :func:`antennas_of`: whose fixes the addresses give
 """
 
-from twin.live.sources.open import Gives, antennas_of, open_source
+import lazy_loader
 
-__all__ = ["Gives", "antennas_of", "open_source"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

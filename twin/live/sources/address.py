@@ -34,6 +34,39 @@ class Scheme(NamedTuple):
     is_path: bool = False
 
 
+_GPSD_PORT, _MQTT_PORT, _MQTTS_PORT = 2947, 1883, 8883
+_RTSP_PORT, _RTSPS_PORT, _HTTP_PORT, _HTTPS_PORT = 554, 322, 80, 443
+_ANTENNA = ("antenna",)
+FIX_SCHEMES: Mapping[str, Scheme] = {
+    "serial": Scheme(options=(*_ANTENNA, "baud"), is_path=True),
+    "serial+sbp": Scheme(options=(*_ANTENNA, "baud"), is_path=True),
+    "tcp": Scheme(options=_ANTENNA),
+    "tcp+sbp": Scheme(options=_ANTENNA),
+    "udp": Scheme(options=_ANTENNA, listens=True),
+    "udp+sbp": Scheme(options=_ANTENNA, listens=True),
+    "gpsd": Scheme(_GPSD_PORT, options=_ANTENNA),
+    "mcap": Scheme(options=(*_ANTENNA, "topic", "speed"), is_path=True),
+    "ros2": Scheme(options=_ANTENNA, is_path=True),
+}
+DETECTION_SCHEMES: Mapping[str, Scheme] = {
+    "tcp": Scheme(options=("listen",), listens=True),
+    "udp": Scheme(listens=True),
+    "mqtt": Scheme(_MQTT_PORT),
+    "mqtts": Scheme(_MQTTS_PORT),
+    "mcap": Scheme(options=("topic", "speed"), is_path=True),
+    "ros2": Scheme(is_path=True),
+    STDIN: Scheme(),
+}
+PICTURE_SCHEMES: Mapping[str, Scheme] = {
+    "rtsp": Scheme(_RTSP_PORT, options=None),
+    "rtsps": Scheme(_RTSPS_PORT, options=None),
+    "http": Scheme(_HTTP_PORT, options=None),
+    "https": Scheme(_HTTPS_PORT, options=None),
+    "v4l2": Scheme(options=("camera",), is_path=True),
+    "file": Scheme(options=("camera",), is_path=True),
+}
+
+
 @dataclass(frozen=True, slots=True)
 class Address:
     """An address.

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from paho.mqtt.properties import Properties
     from paho.mqtt.reasoncodes import ReasonCode
 
-PORT = 1883
-TLS_PORT = 8883
 _ONLY = 0
 _CONNECT_S, _HANG_UP_S, _LOOK_S = 5.0, 0.5, 0.05
 _ALIVE_S = 10

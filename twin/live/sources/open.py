@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,13 @@ from twin.live.car import Car, antenna_of
 from twin.live.ports import Source
 from twin.live.recorder import Form, Recorder
 from twin.live.sources import mqtt_link, serial_link
-from twin.live.sources.address import STDIN, Address, Scheme, address_of
+from twin.live.sources.address import (
+    DETECTION_SCHEMES,
+    FIX_SCHEMES,
+    PICTURE_SCHEMES,
+    Address,
+    address_of,
+)
 from twin.live.sources.antenna import Antenna
 from twin.live.sources.camera import CameraSource, PictureAddress
 from twin.live.sources.decoders import Decoder, FixLines, FixMessages, FrameLines
@@ -29,9 +35,7 @@ from twin.live.sources.links import Link, ListeningLink, StdinLink, TcpLink, Udp
 from twin.live.sources.ros import TEXT_TYPE, PlayedSource, Ros2Link, ToLines, fix_lines, text_lines
 from twin.live.sources.stream import StreamSource
 
-_GPSD_PORT, _RTSP_PORT, _RTSPS_PORT, _HTTP_PORT, _HTTPS_PORT = 2947, 554, 322, 80, 443
 _FASTEST = "max"
-_ANTENNA = ("antenna",)
 
 
 class Gives(StrEnum):
@@ -39,36 +43,6 @@ class Gives(StrEnum):
 
     FIXES = "fixes"
     DETECTIONS = "detections"
-
-
-FIX_SCHEMES: Mapping[str, Scheme] = {
-    "serial": Scheme(options=(*_ANTENNA, "baud"), is_path=True),
-    "serial+sbp": Scheme(options=(*_ANTENNA, "baud"), is_path=True),
-    "tcp": Scheme(options=_ANTENNA),
-    "tcp+sbp": Scheme(options=_ANTENNA),
-    "udp": Scheme(options=_ANTENNA, listens=True),
-    "udp+sbp": Scheme(options=_ANTENNA, listens=True),
-    "gpsd": Scheme(_GPSD_PORT, options=_ANTENNA),
-    "mcap": Scheme(options=(*_ANTENNA, "topic", "speed"), is_path=True),
-    "ros2": Scheme(options=_ANTENNA, is_path=True),
-}
-DETECTION_SCHEMES: Mapping[str, Scheme] = {
-    "tcp": Scheme(options=("listen",), listens=True),
-    "udp": Scheme(listens=True),
-    "mqtt": Scheme(mqtt_link.PORT),
-    "mqtts": Scheme(mqtt_link.TLS_PORT),
-    "mcap": Scheme(options=("topic", "speed"), is_path=True),
-    "ros2": Scheme(is_path=True),
-    STDIN: Scheme(),
-}
-PICTURE_SCHEMES: Mapping[str, Scheme] = {
-    "rtsp": Scheme(_RTSP_PORT, options=None),
-    "rtsps": Scheme(_RTSPS_PORT, options=None),
-    "http": Scheme(_HTTP_PORT, options=None),
-    "https": Scheme(_HTTPS_PORT, options=None),
-    "v4l2": Scheme(options=("camera",), is_path=True),
-    "file": Scheme(options=("camera",), is_path=True),
-}
 
 
 def open_source(
@@ -116,22 +90,6 @@ def open_source(
     if detector is not None:
         return _pictures(address_of(url, PICTURE_SCHEMES), car, recorder, detector)
     return _detections(address_of(url, DETECTION_SCHEMES), car, recorder)
-
-
-def antennas_of(car: Car, urls: Collection[str]) -> tuple[str, ...]:
-    """Return the antenna of each address of fixes: what `Car.live_car` takes.
-
-    Raises
-    ------
-    ConfigError
-        For one that the car does not have, one that two addresses name, or where none is named and the car
-        has several.
-    """
-    names = [antenna_of(car, address_of(url, FIX_SCHEMES).options.get("antenna")) for url in urls]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ConfigError(f"Two addresses give fixes of {', '.join(twice)}: keep one for each antenna.")
-    return tuple(names)
 
 
 def _fixes(address: Address, car: Car, recorder: Recorder | None) -> Source:
