@@ -7,6 +7,7 @@ from pathlib import PurePosixPath
 
 from geoloc.errors import CalibrationError
 from geoloc.rig.rig import Rig, RigCamera
+from twin.drives.annotations.formats.frame_lines import TOOL as FRAME_LINES
 from twin.drives.annotations.formats.plain_csv import TOOL as CSV
 from twin.drives.annotations.formats.shapes import AnnotationFile, Shape
 from twin.drives.folder.drive_toml import SETTINGS_FILE
@@ -15,6 +16,9 @@ from twin.errors import DriveError
 
 _AFTER_HASH = re.compile(r"#([^\W\d_][^/#.]*)")
 """A camera as ``[cameras]`` names it in a calibration file, ``boxes#cam0.csv``; ``run #3`` is none."""
+
+_NAMING = (CSV, FRAME_LINES)
+"""Tools whose files name the camera of each row outright."""
 
 
 class CameraChooser:
@@ -93,9 +97,9 @@ class CameraChooser:
         return set.intersection(*named) or set.union(*named)
 
     def _refuse_absent(self, task: str) -> None:
-        """Refuse a camera that is named outright, in a CSV's column or after ``#``, and is not there."""
+        """Refuse a camera that is named outright, in a CSV's column, a line of a detector or after ``#``, and is not there."""
         named = _AFTER_HASH.findall(self._file.where)
-        named += self._file.tasks.get(task, ()) if self._file.tool == CSV else ()
+        named += self._file.tasks.get(task, ()) if self._file.tool in _NAMING else ()
         for name in named:
             if not self._cameras_in(name):
                 raise DriveError(

@@ -193,6 +193,19 @@ def plain_csv(marks: list[Mark]) -> Files:
     return {"signs.csv": "\n".join(rows) + "\n"}
 
 
+def frame_lines(marks: list[Mark]) -> Files:
+    """One line a frame, one of them without anything."""
+    lines: list[dict[str, Any]] = [{"camera": "front", "frame": 99, "time_ns": 1}]
+    for frame, of_image in grouped(marks).items():
+        found = [
+            {"label": m.label, "track": m.track}
+            | ({"box": [m.x, m.y, m.x + m.width, m.y + m.height]} if m.width else {"foot": [m.x, m.y]})
+            for m in of_image
+        ]
+        lines.append({"camera": "front", "frame": frame, "stamp_ns": 1, "detections": found})
+    return {"found.jsonl": "".join(json.dumps(line) + "\n" for line in lines)}
+
+
 def vistas(marks: list[Mark]) -> Files:
     """Polygons, as lists of corners; no tracks."""
     files = {}
@@ -224,8 +237,8 @@ def labelme_web(marks: list[Mark]) -> Files:
 
 
 Writer = Callable[[list[Mark]], Files]
-EVERY: list[Writer] = [cvat, coco, labelstudio, labelme, yolo, datumaro, plain_csv, vistas, labelme_web]
-WITH_POINTS = [writer for writer in EVERY if writer not in {vistas, labelme_web}]
+WITH_POINTS: list[Writer] = [cvat, coco, labelstudio, labelme, yolo, datumaro, plain_csv, frame_lines]
+EVERY: list[Writer] = [*WITH_POINTS, vistas, labelme_web]
 
 
 @pytest.fixture

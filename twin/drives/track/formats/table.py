@@ -146,7 +146,7 @@ GPSD = TrackFormat(
     _whole(gpsd.read_gpsd),
     asked_for="gpsd's JSON",
 )
-FORMATS = (ROS, GOPRO, EXIF, POSES, DRIVEWORKS, GPX, GPSD, SBP, NMEA)
+FORMATS = (ROS, GOPRO, EXIF, POSES, DRIVEWORKS, GPSD, GPX, SBP, NMEA)
 """The first that knows a recording as its own reads it."""
 _ASKED_FOR = [one.asked_for for one in reversed(FORMATS) if one.asked_for]
 NAMES = f"{', '.join(_ASKED_FOR[:-1])} or {_ASKED_FOR[-1]}"
