@@ -97,7 +97,7 @@ class CameraChooser:
         return set.intersection(*named) or set.union(*named)
 
     def _refuse_absent(self, task: str) -> None:
-        """Refuse a camera that is named outright, in a CSV's column, a line of a detector or after ``#``, and is not there."""
+        """Refuse a camera that a CSV's column, a detector's line or ``#`` names, and that is absent."""
         named = _AFTER_HASH.findall(self._file.where)
         named += self._file.tasks.get(task, ()) if self._file.tool in _NAMING else ()
         for name in named:

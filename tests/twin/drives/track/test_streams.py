@@ -43,7 +43,7 @@ def sentences(maker: Any, epoch_ns: int, k: int) -> list[str]:
 
 @pytest.mark.parametrize("pauses", [True, False])
 def test_nmea_stream_gives_the_fixes_of_the_file(maker: Any, pauses: bool) -> None:
-    """Date, sigmas, velocity and heading of each epoch, with or without a gap between them; garbage counts."""
+    """Date, sigmas, velocity and heading of each epoch, with or without gaps between; garbage counts."""
     lines, found, stream = list[str](), list[Fix](), NmeaStream()
     for k, epoch_ns in enumerate(EPOCHS):
         of_epoch = sentences(maker, epoch_ns, k)

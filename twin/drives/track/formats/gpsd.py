@@ -25,7 +25,7 @@ from twin.drives.track.fixes import (
     fixes_read,
     sigma_or_nan,
 )
-from twin.drives.track.formats.nmea import host_stamp_ns
+from twin.drives.track.formats.nmea import MOST_WAITING, host_stamp_ns
 from twin.drives.track.formats.nmea_motion import velocity_of
 
 _NAN = math.nan
@@ -99,7 +99,7 @@ class GpsdStream:
 
     def __init__(self) -> None:
         self.readable = self.unreadable = 0
-        self._log = _Log()
+        self._log, self._waiting = _Log(), 0
 
     def feed(self, line: bytes, at_ns: int) -> list[Fix]:
         """Take a line that came when the host's clock showed `at_ns`, unless it carries a host stamp."""
@@ -109,15 +109,15 @@ class GpsdStream:
             self.unreadable += bool(line.strip())
             return []
         self.readable += 1
-        before = self._log.newest
-        fixes = self.pause() if report.kind == "TPV" and report.time != before else []
+        self._waiting += 1
+        fixes = self.pause() if report.kind == "TPV" or self._waiting > MOST_WAITING else []
         self._log.take(_Line(report, at_ns if host_ns is None else host_ns))
         return fixes
 
     def pause(self) -> list[Fix]:
         """Return what waits: nothing more has come for a moment."""
         fixes = self._log.fixes(Counter())
-        self._log = _Log()
+        self._log, self._waiting = _Log(), 0
         return fixes
 
 
@@ -143,7 +143,6 @@ class _Log:
     """Fixes, and sigmas by time as reported."""
 
     def __init__(self) -> None:
-        self.newest = ""
         self._rows: list[_Line] = []
         self._sigmas_m: dict[str, tuple[float, float]] = {}
 
@@ -152,7 +151,6 @@ class _Log:
         report = line.report
         if report.kind == "TPV":
             self._rows.append(line)
-            self.newest = report.time
         elif report.kind == "GST":
             sigma_m = math.sqrt((report.lat**2 + report.lon**2) / 2)
             self._sigmas_m[report.time] = sigma_or_nan(sigma_m), sigma_or_nan(report.alt)

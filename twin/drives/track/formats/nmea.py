@@ -38,6 +38,8 @@ _HEADING_FIELDS = ("heading", "mode")
 _TIME = re.compile(r"(\d\d)(\d\d)(\d\d)(?:\.(\d{0,9})\d*)?")
 _ANGLE = re.compile(r"(\d{1,3}?)(\d\d(?:\.\d*)?)")
 _DAY_NS = 86_400_000_000_000
+MOST_WAITING = 100
+"""Sentences or messages that a receiver sends of one epoch; what sends more repeats itself."""
 _NO_DATE = "no date: neither a host stamp nor an RMC or ZDA sentence"
 
 
@@ -275,6 +277,7 @@ class NmeaStream:
         self.readable = self.unreadable = 0
         self._log, self._faults = _Log(), Counter[str]()
         self._stated_ns: int | None = None
+        self._waiting = 0
 
     def feed(self, line: bytes, at_ns: int) -> list[Fix]:
         """Take a line that came when the host's clock showed `at_ns`, unless it carries a host stamp."""
@@ -288,6 +291,9 @@ class NmeaStream:
         stamp_ns = at_ns if sentence.host_ns is None else sentence.host_ns
         self._log.take(sentence._replace(host_ns=stamp_ns), self._faults)
         now = self._log.motion.time_ns
+        self._waiting += 1
+        if self._waiting > MOST_WAITING:
+            return self.pause()
         return [] if now is None or now == before else self._complete(now)
 
     def pause(self) -> list[Fix]:
@@ -298,6 +304,7 @@ class NmeaStream:
     def _complete(self, but_ns: int | None) -> list[Fix]:
         """Hand on all fixes but those of a time of day, and forget what belongs to them."""
         log, fixes, waiting = self._log, [], list[_Measured | int]()
+        self._waiting = 0
         for row in log.rows:
             if isinstance(row, int):
                 self._stated_ns = row

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from twin.drives.track.fixes import Fix
+from twin.drives.track.formats.nmea import MOST_WAITING
 from twin.drives.track.formats.sbp import ANTENNA_FIRST, Log, rows_of, said_of
 from twin.drives.track.formats.sbp_messages import MessageStream
 
@@ -17,6 +18,7 @@ class SbpStream:
     def __init__(self) -> None:
         self._messages, self._log = MessageStream(), Log()
         self._tow_ms: float | None = None
+        self._waiting = 0
         self._from: tuple[int, int] | None = None
 
     @property
@@ -34,10 +36,11 @@ class SbpStream:
         fixes: list[Fix] = []
         for message in self._messages.feed(data):
             tow_ms = message.field["tow"]
-            if tow_ms != self._tow_ms:
+            if tow_ms != self._tow_ms or self._waiting >= MOST_WAITING:
                 fixes += self.pause()
                 self._tow_ms = tow_ms
             self._log.take(message)
+            self._waiting += 1
         return fixes
 
     def pause(self) -> list[Fix]:
@@ -52,4 +55,5 @@ class SbpStream:
             positions = log.positions[kind].get(sender, [])
             rows = rows_of(positions, said_of(log.motions.get(sender), kind), clock, log.faults)
         log.forget()
+        self._waiting = 0
         return rows

@@ -1,0 +1,36 @@
+"""The sample's car, whole or with some of its sensors, and with settings of one's own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from twin.live.car import Car, read_car
+
+MakeCar = Callable[..., Car]
+WIDE, ROOF = "C3_tricam120", "gnss50:vehicle"
+
+
+@pytest.fixture
+def make_car(sample: Path, tmp_path: Path) -> MakeCar:
+    """Make a car of these sensors, by default one camera and one antenna, with this ``drive.toml``."""
+
+    def made(settings: str = "", sensors: tuple[str, ...] = (WIDE, ROOF)) -> Car:
+        folder = tmp_path / "car"
+        folder.mkdir(exist_ok=True)
+        rig = json.loads((sample / "trip_trondheim" / "rig.json").read_bytes())
+        rig["rig"]["sensors"] = [one for one in rig["rig"]["sensors"] if one["name"] in sensors]
+        (folder / "rig.json").write_text(json.dumps(rig), encoding="utf-8")
+        (folder / "drive.toml").write_text(settings, encoding="utf-8")
+        return read_car(folder)
+
+    return made
+
+
+@pytest.fixture
+def car(make_car: MakeCar) -> Car:
+    """One camera, one antenna."""
+    return make_car()
