@@ -238,11 +238,11 @@ def _tell(notice: Notice) -> None:
 
 def _tell_the_end(run: LiveRun) -> None:
     engine, last = run.engine, run.last
+    if run.is_unheard and last.keep is None:
+        raise run.errors[0]
     lost = f"; {run.lost} objects got no position" if run.lost else ""
     dropped = f"; {last.frames_dropped} frames were left out" if last.frames_dropped else ""
     note(f"{engine.frames} frames, {engine.sightings} sightings, {run.final} objects located{lost}{dropped}.")
-    if run.is_unheard and last.keep is None:
-        raise run.errors[0]
     if not run.whole and last.keep is not None:
         raise FileError(
             f"{last.keep.name} could not be written at the end: {last.keep.waiting} final estimates and"

@@ -79,12 +79,16 @@ class LiveSettings:
     Attributes
     ----------
     track_every_s, landmarks_every_s : float
+    blind_s : float
+        Frames may arrive so late. With none for longer objects leave the window all the same, as where a
+        camera is lost.
     causal : CausalSettings
     landmarks : LandmarkSettings
     """
 
     track_every_s: float = 0.5
     landmarks_every_s: float = 0.5
+    blind_s: float = 3.0
     causal: CausalSettings = field(default_factory=CausalSettings)
     landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
 
@@ -221,7 +225,8 @@ class LiveEngine:
             self._now_ns - self._landmarks_ns >= self.settings.landmarks_every_s * NANOSECONDS
         ):
             self._landmarks_ns = self._now_ns
-            self._job = self._begun(self._seen_ns)
+            blind_ns = self._now_ns - round(self.settings.blind_s * NANOSECONDS)
+            self._job = self._begun(max(self._seen_ns, blind_ns))
             return self._next_part(self._job)
         return []
 

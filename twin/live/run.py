@@ -32,6 +32,7 @@ _TICK_S = 0.25
 _FIXES, _MOTION, _FRAMES = range(3)
 _FAULTS_LOGGED = 20
 _log = logging.getLogger("twin.live")
+_log.addHandler(logging.NullHandler())
 
 
 @dataclass(frozen=True, slots=True)
