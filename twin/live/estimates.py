@@ -47,12 +47,12 @@ class Estimate(NamedTuple):
     sigma_height_m : float
         NaN from one frame.
     sightings : int
-    cameras : tuple of str
-        Those that saw it, in the order of their names.
     first_seen_ns, last_seen_ns : int
         UTC of exposures.
     at_ns : int
         When it was worked out, by the host's clock.
+    cameras : tuple of str
+        Those that saw it, in the order of their names.
     """
 
     id: str
@@ -67,10 +67,10 @@ class Estimate(NamedTuple):
     covariance_m2: FloatArray
     sigma_height_m: float
     sightings: int
-    cameras: tuple[str, ...]
     first_seen_ns: int
     last_seen_ns: int
     at_ns: int
+    cameras: tuple[str, ...] = ()
 
     @property
     def lasts(self) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from itertools import chain
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -70,9 +71,8 @@ class SignTree:
         """As `SignsAhead.near`."""
         if self._tree is None or not len(places_m):
             return []
-        near: list[list[int]] = self._tree.query_ball_point(places_m, reach_m).tolist()
-        found = {j for some in near for j in some}
-        return [self._sites[j] for j in sorted(found)]
+        near: Any = self._tree.query_ball_point(places_m, reach_m)
+        return [self._sites[j] for j in sorted(set(chain.from_iterable(near)))]
 
     def distance_m(self, places_m: FloatArray) -> FloatArray:
         """How far the nearest one is from each place; infinite where there is none."""
