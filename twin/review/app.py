@@ -30,7 +30,6 @@ from twin.review.records import (
     AnswerList,
     AnswerRecord,
     AnswerRequest,
-    BaseMap,
     DriveItem,
     FindingList,
     Points,
@@ -58,7 +57,6 @@ if TYPE_CHECKING:
     from starlette.requests import Request
 
 STATIC = Path(__file__).parent / "static"
-BASE_MAP = BaseMap(base_map.TILES, base_map.CREDIT)
 MAX_LIST = 500
 MAX_COMMENT = 2000
 MAX_NAME = 80
@@ -176,7 +174,7 @@ class _Page:
                 kommuner=sorted({kommune for place in index.place for kommune in place.kommuner}),
                 drives=_drives(view),
                 roads=sorted({place.road for place in index.place if place.road}),
-                base_map=BASE_MAP if self.options.base_map else None,
+                base_map=base_map.BASE_MAP if self.options.base_map else None,
                 bounds=_bounds(index),
                 messages=messages(eyes.lang, "page."),
             )

@@ -12,6 +12,7 @@ from typing import Literal
 import msgspec
 
 from twin.store.kinds import Decision
+from twin.web.base_map import BaseMap
 
 Coordinates = list[float] | list[list[float]] | list[list[list[float]]]
 
@@ -69,13 +70,6 @@ class DriveItem(msgspec.Struct, frozen=True):
     drive_id: str
     name: str
     date: str
-
-
-class BaseMap(msgspec.Struct, frozen=True):
-    """Tiles of another host, which the user has asked for."""
-
-    url: str
-    attribution: str
 
 
 class SessionRecord(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
+import msgspec
+
 HOST = "https://cache.kartverket.no"
 TILES = f"{HOST}/v1/wmts/1.0.0/topograatone/default/webmercator/{{z}}/{{y}}/{{x}}.png"
 """Address of a tile, with the names that MapLibre and QGIS fill in."""
 CREDIT = "© Kartverket"
+
+
+class BaseMap(msgspec.Struct, frozen=True):
+    """Tiles of another host, which the user has asked for."""
+
+    url: str
+    attribution: str
+
+
+BASE_MAP = BaseMap(TILES, CREDIT)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import twin.annotate
+import twin.live
 import twin.review
 import twin.web
 from twin.export.appearance import DRIVE_COLOUR, ESTIMATE_COLOUR, MARKS, NVDB_COLOUR
@@ -16,11 +17,12 @@ from twin.words.table import table
 
 PAGE = Path(twin.review.__file__).parent / "static"
 ANNOTATE = Path(twin.annotate.__file__).parent / "static"
+LIVE = Path(twin.live.__file__).parent / "page"
 SHARED = Path(twin.web.__file__).parent / "static"
 VENDOR = SHARED / "vendor"
 OWN_FILES = sorted(
     path
-    for folder in (PAGE, ANNOTATE, SHARED)
+    for folder in (PAGE, ANNOTATE, LIVE, SHARED)
     for path in folder.iterdir()
     if path.is_file() and path.suffix != ".png"
 )
@@ -50,14 +52,14 @@ def test_no_file_of_the_page_refers_to_an_outside_host(path: Path) -> None:
 
 def test_verdicts_look_as_in_every_other_output() -> None:
     """Colours and shapes are those of twin/export/appearance.py."""
-    text = (PAGE / "marks.js").read_text("utf-8")
+    text = (SHARED / "marks.js").read_text("utf-8")
     marks = re.findall(r'(\w+): \{ colour: "(#\w{6})", shape: "(.)" \}', text)
     assert marks == [(mark.verdict, mark.colour, mark.mpl_marker) for mark in MARKS]
     for name, colour in (("SEEN", ESTIMATE_COLOUR), ("NVDB", NVDB_COLOUR), ("DRIVE", DRIVE_COLOUR)):
         assert f'{name}_COLOUR = "{colour}"' in text
 
 
-@pytest.mark.parametrize("page", ["page", "annotate"])
+@pytest.mark.parametrize("page", ["page", "annotate", "live"])
 def test_every_text_that_a_page_asks_for_is_in_the_table(page: str) -> None:
     """And the table holds none that it does not; keys that are put together are known by their beginning."""
     source = "\n".join(path.read_text("utf-8") for path in OWN_FILES)

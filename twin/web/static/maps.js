@@ -1,4 +1,4 @@
-/* What both maps share: MapLibre on a plain ground, our own buttons, the marks, the base map once it is switched on. */
+/* What all maps share: MapLibre on a plain ground, our own buttons, the marks, the base map once it is switched on. */
 
 import { fill, h, svg } from "./dom.js";
 import { DRIVE_COLOUR, MARKS, NVDB_COLOUR, pathOf, pixels, SEEN_COLOUR } from "./marks.js";
@@ -29,9 +29,9 @@ const ground = () => (dark.matches ? "#1d232b" : "#eef0ee");
  * A map in `place` with its buttons; rejects where the browser has no WebGL.
  *
  * @param {HTMLElement} place
- * @param {{baseMap: object | null, label: string, onhome: () => void}} options
+ * @param {{baseMap: object | null, label: string, homeLabel?: string, onhome: () => void}} options
  */
-export async function makeMap(place, { baseMap, label, onhome }) {
+export async function makeMap(place, { baseMap, label, homeLabel = say("page.map.home"), onhome }) {
   const { Map: MapLibre, ScaleControl } = await maplibre();
   const canvas = h("div", { class: "canvas" });
   const button = (text, title, onclick, more = {}) => h("button", { type: "button", title, "aria-label": title, onclick, ...more }, text);
@@ -58,7 +58,7 @@ export async function makeMap(place, { baseMap, label, onhome }) {
       { class: "map-buttons" },
       button("+", say("page.map.in"), () => map.zoomIn({ animate: false })),
       button("−", say("page.map.out"), () => map.zoomOut({ animate: false })),
-      button(homeSign(), say("page.map.home"), onhome),
+      button(homeSign(), homeLabel, onhome),
       baseMap && baseMapButton(map, baseMap, credit),
     ),
     credit,
