@@ -12,6 +12,7 @@ import typer
 from twin.cli.endings import ended_in_order
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, steps, warn
+from twin.cli.pages import PageLangOption
 from twin.errors import ConfigError, FileError
 
 if TYPE_CHECKING:
@@ -22,13 +23,17 @@ if TYPE_CHECKING:
     from twin.live.notices import Notice
     from twin.live.ports import Sink, Source
     from twin.live.run import LiveRun
-    from twin.store.address import StoreAddress
+    from twin.live.sinks import Pages
+    from twin.store.store import Store
+    from twin.words import Lang
 
 app = typer.Typer()
 
 _FASTEST = "max"
 _KEEP = "live.gpkg"
 _LOOK_S = 0.1
+_USUAL_S, _OFTEN_S = 1.0, 0.25
+"""How often the car's state is said; on a map it moves."""
 _EXAMPLE = "twin live --replay path/to/trip --speed max > live.geojsonl"
 
 
@@ -100,6 +105,24 @@ def live(
         bool, typer.Option("--check/--no-check", help="Hold what is seen against NVDB's signs in the store.")
     ] = False,
     store: StoreOption = DEFAULT_STORE,
+    settings: Annotated[
+        Path | None,
+        typer.Option(
+            envvar="TWIN_MATCH_SETTINGS",
+            help="Settings of the check, as twin match has them: the table [matching] of a TOML file.",
+            metavar="FILE.toml",
+            show_default=False,
+        ),
+    ] = None,
+    base_map: Annotated[
+        bool,
+        typer.Option(
+            "--base-map/--no-base-map",
+            envvar="TWIN_BASE_MAP",
+            help="Let browsers show Kartverket's map, which they ask the internet for.",
+        ),
+    ] = False,
+    lang: PageLangOption = None,
     speed: Annotated[
         str,
         typer.Option(
@@ -121,6 +144,8 @@ def live(
     has been out of view for a few seconds: the property state says which. Ctrl-C ends it in order: what is
     open becomes final. More: twin help live.
     """
+    from twin.store.store import Store
+
     with ExitStack() as stack:
         if replay is not None:
             if gnss or detections or car is not None or record is not None:
@@ -130,10 +155,13 @@ def live(
             drive = _replayed(replay, speed)
         else:
             drive = _connected(stack, gnss or [], detections or [], car, record)
-        checked = _check(stack, store, drive) if check else None
-        sinks = _sinks(to or [], serve, final=not every)
+        opened = stack.enter_context(Store.open(store, create=False)) if check else None
+        checked = None if opened is None else _check(stack, opened, drive, settings)
+        sinks = _sinks(to or [], final=not every)
+        if serve is not None:
+            sinks.append(_pages(serve, drive, opened, lang, base_map=base_map))
         kept = keep or (None if record is None else record / _KEEP)
-        _run(drive, sinks, kept, checked)
+        _run(drive, sinks, kept, checked, is_shown=serve is not None)
 
 
 class _Drive(NamedTuple):
@@ -184,32 +212,46 @@ def _connected(
     return _Drive(str(car), engine, sources, False, complete)
 
 
-def _check(stack: ExitStack, store: StoreAddress, drive: _Drive) -> LiveCheck:
+def _check(stack: ExitStack, store: Store, drive: _Drive, settings: Path | None) -> LiveCheck:
     from twin.live.check import LiveCheck, MirrorAhead
-    from twin.matching.config import MatchConfig
-    from twin.store.store import Store
+    from twin.matching.config import MatchConfig, settings_from
 
-    config = MatchConfig()
-    opened = stack.enter_context(Store.open(store, create=False))
-    ahead = MirrorAhead(opened, config)
+    config = MatchConfig() if settings is None else settings_from(settings)
+    ahead = MirrorAhead(store, config)
     stack.callback(ahead.close)
     return LiveCheck(drive.engine, ahead, is_complete=drive.is_complete, config=config)
 
 
-def _sinks(to: Sequence[str], serve: str | None, *, final: bool) -> list[Sink]:
-    from twin.live.sinks import Lines, Mqtt, Pages
-    from twin.web import listening
+def _sinks(to: Sequence[str], *, final: bool) -> list[Sink]:
+    from twin.live.sinks import Lines, Mqtt
 
     sinks: list[Sink] = [Lines(sys.stdout, final=final)]
-    sinks += [Mqtt.of(url) for url in to]
-    if serve is not None:
-        pages = Pages(*listening(*_host_and_port(serve)))
-        note(f"The drive is shown at {pages.url}")
-        sinks.append(pages)
-    return sinks
+    return sinks + [Mqtt.of(url) for url in to]
 
 
-def _run(drive: _Drive, sinks: Sequence[Sink], keep: Path | None, check: LiveCheck | None) -> None:
+def _pages(serve: str, drive: _Drive, store: Store | None, lang: Lang | None, *, base_map: bool) -> Pages:
+    from twin.live.sinks import Pages
+    from twin.live.sinks.session import session_route
+    from twin.mirror.names import shipped_names, sign_names
+    from twin.web import Outside, listening
+    from twin.web.base_map import HOST
+
+    names = shipped_names() if store is None else sign_names(store)
+    listener, address = listening(*_host_and_port(serve))
+    if not address.is_loopback:
+        warn(f"Other machines can reach this page at {address.host}; whoever has its address may use it.")
+    outside = Outside((HOST,) if base_map else ())
+    route = session_route(drive.engine.car, names, lang=lang, base_map=base_map)
+    pages = Pages(listener, address, outside, [route])
+    # Not a note, which hides what opens doors.
+    sys.stderr.write(f"The drive is shown at {pages.url}\n")
+    sys.stderr.flush()
+    return pages
+
+
+def _run(
+    drive: _Drive, sinks: Sequence[Sink], keep: Path | None, check: LiveCheck | None, *, is_shown: bool
+) -> None:
     from twin.live.keep import Keeper
     from twin.live.run import LiveRun, RunSettings
 
@@ -221,7 +263,7 @@ def _run(drive: _Drive, sinks: Sequence[Sink], keep: Path | None, check: LiveChe
         keeper=keeper,
         check=check,
         tell=_tell,
-        settings=RunSettings(waits=drive.is_recorded),
+        settings=RunSettings(waits=drive.is_recorded, state_every_s=_OFTEN_S if is_shown else _USUAL_S),
     )
     run.start()
     with ended_in_order() as asked:

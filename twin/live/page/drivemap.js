@@ -2,16 +2,20 @@
 
 import { makeMap, noMap } from "./maps.js";
 import { DRIVE_COLOUR, NVDB_COLOUR } from "./marks.js";
-import { collection, ellipse, feature, wedge } from "./shapes.js";
+import { beside, collection, ellipse, feature, wedge } from "./shapes.js";
 import { say } from "./words.js";
 
 const REACH_M = 25;
+// What comes matters more than what lies behind.
+const AHEAD_M = 18;
+const ZOOM = 17.6;
 const LONGEST_TRACK = 3000;
 const SOURCES = ["wedge", "track", "ellipse", "shift", "expected", "object", "verdict", "car"];
-const icon = (id, image, layout = {}, source = id) => ({
+const icon = (id, image, layout = {}, source = id, filter = true) => ({
   id,
   type: "symbol",
   source,
+  filter,
   layout: { "icon-image": image, "icon-allow-overlap": true, "icon-ignore-placement": true, ...layout },
 });
 
@@ -24,7 +28,7 @@ const LAYERS = [
   { id: "expected", type: "circle", source: "expected", paint: { "circle-radius": 6, "circle-color": "#ffffff", "circle-stroke-color": NVDB_COLOUR, "circle-stroke-width": 2 } },
   icon("object", "seen", { "icon-size": 0.55 }),
   icon("verdict", ["concat", "verdict-", ["get", "verdict"]]),
-  icon("face", ["concat", "sign-", ["get", "code"]], { "icon-offset": [0, -34], "icon-size": 0.8 }, "verdict"),
+  icon("face", ["concat", "sign-", ["get", "code"]], { "icon-offset": [0, -34], "icon-size": 0.8 }, "verdict", ["!=", ["get", "code"], ""]),
   icon("car", "camera", { "icon-rotate": ["get", "heading"], "icon-rotation-alignment": "map", "icon-size": 1.3 }),
 ];
 
@@ -49,14 +53,16 @@ export class DriveMap {
     }
     for (const name of SOURCES) this.map.addSource(name, { type: "geojson", data: collection([]), maxzoom: 22, tolerance: 0.1 });
     for (const layer of LAYERS) this.map.addLayer(layer);
-    this.map.setZoom(18.3);
+    this.map.setZoom(ZOOM);
     // Whoever looks elsewhere is left alone until the button is pressed.
     this.map.on("dragstart", () => (this.isFollowing = false));
   }
 
   follow() {
     this.isFollowing = true;
-    if (this.car) this.map.jumpTo({ center: this.car.geometry.coordinates });
+    if (!this.car) return;
+    const turn = ((this.car.properties.heading_deg ?? 0) * Math.PI) / 180;
+    this.map.jumpTo({ center: beside(this.car.geometry.coordinates, AHEAD_M * Math.sin(turn), AHEAD_M * Math.cos(turn)) });
   }
 
   /** Take where the car is. */
@@ -78,7 +84,7 @@ export class DriveMap {
       set("wedge", delivering.map((camera) => feature("Polygon", [wedge(coordinates, heading, camera, REACH_M)])));
       set("car", [feature("Point", coordinates, { heading })]);
       set("track", this.track.length > 1 ? [feature("LineString", this.track)] : []);
-      if (this.isFollowing) this.map.jumpTo({ center: coordinates });
+      if (this.isFollowing) this.follow();
     }
     const located = [...estimates.values()].filter((one) => one.geometry);
     set("ellipse", located.map(ellipseOf));

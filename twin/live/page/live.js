@@ -70,7 +70,7 @@ function entry(line, names) {
   const facts = [say(`page.verdict.${verdict}`)];
   if (distance_m !== null) facts.push(say("live.distance", { distance: number(distance_m, 1) }));
   if (major95_m !== undefined) facts.push(`± ${number(major95_m, 1)} m`);
-  if (confidence !== null) facts.push(percent(confidence));
+  if (confidence !== null && verdict !== "unchanged") facts.push(percent(confidence));
   return h(
     "li",
     { "data-verdict": verdict },

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock, Thread
 from typing import TYPE_CHECKING
 
-from starlette.routing import WebSocketRoute
+from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocketDisconnect
 
 from twin.errors import MissingExtraError
@@ -133,7 +134,13 @@ async def _gone(websocket: WebSocket) -> None:
         pass
 
 
-def live_app(hub: Hub, sessions: Sessions, address: Address, outside: Outside | None = None) -> Starlette:
+def live_app(
+    hub: Hub,
+    sessions: Sessions,
+    address: Address,
+    outside: Outside | None = None,
+    routes: Sequence[BaseRoute] = (),
+) -> Starlette:
     """Put the page of a drive together.
 
     Parameters
@@ -143,9 +150,11 @@ def live_app(hub: Hub, sessions: Sessions, address: Address, outside: Outside | 
     address : Address
     outside : Outside, optional
         The host of a base map.
+    routes : sequence of BaseRoute
+        What the page asks for beside.
     """
-    routes = [WebSocketRoute("/live", hub.listen)]
-    return web_app(routes, PAGE, name=NAME, sessions=sessions, address=address, outside=outside)
+    every = [WebSocketRoute("/live", hub.listen), *routes]
+    return web_app(every, PAGE, name=NAME, sessions=sessions, address=address, outside=outside)
 
 
 class Pages:
@@ -157,6 +166,8 @@ class Pages:
         Of `twin.web.listening`.
     address : Address
     outside : Outside, optional
+    routes : sequence of BaseRoute
+        What the page asks for beside: :func:`twin.live.sinks.session.session_route`.
 
     Raises
     ------
@@ -164,11 +175,17 @@ class Pages:
         Without a library that speaks WebSocket.
     """
 
-    def __init__(self, listener: socket.socket, address: Address, outside: Outside | None = None) -> None:
+    def __init__(
+        self,
+        listener: socket.socket,
+        address: Address,
+        outside: Outside | None = None,
+        routes: Sequence[BaseRoute] = (),
+    ) -> None:
         if find_spec("websockets") is None:
             raise MissingExtraError("--serve", "websockets", "live")
         self._address, self._hub, self._sessions = address, Hub(), Sessions()
-        app = live_app(self._hub, self._sessions, address, outside)
+        app = live_app(self._hub, self._sessions, address, outside, routes)
         self._server = server_of(app, websockets=True)
         self._listener = listener
         self._thread = Thread(target=self._serve, name="pages", daemon=True)
