@@ -96,8 +96,8 @@ docs: $(VENV)/.installed          ## the documentation as a site, by both builde
 	$(BIN)/python -m pip install --quiet --editable ".[docs]"
 	$(BIN)/python tools/site.py
 
-pictures: $(VENV)/.installed      ## the pictures of docs/review.md, taken in Chromium
-	TWIN_PICTURES=1 $(BIN)/python -m pytest tests/twin/review/test_page_pictures.py
+pictures: $(VENV)/.installed      ## the pictures of docs/review.md and of the live map, taken in Chromium
+	TWIN_PICTURES=1 $(BIN)/python -m pytest tests/twin/review/test_page_pictures.py tests/twin/live/test_live_pictures.py
 
 notebooks: $(VENV)/.installed     ## runs the notebooks again and keeps what they show
 	$(BIN)/jupyter-execute --inplace notebooks/*.ipynb

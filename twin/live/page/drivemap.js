@@ -33,9 +33,10 @@ const LAYERS = [
 ];
 
 export class DriveMap {
-  /** @param {{base_map: object | null, cameras: object[]}} session */
-  constructor(place, session) {
+  /** @param {{base_map: object | null, cameras: object[]}} session; `onface` is called when there is more to draw. */
+  constructor(place, session, onface) {
     this.place = place;
+    this.onface = onface;
     this.cameras = session.cameras;
     this.track = [];
     this.isFollowing = true;
@@ -99,7 +100,7 @@ export class DriveMap {
     this.place.dataset.shown = String(standing.length);
   }
 
-  /** The code of a sign whose face the map has; it asks for one that it lacks, and shows it when next drawn. */
+  /** The code of a sign whose face the map has; it asks for one that it lacks, and says when it has come. */
   face(code) {
     if (!code || this.faces.has(code)) return this.faces.get(code) ?? "";
     this.faces.set(code, "");
@@ -113,6 +114,7 @@ export class DriveMap {
       brush.drawImage(picture, (56 - width) / 2, 56 - height, width, height);
       this.map.addImage(`sign-${code}`, brush.getImageData(0, 0, 56, 56), { pixelRatio: 2 });
       this.faces.set(code, code);
+      this.onface();
     };
     picture.src = `sign/${encodeURIComponent(code)}.svg`;
     return "";

@@ -16,7 +16,7 @@ class Live {
     this.estimates = new Map();
     this.verdicts = new Map();
     this.said = [];
-    this.map = new DriveMap(byId("map"), session);
+    this.map = new DriveMap(byId("map"), session, () => this.draw());
   }
 
   /** Listen for ever: a server that is started again is found again. */
@@ -40,7 +40,11 @@ class Live {
     } else if (properties.state) {
       keep(this.estimates, line);
     }
-    // However many lines come at once, the map is drawn once.
+    this.draw();
+  }
+
+  /** Draw the map, once for however many lines come at once. */
+  draw() {
     this.waiting ??= requestAnimationFrame(() => {
       this.waiting = null;
       this.map.draw(this.estimates, this.verdicts);
