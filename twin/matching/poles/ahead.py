@@ -137,7 +137,7 @@ def _fits_as_it_is(signs: Shifted, near: Sequence[Site]) -> bool:
 
     on_path = np.flatnonzero(np.isfinite(signs.shifted[:, _NO_SHIFT, 0]))
     there = cKDTree([(site.east_m, site.north_m) for site in near])
-    some = there.query_ball_point(signs.place[on_path], _SURELY_M)
+    some: list[list[int]] = there.query_ball_point(signs.place[on_path], _SURELY_M).tolist()
     codes = [frozenset(site.codes) for site in near]
     pairs = [
         (k, j)
