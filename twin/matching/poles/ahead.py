@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -137,7 +137,7 @@ def _fits_as_it_is(signs: Shifted, near: Sequence[Site]) -> bool:
 
     on_path = np.flatnonzero(np.isfinite(signs.shifted[:, _NO_SHIFT, 0]))
     there = cKDTree([(site.east_m, site.north_m) for site in near])
-    some: list[list[int]] = there.query_ball_point(signs.place[on_path], _SURELY_M).tolist()
+    some = cast("list[list[int]]", there.query_ball_point(signs.place[on_path], _SURELY_M))
     codes = [frozenset(site.codes) for site in near]
     pairs = [
         (k, j)
