@@ -19,7 +19,7 @@ demo: $(VENV)/.installed          ## the whole job on the sample, into demo-out/
 test: $(VENV)/.installed          ## the whole suite
 	$(BIN)/python -m pytest $(SPREAD)
 
-slow: $(VENV)/.installed          ## what takes long for one fact: the wheel's demo and types, the paper's notebook, long drives, draws of noise, damaged files
+slow: $(VENV)/.installed          ## what takes many seconds for one fact: kills, full disks, the wheel, calibration from pictures, the paper's notebook, long drives, damaged files
 	TWIN_SLOW=1 $(BIN)/python -m pytest $(SPREAD) -m slow
 
 coverage: $(VENV)/.installed      ## the same, and which lines it runs: half as long again

@@ -35,10 +35,10 @@ def _ingest_without(library: str, drive: Path, *options: str) -> subprocess.Comp
 @pytest.mark.parametrize(
     ("library", "extra", "options"),
     [
-        ("av", "video", ()),
-        ("onnxruntime", "detect", ("--detector", "network.onnx")),
-        ("rasterio", "terrain", ("--terrain", "dtm.tif")),
         ("cantools", "can", ()),
+        pytest.param("av", "video", (), marks=pytest.mark.slow),
+        pytest.param("onnxruntime", "detect", ("--detector", "network.onnx"), marks=pytest.mark.slow),
+        pytest.param("rasterio", "terrain", ("--terrain", "dtm.tif"), marks=pytest.mark.slow),
     ],
 )
 def test_an_extra_that_is_not_installed_is_named(
@@ -60,6 +60,7 @@ def test_an_extra_that_is_not_installed_is_named(
     assert done.stdout == ""
 
 
+@pytest.mark.slow
 def test_a_drive_with_stamps_is_located_without_pyav(drive: Path) -> None:
     """Only who looks into a video needs what reads videos: the rest is said and done."""
     done = _ingest_without("av", drive)

@@ -49,6 +49,7 @@ def as_it_is(_folder: Path) -> None:
     """Damage nothing."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "is_doubted"), [(as_it_is, False), (frames_later(0.3), True)], ids=["sample", "late clock"]
 )

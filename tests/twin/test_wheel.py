@@ -100,6 +100,7 @@ def run_alone(script: str, installed: Path, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_wheel_locates_the_samples_signs_in_an_empty_folder(installed: Path, tmp_path: Path) -> None:
     """The sample travels with the wheel, which needs nothing but itself and its dependencies."""
     assert json.loads(run_alone(LOCATE, installed, tmp_path))["n_objects"] == 15

@@ -280,6 +280,7 @@ def test_clock_offset_is_found_where_the_car_turns() -> None:
     assert np.median(length(late.errors_m(adjusted))) < 0.05
 
 
+@pytest.mark.slow
 def test_clock_that_cannot_be_is_told() -> None:
     """A clock 200 ms off is found out in a street with bends; an honest one raises no doubt."""
     recording = recorded("urban")

@@ -43,6 +43,7 @@ def test_wrong_focal_length_is_refused_with_its_error(percent: float) -> None:
     assert float(told.split(" %")[0]) == pytest.approx(percent, abs=0.2)
 
 
+@pytest.mark.slow
 def test_contradictory_places_are_refused_without_a_false_reason() -> None:
     """Half of the places moved at random fit no other focal length: refused with what to check."""
     yard, rng = draw_yard(np.random.default_rng(31)), np.random.default_rng(2)
@@ -55,6 +56,7 @@ def test_contradictory_places_are_refused_without_a_false_reason() -> None:
         calibrate_extrinsics(MODELS, [wide], tags)
 
 
+@pytest.mark.slow
 def test_exchanged_pictures_are_refused_by_their_cameras() -> None:
     """Pictures of two cameras under each other's names are told as exchanged."""
     yard = draw_yard(np.random.default_rng(32))

@@ -97,6 +97,7 @@ def test_auto_takes_the_simplest_of_the_models_that_are_best(wide: Intrinsics) -
     assert errors["pinhole"] > 3.0 * errors["ftheta, degree 4"]
 
 
+@pytest.mark.slow
 def test_auto_leaves_f_theta_where_another_model_is_better() -> None:
     """A lens with tangential distortion is no round one: held-out views say pinhole."""
     camera = replace(PINHOLE, distortion=(-0.21, 0.06, 4e-3, -3e-3, 0.01))
@@ -298,6 +299,7 @@ def test_stretched_board_is_named() -> None:
     assert any("higher than wide" in fault.sentence for fault in made.faults)
 
 
+@pytest.mark.slow
 def test_measured_distance_tells_a_wrong_square_size() -> None:
     """Squares of 10 cm that are stated as 8 cm: one measured distance names the right size."""
     views = board_views(WIDE, 15)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from geoloc.adjustment.adjust import adjust
 from geoloc.earth.geodesy import enu_offset
@@ -39,6 +40,7 @@ def solved(drive: SimulatedDrive, trajectory: Trajectory, window_s: float) -> di
     return found | {one.object: one for one in landmarks.solve(trajectory, last_ns)}
 
 
+@pytest.mark.slow
 def test_a_window_knows_what_has_left_it_and_agrees_with_the_batch() -> None:
     """Poles in windows of 4 s, in one window and in the batch adjustment lie where their sigmas allow."""
     drive = simulate_drive(scenario("urban", 40.0, 5), 5)

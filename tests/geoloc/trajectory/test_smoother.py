@@ -325,6 +325,7 @@ def test_valley_is_followed_by_fixes_without_corrections() -> None:
     assert np.mean((off_deg / poses.sigma_pitch_deg) ** 2) < 1.5
 
 
+@pytest.mark.slow
 def test_slope_below_the_front_axle_is_known_less_where_a_drive_ends() -> None:
     """What later fixes change of the last pitch is as large as the sigmas say, and not little."""
     drive = simulate_drive(as_stated(scenario("urban", None, 1), 2, 1, ErrorBudget()), 1)

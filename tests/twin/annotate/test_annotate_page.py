@@ -48,6 +48,7 @@ def context() -> Iterator[BrowserContext]:
         yield one
 
 
+@pytest.mark.slow
 def test_a_sign_is_clicked_named_proposed_and_confirmed(context: BrowserContext, painted: Path) -> None:
     """Two clicks and a name make a sign; Enter confirms the third picture; no other host is asked.
 

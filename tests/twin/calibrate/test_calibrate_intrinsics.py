@@ -231,6 +231,7 @@ def test_blur_is_named_before_squares_are_counted(example: Path, tmp_path: Path)
         calibrate_intrinsics([pictures], EXAMPLE_BOARD)
 
 
+@pytest.mark.slow
 def test_copies_of_one_picture_are_too_similar(example: Path, tmp_path: Path) -> None:
     """Eight noisy copies of one picture are one view, and one view gives no camera."""
     one = cv2.imread(str(example / "pictures" / "board_02.png"), cv2.IMREAD_GRAYSCALE)
@@ -244,6 +245,7 @@ def test_copies_of_one_picture_are_too_similar(example: Path, tmp_path: Path) ->
         calibrate_intrinsics([pictures], EXAMPLE_BOARD)
 
 
+@pytest.mark.slow
 def test_blurred_camera_is_named(tmp_path: Path) -> None:
     """A camera out of focus is calibrated, and its blur named."""
     text = "checkerboard:9x6:0.08"
@@ -254,12 +256,14 @@ def test_blurred_camera_is_named(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_wrong_square_size_of_a_charuco_board_is_named(example: Path) -> None:
     """Squares stated larger than they are do not fit the markers in the pictures."""
     made = calibrate_intrinsics([example / "pictures"], "charuco:12x9:0.08:0.045", model="ftheta")
     assert "by --board (0.045 m of 0.08 m) it is 0.56" in faults(made)["wrong_square_size"]
 
 
+@pytest.mark.slow
 def test_square_two_per_cent_off_is_named(tmp_path: Path) -> None:
     """Sharp pictures tell squares of 61.2 mm that are stated as 60 mm, and not those that are right."""
     pictures = save(tmp_path / "pictures", board_from_text("charuco:12x9:0.0612:0.045"), 6, blur_px=0.5)
@@ -276,6 +280,7 @@ def test_distance_tells_the_scale(example: Path, report: Any) -> None:
     assert "they are rather 0.0900 m" in faults(made)["wrong_square_size"]
 
 
+@pytest.mark.slow
 def test_bent_board_is_named(tmp_path: Path) -> None:
     """Pictures of a board bent by 8 mm: the report says so, and by how much."""
     pictures = save(tmp_path / "pictures", board_from_text(EXAMPLE_BOARD), 8, sagitta_m=0.008)

@@ -28,6 +28,7 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_said_in_words_and_drawn(pictures: Path, twin: Twin, tmp_path: Path) -> None:
     """A few pictures: how many more, and where and how to hold the board next."""
     plot = tmp_path / "coverage.png"

@@ -35,6 +35,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folders[0], folders[1]
 
 
+@pytest.mark.slow
 def test_two_calibrations_of_one_lens_agree(fits: tuple[Path, Path], twin: Twin, tmp_path: Path) -> None:
     """Different pictures, one lens: the verdict is that they agree, in one sentence and in a picture."""
     plot = tmp_path / "diff.png"

@@ -94,6 +94,7 @@ def test_written_rig_keeps_what_twin_does_not_know(yard: Path, tmp_path: Path, t
     assert written["rig"]["sensors"][-1] == document["rig"]["sensors"][-1]
 
 
+@pytest.mark.slow
 def test_camera_that_is_blurred_is_named(yard: Path, tmp_path: Path, twin: Twin) -> None:
     """A picture blurred by 3 px is told by the width of its edges, whatever its residuals are."""
     pictures = tmp_path / "pictures"
@@ -193,6 +194,7 @@ def test_layout_that_settles_no_camera_is_refused(yard: Path, tmp_path: Path, tw
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_camera_that_is_left_open_stays_as_it_was(yard: Path, tmp_path: Path, twin: Twin) -> None:
     """A camera that sees one tag, and no other does, is shown as open; its entry in the rig is kept."""
     shutil.copytree(yard / "pictures", tmp_path / "pictures")
@@ -252,6 +254,7 @@ def board_on_floor(
     )
 
 
+@pytest.mark.slow
 def test_board_on_the_floor_with_its_corners_is_enough(tmp_path: Path, twin: Twin) -> None:
     """A ChArUco board on the ground, three of its corners measured: the camera to 0.02° and 2 mm."""
     answer = board_on_floor(twin, tmp_path, CORNERS)
@@ -272,6 +275,7 @@ def test_board_on_the_floor_without_its_corners_leaves_yaw_open(tmp_path: Path, 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_bent_board_on_the_floor_is_named(tmp_path: Path, twin: Twin) -> None:
     """A board whose middle lies a centimetre lower than its edges is told as bent, by its description."""
     answer = board_on_floor(twin, tmp_path, CORNERS, sagitta_m=0.01)

@@ -112,6 +112,7 @@ def next_command(answer: Any) -> list[str]:
     return shlex.split(line.removeprefix("Next: twin "))
 
 
+@pytest.mark.slow
 def test_boards_yard_and_drive_are_one_recipe(
     trip: Path, yard: Path, tmp_path: Path, twin: Twin, monkeypatch: pytest.MonkeyPatch
 ) -> None:

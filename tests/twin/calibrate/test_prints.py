@@ -151,6 +151,7 @@ def with_unplaced(rig: Path) -> Path:
     return rig
 
 
+@pytest.mark.slow
 def test_yard_is_written_with_its_layout_and_tags(twin: Twin, tmp_path: Path) -> None:
     """From a rig: a plan, a page a tag, and a layout that `extrinsics` reads as it stands."""
     rig = tmp_path / "rig.json"

@@ -83,6 +83,7 @@ def test_survey_in_the_next_zone_is_refused(still: Path, tmp_path: Path, twin: T
     assert not (tmp_path / "rig.json").exists()
 
 
+@pytest.mark.slow
 def test_shifted_survey_writes_no_rig(urban: Path, tmp_path: Path, twin: Twin) -> None:
     """All objects 3 m off ask for turns that no mounting has: told, and refused to be written."""
     survey = known(urban, tmp_path / "shifted.csv", lambda _, east, north: (east + 3.0, north - 3.0))
@@ -213,6 +214,7 @@ def history(store: Path, drive: Path, pitches_deg: Sequence[float], roll_deg: fl
             save_drive(opened, replace(located, drive=later, result=result))
 
 
+@pytest.mark.slow
 def test_moved_camera_is_told_and_the_mean_starts_anew(urban: Path, tmp_path: Path, twin: Twin) -> None:
     """A camera that looks 0.3° elsewhere from the third week on is told, between the right drives."""
     store = tmp_path / "twin.db"

@@ -334,6 +334,7 @@ def test_carried_out_is_held_until_the_mirror_shows_it(sender: Sender) -> None:
         assert log.held() == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", ["carried out", "under way", "not started"])
 def test_receipt_of_an_earlier_version_is_taken_over(
     twin: Twin, new_sign: tuple[Path, Path], stack: ExitStack, state: str
@@ -385,6 +386,7 @@ def earlier_version_sends(stack: ExitStack, url: str, out: Path, *, start: bool)
     return set_id
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no SIGKILL here")
 @pytest.mark.parametrize("end", ["/rest/v3/endringssett", "/start"])
 def test_process_that_is_killed_is_finished_by_the_next(sender: Sender, end: str) -> None:

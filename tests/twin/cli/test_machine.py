@@ -42,10 +42,12 @@ def in_shell(script: str, *arguments: object) -> subprocess.CompletedProcess[str
         pytest.param('"$@" > /dev/full', ("--version",), 6, LOST, marks=needs_dev_full),
         pytest.param('"$@" > /dev/full', STATUS, 6, LOST, marks=needs_dev_full),
         pytest.param('"$@" > /dev/full', EXPORT_JSON, 6, LOST, marks=needs_dev_full),
-        pytest.param('"$@" 2> /dev/full', EXPORT, 0, "", marks=needs_dev_full),
+        pytest.param('"$@" 2> /dev/full', EXPORT, 0, "", marks=[needs_dev_full, pytest.mark.slow]),
         ('"$@" | true; exit ${PIPESTATUS[0]}', ("--help",), 141, ""),
         ('"$@" | true; exit ${PIPESTATUS[0]}', STATUS, 141, ""),
-        ('"$@" 2>&1 >/dev/null | true; exit ${PIPESTATUS[0]}', EXPORT, 0, ""),
+        pytest.param(
+            '"$@" 2>&1 >/dev/null | true; exit ${PIPESTATUS[0]}', EXPORT, 0, "", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_streams_that_fail(
@@ -221,6 +223,7 @@ def test_a_full_disk(command: str, code: int, told: str, sample: Path, store: Pa
     assert told in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux holds a process to its address space")
 @pytest.mark.parametrize("megabytes", [60, 300])
 def test_too_little_memory(megabytes: int, sample: Path, tmp_path: Path) -> None:

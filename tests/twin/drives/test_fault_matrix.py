@@ -236,6 +236,7 @@ def test_frames_of_a_variable_rate_are_timed_one_by_one(drive: Path, store: Path
     assert (report.n_located, report.warnings) == (66, ())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
 @pytest.mark.parametrize("statement", [1, 3, 6])
 def test_ingest_that_is_killed_leaves_the_store_and_can_be_run_again(

@@ -134,6 +134,7 @@ def test_file_without_a_row_is_deleted_and_so_are_crops_of_findings_that_are_gon
         check_whole(store)
 
 
+@pytest.mark.slow
 def test_killed_run_leaves_no_row_without_its_file(filmed: Any) -> None:
     """Killed while files are written: the rows of before hold, and the next run clears up and completes."""
     command = [sys.executable, "-m", "twin", "evidence", "--store", str(filmed.store)]

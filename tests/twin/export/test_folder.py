@@ -151,7 +151,13 @@ def test_export_has_no_clock_in_it(layers: ExportLayers, tmp_path: Path) -> None
     assert times == {"2026-06-11T09:30:00.000Z"}
 
 
-MOMENTS = [("layer", 2), ("progress", 2), ("progress", 4), ("rename", 1), ("rename", 2)]
+MOMENTS = [
+    ("rename", 1),
+    *(
+        pytest.param(*moment, marks=pytest.mark.slow)
+        for moment in (("layer", 2), ("progress", 2), ("progress", 4), ("rename", 2))
+    ),
+]
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no SIGKILL")

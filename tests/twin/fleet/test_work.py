@@ -95,6 +95,7 @@ def test_bad_drive_is_parked_with_its_kind_and_the_others_are_in(
     assert status(twin, tmp_path / "f.db") == {"done": 2}
 
 
+@pytest.mark.slow
 def test_whoever_is_killed_every_drive_is_in_once_and_whole(
     made: list[str], in_a_row: Store, postgres: Server
 ) -> None:

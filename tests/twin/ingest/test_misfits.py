@@ -74,6 +74,7 @@ def test_annotations_of_nowhere_are_too_many_outliers() -> None:
     assert any("contradict the others" in what for what in misfits(drawn(drive, pixel_px)))
 
 
+@pytest.mark.slow
 def test_late_clock_of_one_camera_is_named_and_no_id_doubted() -> None:
     """One camera 300 ms late: one sentence names the clock that fits, in place of many on ids."""
     drive, trajectory = sample_drive()

@@ -104,6 +104,7 @@ sys.exit(run(sys.argv[2:]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no limit on the size of files here")
 def test_disk_full_under_the_command(scene: Scene) -> None:
     """A file that may grow no more ends the command with exit code 4 and one sentence."""

@@ -195,6 +195,7 @@ def stage(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stage]:
         process.stdin.close()
 
 
+@pytest.mark.slow
 def test_killed_syncs_leave_the_old_mirror_or_the_new_one(stage: Stage) -> None:
     """First backfills, fresh ones beside a mirror, and rounds of changes are killed; the last run ends."""
     rng = random.Random(f"{stage.runner.source} {KILLS}")
@@ -228,6 +229,7 @@ def test_killed_syncs_leave_the_old_mirror_or_the_new_one(stage: Stage) -> None:
     assert len({kind for _, kind, _ in killed}) >= min(3, wanted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", ["les-v4"], indirect=True)
 def test_a_publish_is_killed_between_any_two_statements(stage: Stage) -> None:
     """Dropping, renaming and making tables, the commit: readers see the old mirror, or the new one whole."""

@@ -131,6 +131,7 @@ def test_a_picture_is_masked_unless_asked_otherwise(filmed: Path, frames: list[i
     assert np.mean((hidden == original).all(axis=2)[face]) > 0.95
 
 
+@pytest.mark.slow
 def test_a_film_holds_every_picture_that_is_there(filmed: Path, frames: list[int], tmp_path: Path) -> None:
     """It can be decoded, at its size."""
     import av

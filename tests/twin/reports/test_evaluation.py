@@ -71,6 +71,7 @@ def test_evaluate_draws_every_method_in_both_figures(evaluation: Evaluation, tmp
             assert near.sum() > 100, (path.name, colour)
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_as_pdf_and_svg(evaluation: Evaluation, tmp_path: Path) -> None:
     """Vectors for print; another ending is refused before anything is drawn."""
     for ending, begins in ((".pdf", b"%PDF"), (".svg", b"<?xml")):

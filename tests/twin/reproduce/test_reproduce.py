@@ -88,6 +88,7 @@ def test_table_1_has_the_distances_at_which_the_car_stands(standing: Reproductio
         assert row.adjusted_m is not None
 
 
+@pytest.mark.slow
 def test_a_trip_that_stood_is_an_experiment_of_its_own(trips: Path) -> None:
     """A drive past the objects that another trip stood before does not take table 1 away."""
     both = reproduce([trips / "slow", trips / "standing"], read_truth(trips / "standing" / "truth.csv"))
@@ -95,6 +96,7 @@ def test_a_trip_that_stood_is_an_experiment_of_its_own(trips: Path) -> None:
     assert len(both.standing) == 3
 
 
+@pytest.mark.slow
 def test_a_trip_without_a_surveyed_object_is_named(trips: Path) -> None:
     """One sentence says which trip the survey does not fit, although it fits another; no trip is refused."""
     (truth,) = read_truth(trips / "slow" / "truth.csv")

@@ -114,6 +114,7 @@ def test_comment_undo_and_typing(address: Callable[..., str], plain: BrowserCont
     expect(page.locator(".notice")).to_contain_text("take back")
 
 
+@pytest.mark.slow
 def test_a_hundred_findings_by_keyboard_alone(
     address: Callable[..., str], plain: BrowserContext, store: Path
 ) -> None:
@@ -209,6 +210,7 @@ def test_two_tabs_show_what_the_other_answered(
     assert [entry[:2] for entry in log_of(store)] == [(first, "accept")]
 
 
+@pytest.mark.slow
 def test_two_reviewers_at_once_are_both_kept(
     address: Callable[..., str], browser: Browser, store: Path
 ) -> None:
@@ -246,6 +248,7 @@ def test_who_may_only_look_cannot_answer(
     assert log_of(store) == []
 
 
+@pytest.mark.slow
 def test_answers_outlive_the_server(plain: BrowserContext, store: Path) -> None:
     """Killed between two answers: those given meanwhile are kept, told, and sent once to the next server."""
     findings, port = put_findings(store, 12), free_port()
@@ -280,6 +283,7 @@ def test_answers_outlive_the_server(plain: BrowserContext, store: Path) -> None:
     assert set(given) <= set(findings)
 
 
+@pytest.mark.slow
 def test_kept_answers_stay_their_givers(plain: BrowserContext, store: Path) -> None:
     """What one left at a stopped server is sent by that one's name; who comes next answers by their own."""
     put_findings(store, 4)
@@ -406,6 +410,7 @@ def walk(page: Page) -> list[dict[str, Any]]:
     return seen
 
 
+@pytest.mark.slow
 def test_every_text_is_in_the_language_of_the_browser(address: Callable[..., str], browser: Browser) -> None:
     """No key of the table shows through, and the document says its language."""
     url = address(person="kari")

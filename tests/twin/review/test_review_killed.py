@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 import requests
 import sqlalchemy as sa
 from review_browser import Browser, browser_of
@@ -59,6 +60,7 @@ def running(store: Path) -> Iterator[tuple[subprocess.Popen[str], Browser]]:
             process.stdout.close()
 
 
+@pytest.mark.slow
 def test_no_answer_is_lost_or_doubled_when_the_server_is_killed(store: Path) -> None:
     """The page sends what was not answered again, with its key, to the server that runs next."""
     changes, rng = many_findings(store), random.Random(20261122)
@@ -108,6 +110,7 @@ def test_answers_that_come_at_once_are_all_kept(store: Path) -> None:
         assert opened.count(schema.decision_log) == N_FINDINGS
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_the_page_in_order(store: Path) -> None:
     """Exit code 0: this is how it is ended; one line on stdout, the address."""
     command = [sys.executable, "-m", "twin", "review", "--store", str(store), "--no-open"]

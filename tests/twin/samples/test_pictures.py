@@ -54,6 +54,7 @@ def test_mask_tells_people_vehicles_and_faces(studio: Studio) -> None:
     assert np.count_nonzero(np.abs(yellow).max(axis=-1) < 30) > 2000
 
 
+@pytest.mark.slow
 def test_pictures_are_the_same_each_time_and_read_as_frames(studio: Studio, tmp_path: Path) -> None:
     """A copy with every 240th frame reads as the drive itself; its pictures have their frames' numbers."""
     made = [with_pictures(DATA / TRIP, tmp_path / name, every=240) for name in ("a", "b")]

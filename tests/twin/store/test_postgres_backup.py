@@ -54,6 +54,7 @@ def everything(address: str) -> dict[str, list[str]]:
     return {name: sorted(map(repr, some)) for name, some in rows.items()}
 
 
+@pytest.mark.slow
 def test_documented_lines_bring_every_row_back(
     matched_store: Path, database: str, postgres: Server, tmp_path: Path
 ) -> None:

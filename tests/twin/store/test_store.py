@@ -188,7 +188,7 @@ while True:
 """
 
 
-@pytest.mark.parametrize("written", [1, 3, 7])
+@pytest.mark.parametrize("written", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 7))])
 def test_store_survives_sigkill_in_the_middle_of_writing(address: str, written: int) -> None:
     """A writer killed at any instant leaves 200 findings of one and the same match, never a mixture."""
     Store.open(address).close()

@@ -60,6 +60,7 @@ def test_picture_lies_tall_roads_beside_their_close_ups(layers: ExportLayers, tm
     assert all(colours.get(mark.colour, 0) > 12 for mark in MARKS)
 
 
+@pytest.mark.slow
 def test_picture_enlarges_an_ellipse_that_its_mark_hides(layers: ExportLayers, tmp_path: Path) -> None:
     """Ellipses of 5 cm by 2 cm would be a few pixels under the marks: the fill of one covers hundreds.
 
