@@ -14,8 +14,8 @@ measured a yard does (`twin ingest-drive --error`); the first rows take it for g
 
 `--as-stated` asks another question: not whether covariances suit these roads and cars, but whether they are
 right. Every error is then drawn as large as the budget and the priors say (`geoloc.simulation.as_stated`),
-and NEES should be 1. Intervals (95 %) are of drawing the drives anew. Their clocks alone are not drawn but
-lie evenly over their distribution: at speed a clock is most of an ellipse, and twenty draws are a lottery.
+and NEES should be 1. Intervals (95 %) are of drawing the drives anew. Clocks, the heights of the antennas
+against one another and mean crossfalls alone are not drawn but lie evenly (`spread_draws.py`).
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 from rich.progress import track
+from spread_draws import evenly, taped
 
 from geoloc.adjustment.adjust import adjust
 from geoloc.adjustment.result import Adjusted
@@ -140,14 +141,27 @@ class Recorded(NamedTuple):
     """What each sighting shows, where `object` is what somebody found."""
 
 
-def recorded(case: Case, speed_kmh: float | None, seed: int, *, stated: bool = False) -> Recorded:
-    """Drive once; through a world whose errors are those stated, if so asked."""
+def recorded(
+    case: Case,
+    speed_kmh: float | None,
+    seed: int,
+    *,
+    stated: bool = False,
+    leans: tuple[float, float] | None = None,
+) -> Recorded:
+    """Drive once; through a world whose errors are those stated, if so asked.
+
+    Then `leans` are what the antennas' heights and the mean crossfall are off, in sigmas; None: drawn.
+    """
     world = scenario(case.scenario, speed_kmh, seed, case.minutes)
     if stated:
-        world = as_stated(world, case.antennas, seed, case.stated, case.fixes)
+        crossfall = None if leans is None else leans[1]
+        world = as_stated(world, case.antennas, seed, case.stated, case.fixes, crossfall)
     drive = simulate_drive(world, seed)
     fixes = tuple(_of_quality(one, case.fixes) for one in drive.gnss[: case.antennas])
     arms = {one.antenna: drive.rig.antennas[one.antenna].rig_t_antenna_m for one in fixes}
+    if leans is not None:
+        arms = taped(arms, drive.drawn.lever_arm_m, leans[0])
     seen = drive.sightings
     keep = np.isin(seen.camera, case.cameras or drive.scenario.cameras)
     stamps = np.empty(seen.frame.size, dtype=np.int64)
@@ -172,14 +186,6 @@ def _of_quality(fixes: GnssFixes, noise: StatedFixes) -> GnssFixes:
         return fixes
     stamped_ns = fixes.epoch_ns + round(1e6 * noise.late_ms[0])
     return replace(fixes, quality=np.ones_like(fixes.quality), epoch_ns=stamped_ns)
-
-
-def spread_clocks(drives: int) -> FloatArray:
-    """Clocks (drives,) in sigmas, in any order: quantiles of their distribution, of mean square 1."""
-    from scipy.stats import norm
-
-    clocks = norm.ppf((np.arange(drives) + 0.5) / drives) if drives > 1 else np.ones(1)
-    return np.random.default_rng(0).permutation(clocks / np.sqrt(np.mean(clocks**2)))
 
 
 def with_clock(recording: Recorded, sigmas: float) -> Recorded:
@@ -342,10 +348,12 @@ def run_as_stated(case: Case, seeds: int) -> tuple[FloatArray, FloatArray]:
     """Mean NEES / 2 and height NEES of each drive ``(n,)`` whose errors are those that are stated."""
     count = max(1, round(seeds * case.drives))
     first = AS_STATED_SEED + SEEDS_A_CASE * AS_STATED_CASES.index(case)
-    honest, clocks = np.full((2, count), np.nan), spread_clocks(count)
+    honest, clocks = np.full((2, count), np.nan), evenly(count)
+    leans = np.stack([evenly(count, order) for order in (1, 2)], axis=1)
     for i in track(range(count), description=case.label, console=console(stderr=True), transient=True):
         speed = case.speeds_kmh[i % len(case.speeds_kmh)]
-        recording = with_clock(recorded(case, speed, first + i, stated=True), clocks[i])
+        driven = recorded(case, speed, first + i, stated=True, leans=(leans[i, 0], leans[i, 1]))
+        recording = with_clock(driven, clocks[i])
         plane, up = _squares(recording if case.has_ids else without_ids(recording), case.object)
         if plane.size:
             honest[:, i] = np.mean(plane) / 2.0, np.mean(up)

@@ -32,10 +32,10 @@ from accuracy import (
     offsets,
     recorded,
     show,
-    spread_clocks,
     with_clock,
 )
 from rich.progress import track
+from spread_draws import evenly
 
 from geoloc.arrays import FloatArray
 from geoloc.live.samples import Fix
@@ -142,7 +142,7 @@ def batch(recording: Recorded) -> Driven:
 def run_case(case: Case, seeds: int, *, stated: bool) -> tuple[list[object], bool]:
     """One row of the table, and whether it is within the bars."""
     parts: dict[str, list[Driven]] = {"batch": [], "live": [], "first": []}
-    clocks = spread_clocks(seeds)
+    clocks = evenly(seeds)
     begin = (AS_STATED_SEED if stated else 0) + SEEDS_A_CASE * CASES.index(case)
     for i in track(range(seeds), description=case.label, console=console(stderr=True), transient=True):
         recording = recorded(case, case.speeds_kmh[0], begin + i, stated=stated)

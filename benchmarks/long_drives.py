@@ -35,10 +35,10 @@ from accuracy import (
     offsets,
     recorded,
     show,
-    spread_clocks,
     with_clock,
 )
 from rich.progress import track
+from spread_draws import evenly
 
 from geoloc.arrays import FloatArray
 from geoloc.locate.accuracy import nees
@@ -147,7 +147,7 @@ def main() -> None:
         first = _FIRST_SEED + 1000 * KINDS.index(row.kind)
         seeds = range(first, first + row.drives)
         bar = track(seeds, description=label, console=console(stderr=True), transient=True)
-        clocks = spread_clocks(row.drives)
+        clocks = evenly(row.drives)
         results = [
             result_of(with_clock(recorded(row.case(), None, one, stated=options.as_stated), clock))
             for one, clock in zip(bar, clocks, strict=True)

@@ -69,7 +69,12 @@ class _Stated(Protocol):
 
 
 def as_stated(
-    world: Scenario, antennas: int, seed: int, stated: _Stated, fixes: StatedFixes = CARRIER_PHASE
+    world: Scenario,
+    antennas: int,
+    seed: int,
+    stated: _Stated,
+    fixes: StatedFixes = CARRIER_PHASE,
+    crossfall: float | None = None,
 ) -> Scenario:
     """Give a world the errors that are stated, and none that are not.
 
@@ -86,8 +91,11 @@ def as_stated(
     fixes : StatedFixes
         Fixes that are late look like frames that are early: both, without the mean of the one, are drawn with
         the camera clock. That mean is for whoever stamps the fixes.
+    crossfall : float, optional
+        What the road's mean crossfall is off, in sigmas. Default: drawn.
     """
     once = stream(seed, "as stated").normal(size=5)
+    once[0] = once[0] if crossfall is None else crossfall
     knots = np.array(world.road.curvature)
     speed = max(v for _, v in world.motion.speed)
     lateral = float(np.abs(knots[:, 1]).max()) * speed**2
