@@ -59,11 +59,13 @@ from twin.cli.output import console, print_table
 from twin.matching.match_store import match
 from twin.store import schema
 from twin.store.kinds import Method
-from twin.store.poses import blob_from_poses
+from twin.store.poses import blob_from_poses, poses_from_blob
 from twin.store.records import Correction, Corrections, Estimate
-from twin.store.store import Store
+from twin.store.store import Row, Store
 
 DRIVES_A_TILE = 40
+DRAWN_TILES = 5
+"""Municipalities beyond these are copies of the last four."""
 SIGNS_A_TILE = 5000
 TILE_M = BLOCKS * BLOCK_M + 1000.0
 STEP_NS = round(STEP_M / 13.0 * 1e9)
@@ -87,9 +89,11 @@ def fill(path: Path | str, n_drives: int) -> None:
     n_tiles = -(-n_drives // DRIVES_A_TILE)
     rig = zlib.compress(json.dumps(rig_document(simulated_rig())).encode())
     with Store.open(path) as store:
-        for tile in range(n_tiles):
+        for tile in range(min(n_tiles, DRAWN_TILES)):
             world = make_world(SIGNS_A_TILE, np.random.default_rng(tile))
             _fill_tile(store, world, tile, min(DRIVES_A_TILE, n_drives - tile * DRIVES_A_TILE), rig)
+        for tile in range(DRAWN_TILES, n_tiles):
+            _copy_tile(store, 1 + tile % (DRAWN_TILES - 1), tile)
         with store.transaction() as connection:
             store.put_fact(connection, "mirror", {"synced_at": "2026-06-10T08:00:00Z"})
 
@@ -105,6 +109,44 @@ def _fill_tile(store: Store, world: World, tile: int, n_drives: int, rig: bytes)
         is_next = tile == 0 and number == n_drives
         started_ns = START_NS + (1000 if is_next else number) * 9 * 86_400_000_000_000
         _put_drive(store, _of_drive(fleet, number), drive_id, started_ns, origin, rig, aside=is_next)
+
+
+def _copy_tile(store: Store, drawn: int, tile: int) -> None:
+    """Put another municipality as far east as its number says: the same one under other names."""
+    east_m, here, there = (tile - drawn) * TILE_M, f"T{drawn:02}", f"T{tile:02}"
+    with store.transaction() as connection:
+        for table in (schema.drive_method, schema.estimate, schema.sighting):
+            t = table.c
+            new: dict[str, Any] = {
+                n: there + sa.func.substr(t[n], 4) for n in ("drive_id", "estimate_id") if n in t
+            }
+            if "east_m" in t:
+                new["east_m"] = t.east_m + east_m
+            columns = [new.get(c.name, c).label(c.name) for c in table.columns]
+            asked = sa.select(*columns).where(t.drive_id.startswith(here))
+            connection.execute(sa.insert(table).from_select(t.keys(), asked))
+        for table, times in ((schema.skiltpunkt, 1), (schema.skiltplate, 10)):
+            first = times * (drawn * SIGNS_A_TILE + 1)
+            inside = table.c.nvdb_id.between(first, first + times * SIGNS_A_TILE - 1)
+            rows = store.view(connection).rows(sa.select(table).where(inside))
+            connection.execute(sa.insert(table), [_renamed(row, east_m, tile - drawn) for row in rows])
+        t = schema.drive
+        for row in store.view(connection).rows(sa.select(t).where(t.c.drive_id.startswith(here))):
+            poses = poses_from_blob(row["poses"])
+            moved = _in_tile(poses, int(poses.epoch_ns[0]), np.array([east_m, 0.0]))
+            name = there + row["drive_id"][3:]
+            new = {"drive_id": name, "name": name, "content_sha256": name, "poses": blob_from_poses(moved)}
+            connection.execute(sa.insert(t), [{**row, **new}])
+
+
+def _renamed(row: Row, east_m: float, tiles: int) -> dict[str, Any]:
+    """A sign of NVDB so many municipalities further east; plates have the tenfold ids of their points."""
+    points, plates = tiles * SIGNS_A_TILE, 10 * tiles * SIGNS_A_TILE
+    if "plate_ids" in row:
+        ids = {"nvdb_id": row["nvdb_id"] + points, "plate_ids": [one + plates for one in row["plate_ids"]]}
+    else:
+        ids = {"nvdb_id": row["nvdb_id"] + plates, "point_id": row["point_id"] + points}
+    return {**row, **ids, "east_m": row["east_m"] + east_m}
 
 
 def _moved(world: World, origin: FloatArray) -> World:

@@ -19,9 +19,9 @@ from twin.matching.absence import Passage, last_seen_by
 from twin.matching.cells import NOWHERE, Grid, cells_about, cells_of
 from twin.matching.config import MatchConfig
 from twin.matching.in_view import VIEWS, Asked, Counts, Places, Watcher
-from twin.matching.kept import Kept, digest
+from twin.matching.kept import Arrays, Kept, digest
 from twin.matching.left import KnownDrive, squares_of_drive
-from twin.matching.poles.ahead import NEAR_M, Ahead, Shifted, ahead_of_nvdb
+from twin.matching.poles.ahead import NEAR_M, SURELY_M, Ahead, Signs, ahead_of_nvdb
 from twin.matching.poles.many_drives import Driven, headings_at
 from twin.matching.poles.poles import ObservedPole
 from twin.matching.reading import rows_of_drives
@@ -199,9 +199,20 @@ def beside_nvdb(
     ]
 
 
-def cells_if_shifted(drive: Drive, estimates: Sequence[Estimate]) -> IntArray:
-    """Cells whose sites can tell by what the clock of a drive's camera is off."""
-    return cells_about(Shifted.of(estimates, drive.driven.read_poses()).everywhere(), NEAR_M)
+def cells_if_shifted(drive: Drive, estimates: Sequence[Estimate], sites: Sequence[Site]) -> IntArray:
+    """Cells beyond a drive's signs whose sites can tell by what its clock is off; none where it fits.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate
+        Of the drive, one a pole.
+    sites : sequence of Site
+        All in the cells of these, at least.
+    """
+    signs = Signs.of(estimates, drive.driven.read_poses())
+    if drive.misfits or signs.fit(sites):
+        return NOWHERE
+    return cells_about(signs.if_shifted(), NEAR_M)
 
 
 class _Landmarks:
@@ -214,35 +225,43 @@ class _Landmarks:
         self._all = [repr((*at, site.codes)).encode() for at, site in zip(place, self._sites, strict=True)]
 
     def shift_of(self, estimates: Sequence[Estimate], drive: Drive, kept: Kept) -> Ahead | None:
-        """Return what `ahead_of_nvdb` finds; what it rests on are the sites that a shift can reach."""
+        """Return what `ahead_of_nvdb` finds; what it rests on are the sites in some cells."""
         said = [(e.codes, e.last_ns, e.east_m, e.north_m, e.covariance_m2) for e in estimates]
         rests_on = digest(drive.watcher.content, repr(said).encode())
         known = kept.get(_KIND, drive.drive_id)
-        if known is not None and known["rests_on"].item() != rests_on:
-            known = None
-        signs = cache(lambda: Shifted.of(estimates, drive.driven.read_poses()))
-        cells = cells_about(signs().everywhere(), NEAR_M) if known is None else known["cells"]
-        near = self._grid.inside(cells).tolist()
-        beside = digest(*(self._all[j] for j in near))
-        if known is None or known["beside"].item() != beside:
-            found = ahead_of_nvdb(signs(), [self._sites[j] for j in near])
+        if known is None or known["rests_on"].item() != rests_on or not self._are_alike(known):
+            signs = Signs.of(estimates, drive.driven.read_poses())
+            cells = cells_about(signs.place, SURELY_M)
+            found = None
+            if not signs.fit(self._inside(cells)):
+                cells = cells_about(signs.if_shifted(), NEAR_M)
+                found = ahead_of_nvdb(signs, self._inside(cells))
             known = {
                 "rests_on": np.array(rests_on),
                 "cells": cells,
-                "beside": np.array(beside),
+                "beside": np.array(self._digest(cells)),
                 "shift": np.array(found or (), dtype=np.float64),
             }
             kept.put(_KIND, drive.drive_id, known)
         return Ahead(*known["shift"].tolist()) if known["shift"].size else None
 
+    def _inside(self, cells: IntArray) -> list[Site]:
+        return [self._sites[j] for j in self._grid.inside(cells).tolist()]
+
+    def _digest(self, cells: IntArray) -> str:
+        return digest(*(self._all[j] for j in self._grid.inside(cells).tolist()))
+
+    def _are_alike(self, known: Arrays) -> bool:
+        return bool(known["beside"].item() == self._digest(known["cells"]))
+
 
 _KIND = "clock"
 
 
-def clock_cells(kept: Kept, drive_id: str) -> IntArray | None:
-    """Cells whose signs told the last match of a drive's clock; None where it was not looked at."""
+def clock_cells(kept: Kept, drive_id: str) -> IntArray:
+    """Cells whose signs told the last match of a drive's clock; none where it was not looked at."""
     known = kept.get(_KIND, drive_id)
-    return None if known is None else np.asarray(known["cells"])
+    return NOWHERE if known is None else np.asarray(known["cells"])
 
 
 def forget(kept: Kept, drive_id: str) -> None:
@@ -302,10 +321,9 @@ def known_drives(
             digests.update(json.dumps([row[name] for name in _HASHED], sort_keys=True).encode())
         said = clicks.get(drive.drive_id, {})
         place_m = np.array([(one.east_m, one.north_m) for one in of_drive]).reshape(-1, 2)
-        told = clock_cells(kept, drive.drive_id)
         seen_ns = np.unique(np.array([one.last_ns for one in of_drive], dtype=np.int64))
         has_heading = drive.driven.has_poses and seen_ns.size > 0
-        concern = [drive.watcher.cells, cells_of(place_m), NOWHERE if told is None else told]
+        concern = [drive.watcher.cells, cells_of(place_m), clock_cells(kept, drive.drive_id)]
         found[drive.drive_id] = KnownDrive(
             recorded=drive.driven.recorded,
             car=drive.driven.car,

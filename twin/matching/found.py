@@ -10,12 +10,11 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from geoloc.earth.geodesy import utm33_from_geographic
 from twin.matching.asked import Asked, sites_of
-from twin.matching.cells import CELL_M, NOWHERE, are_among, cells_of, middles_of
+from twin.matching.cells import NOWHERE, are_among, cells_of
 from twin.matching.compare import compare, places_of
 from twin.matching.drives import (
     Drive,
     beside_nvdb,
-    cells_if_shifted,
     drives_of,
     forget,
     known_drives,
@@ -44,7 +43,7 @@ from twin.matching.poles.seen_in import (
 )
 from twin.matching.reading import estimates_of
 from twin.matching.scope import NEAR_M, Scope, scope_about
-from twin.matching.signs import cells_of_signs, drives_judged_anew
+from twin.matching.signs import cells_of_signs, drives_judged_anew, sites_that_judge
 from twin.matching.sites import Site, codes_of_mirror, mirror_near
 from twin.store.records import Estimate, Finding
 from twin.store.touched import FACT as TOUCHED
@@ -333,15 +332,8 @@ def _sites_about(
     asked: Asked, scope: Scope, kept: Kept, drives: Sequence[Drive], once: Sequence[Estimate]
 ) -> tuple[list[Site], list[Drive]]:
     """Sites in a part of the store, and the drives with what the sites say of those that were touched."""
-    mine: dict[str, list[Estimate]] = {drive_id: [] for drive_id in scope.drives}
-    for one in once:
-        if one.drive_id in mine:
-            mine[one.drive_id].append(one)
-    touched = [drive for drive in drives if drive.drive_id in mine]
-    shifted = [cells_if_shifted(drive, mine[drive.drive_id]) for drive in touched if not drive.misfits]
-    cells = np.unique(np.concatenate([scope.about, *shifted]))
-    rows = mirror_near(asked.view, middles_of(cells), asked.config, CELL_M)
-    sites = sites_of(asked, rows)
+    touched = [drive for drive in drives if drive.drive_id in scope.drives]
+    sites = sites_that_judge(asked, touched, once, scope.about)
     seen = beside_nvdb(drives, sites, once, kept, scope.drives)
     inside = are_among(cells_of(places_of(sites)), scope.about)
     return [site for site, counts in zip(sites, inside, strict=True) if counts], seen

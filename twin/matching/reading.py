@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Collection
 from functools import cache
 from typing import Any
@@ -15,6 +14,7 @@ from twin.matching.cells import are_among, cells_of
 from twin.store import schema
 from twin.store.kinds import Method
 from twin.store.records import Estimate, split_codes
+from twin.store.sql import from_json
 from twin.store.store import Row, Snapshot
 
 _AT_ONCE = 500
@@ -55,7 +55,7 @@ def estimates_of(
     if cells is not None and rows:
         place = np.array([(row["east_m"], row["north_m"]) for row in rows])
         rows = [rows[k] for k in np.flatnonzero(are_among(cells_of(place), cells)).tolist()]
-    kind, cameras = Method(method), cache(lambda said: tuple(_read(said)))
+    kind, cameras = Method(method), cache(lambda said: tuple(from_json(said)))
     return sorted((_estimate(row, kind, cameras) for row in rows), key=lambda one: (one.drive_id, one.object))
 
 
@@ -67,7 +67,7 @@ _PLAIN = (
 
 
 def _estimate(row: Row, method: Method, cameras: Callable[[str], tuple[str, ...]]) -> Estimate:
-    budget = _read(row["budget"])
+    budget = from_json(row["budget"])
     return Estimate(
         drive_id=row["drive_id"],
         object=row["object"],
@@ -84,8 +84,3 @@ def _estimate(row: Row, method: Method, cameras: Callable[[str], tuple[str, ...]
         estimate_id=row["estimate_id"],
         method=method,
     )
-
-
-def _read(document: Any) -> Any:
-    """Read JSON; some databases' drivers have done that already."""
-    return json.loads(document) if isinstance(document, (str, bytes)) else document

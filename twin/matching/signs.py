@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,13 +11,14 @@ from geoloc.arrays import IntArray
 from twin.matching.asked import Asked, sites_of
 from twin.matching.cells import CELL_M, NOWHERE, are_among, cells_of, middles_of
 from twin.matching.compare import places_of
-from twin.matching.drives import beside_nvdb, clock_cells, drives_of
+from twin.matching.drives import Drive, beside_nvdb, cells_if_shifted, clock_cells, drives_of
 from twin.matching.kept import Kept
 from twin.matching.left import KnownDrive, State, cells_counted
 from twin.matching.poles.same_pole import each_pole_once, may_be_one
 from twin.matching.poles.seen_in import pictures_of
 from twin.matching.reading import estimates_of
-from twin.matching.sites import mirror_near, sites_from_mirror
+from twin.matching.sites import Site, mirror_near, sites_from_mirror
+from twin.store.records import Estimate
 
 _DIAGONAL_M = CELL_M * math.sqrt(2.0)
 _BESIDE_M = 256.0
@@ -37,7 +39,7 @@ def cells_of_signs(asked: Asked, kept: Kept, state: State, changed: IntArray) ->
 def drives_judged_anew(asked: Asked, kept: Kept, state: State, changed: IntArray) -> set[str]:
     """Drives that now are, or no longer are, shifted against NVDB's signs: all that they say may change."""
     view, method, config = asked.view, asked.method, asked.config
-    reach = {one: cells for one in state.near(changed) if (cells := clock_cells(kept, one)) is not None}
+    reach = {one: clock_cells(kept, one) for one in state.near(changed)}
     ids = {drive_id for drive_id, cells in reach.items() if are_among(cells, changed).any()}
     known = {one: drive for one in sorted(ids) if (drive := KnownDrive.of(kept, one)) is not None}
     if not known:
@@ -46,10 +48,39 @@ def drives_judged_anew(asked: Asked, kept: Kept, state: State, changed: IntArray
     estimates = estimates_of(view, method, known)
     pairs = may_be_one(estimates, config)
     once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
-    cells = np.unique(np.concatenate([reach[one] for one in known]))
-    sites = sites_of(asked, mirror_near(view, middles_of(cells), config, CELL_M))
+    sites = sites_that_judge(asked, drives, once, np.unique(np.concatenate([reach[one] for one in known])))
     judged = beside_nvdb(drives, sites, once, kept)
-    return {drive.drive_id for drive in judged if drive.shift != known[drive.drive_id].ahead}
+    return {
+        one.drive_id
+        for one in judged
+        # Where other cells tell of a clock now, its drive is to be found by these.
+        if one.shift != known[one.drive_id].ahead
+        or not np.array_equal(reach[one.drive_id], clock_cells(kept, one.drive_id))
+    }
+
+
+def sites_that_judge(
+    asked: Asked, drives: Sequence[Drive], estimates: Sequence[Estimate], cells: IntArray
+) -> list[Site]:
+    """Sites in some cells, and all by which the clocks of drives are judged.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate
+        All of these drives, one a pole, and maybe of others.
+    cells : int64 (n,)
+        Those of these are among them.
+    """
+    mine: dict[str, list[Estimate]] = {drive.drive_id: [] for drive in drives}
+    for one in estimates:
+        if one.drive_id in mine:
+            mine[one.drive_id].append(one)
+    sites = sites_of(asked, mirror_near(asked.view, middles_of(cells), asked.config, CELL_M))
+    more = [cells_if_shifted(drive, mine[drive.drive_id], sites) for drive in drives]
+    wider = np.unique(np.concatenate([cells, *more]))
+    if wider.size == cells.size:
+        return sites
+    return sites_of(asked, mirror_near(asked.view, middles_of(wider), asked.config, CELL_M))
 
 
 def _alone(asked: Asked, kept: Kept, changed: IntArray) -> IntArray:

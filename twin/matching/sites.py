@@ -16,7 +16,7 @@ from geoloc.arrays import FloatArray
 from nvdb.vegnett import stedfester
 from twin.matching.config import MatchConfig
 from twin.store import schema
-from twin.store.sql import cut, each_number
+from twin.store.sql import cut, each_number, from_json
 from twin.store.store import Row, Snapshot
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def _shared(row: Row, config: MatchConfig) -> dict[str, Any]:
         "sigma_m": _sigma_m(row, config),
         "own_geometry": bool(row["own_geometry"]),
         "start_date": row["start_date"] or "",
-        "side": _side(row),
+        "side": "" if row["own_geometry"] else _side(row),
     }
 
 
@@ -253,7 +253,7 @@ _NOT_KNOWN = (math.nan, math.nan)
 
 def _side(row: Row) -> str:
     """Side of the road by NVDB's first stedfesting, where it says one."""
-    places = row.get("stedfesting") or []
+    places = from_json(row.get("stedfesting")) or []
     side = places[0].get("sideposisjon") if places else None
     return side if side in {"H", "V"} else ""
 
@@ -294,6 +294,7 @@ def mirror_near(
     parents = sa.select(plate.c.point_id).where(plate.c.nvdb_id.in_(_ids_in_cells(plate, cells, size)))
     asked = sa.select(*_columns(point)).where(point.c.nvdb_id.in_(of_points.union(parents)))
     points = view.rows(asked.order_by(point.c.nvdb_id))
+    points = [{**row, "plate_ids": from_json(row["plate_ids"])} for row in points]
     children = each_number([child for row in points for child in row["plate_ids"]])
     of_plates = _ids_in_cells(plate, cells, size).union(
         children,
@@ -318,8 +319,13 @@ _NOT_NEEDED = frozenset(
 )
 
 
-def _columns(table: sa.Table) -> list[sa.Column[Any]]:
-    return [column for column in table.columns if column.name not in _NOT_NEEDED]
+def _columns(table: sa.Table) -> list[sa.ColumnElement[Any]]:
+    """Those that matching needs; JSON as text, of which most is never read."""
+    return [
+        sa.type_coerce(column, sa.Text).label(column.name) if isinstance(column.type, sa.JSON) else column
+        for column in table.columns
+        if column.name not in _NOT_NEEDED
+    ]
 
 
 _ROW = 1_000_000

@@ -65,6 +65,11 @@ def _size_postgresql(element: _Size, compiler: Any, **how: Any) -> str:
     return f"coalesce(pg_column_size({compiler.process(element.clauses, **how)}), 0)"
 
 
+def from_json(document: Any) -> Any:
+    """Read JSON that was asked for as text; some databases' drivers have done that already."""
+    return json.loads(document) if isinstance(document, (str, bytes)) else document
+
+
 def size_of(column: sa.ColumnElement[Any]) -> sa.ColumnElement[int]:
     """Bytes that a value takes, about; 0 for NULL."""
     return _Size(column)

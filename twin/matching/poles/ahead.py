@@ -29,8 +29,7 @@ _NEAREST_S = 0.7
 
 
 _LATE_S: FloatArray = np.linspace(-_LATEST_S, _LATEST_S, round(2 * _LATEST_S / _STEP_S) + 1)
-_NO_SHIFT = _LATE_S.size // 2
-_SURELY_M = 0.99 * _SCATTER * _LEAST_M
+SURELY_M = 0.99 * _SCATTER * _LEAST_M
 """A sign this near to NVDB's counts as being there, whatever the shift that it is weighed against."""
 
 
@@ -49,39 +48,68 @@ class Ahead(NamedTuple):
     late_s: float
 
 
-class Shifted(NamedTuple):
-    """A drive's signs as the clock of its camera would have to be late or early.
+class Signs(NamedTuple):
+    """What a drive has read, as far as a clock can be told by it.
 
     Attributes
     ----------
     read : list of Estimate
-        Of which codes and last sighting are known.
+        One a pole, of which codes and last sighting are known.
     place : float64 (n, 2)
-        Where they are: EPSG:25833.
-    shifted : float64 (n, shifts, 2)
-        Where they would be; NaN beyond the ends of the path.
+        EPSG:25833.
+    poses : Poses
+        Where the drive drove, in time order.
     """
 
     read: list[Estimate]
     place: FloatArray
-    shifted: FloatArray
+    poses: Poses
 
     @classmethod
-    def of(cls, estimates: Sequence[Estimate], poses: Poses) -> Shifted:
-        """Shift the signs of one drive along its poses, which are in time order."""
-        read = [one for one in estimates if one.codes and one.last_ns]
-        if poses.epoch_ns.size < 2:
-            read = []
-        place = np.array([(one.east_m, one.north_m) for one in read]).reshape(-1, 2)
-        return cls(read, place, _shifted(read, place, poses) if read else np.zeros((0, _LATE_S.size, 2)))
+    def of(cls, estimates: Sequence[Estimate], poses: Poses) -> Signs:
+        """Take those of one drive that count."""
+        read = [one for one in estimates if one.codes and one.last_ns and poses.epoch_ns.size > 1]
+        return cls(read, np.array([(one.east_m, one.north_m) for one in read]).reshape(-1, 2), poses)
 
-    def everywhere(self) -> FloatArray:
+    def seen_s(self) -> FloatArray:
+        """When each was best placed (n,), seconds after the first pose."""
+        last_ns = np.array([one.last_ns for one in self.read], dtype=np.int64)
+        return np.asarray(1e-9 * (last_ns - self.poses.epoch_ns[0]) - _NEAREST_S)
+
+    def if_shifted(self) -> FloatArray:
         """Places (n, 2) at which sites can tell by what the signs are shifted, each to within `NEAR_M`."""
-        some = np.concatenate([self.place, self.shifted.reshape(-1, 2)])
+        some = np.concatenate([self.place, _shifted(self).reshape(-1, 2)])
         return np.asarray(some[np.isfinite(some[:, 0])])
 
+    def fit(self, sites: Sequence[Site]) -> bool:
+        """Whether so many stand where NVDB has them that no shift can bring twice as many to sites.
 
-def ahead_of_nvdb(signs: Shifted, sites: Sequence[Site]) -> Ahead | None:
+        So it is with nearly every drive, which need not be looked at further. Sites further than `SURELY_M`
+        from all signs do not count.
+        """
+        from scipy.spatial import cKDTree
+
+        near = [site for site in sites if site.own_geometry and site.codes]
+        if len(self.read) < _FEWEST or not near:
+            return len(self.read) < _FEWEST
+        seen_s, ended_s = self.seen_s(), 1e-9 * (self.poses.epoch_ns[-1] - self.poses.epoch_ns[0])
+        on_path = np.flatnonzero((seen_s >= 0.0) & (seen_s <= ended_s))
+        if not on_path.size:
+            return False
+        there = cKDTree([(site.east_m, site.north_m) for site in near])
+        here = cKDTree(self.place[on_path])
+        close = here.sparse_distance_matrix(there, SURELY_M, output_type="ndarray")
+        codes = [frozenset(site.codes) for site in near]
+        pairs = [
+            (k, j)
+            for k, j in zip(on_path[close["i"]].tolist(), close["j"].tolist(), strict=True)
+            if not codes[j].isdisjoint(self.read[k].codes)
+        ]
+        as_is = min(len({k for k, _ in pairs}), len({j for _, j in pairs}))
+        return len(self.read) < 2 * as_is + 2
+
+
+def ahead_of_nvdb(signs: Signs, sites: Sequence[Site]) -> Ahead | None:
     """Find the one error of the camera's clock that brings a drive's signs to NVDB's, as they are not.
 
     A clock that is stated to a second is no contradiction within the drive: a path without landmarks fits any
@@ -90,7 +118,7 @@ def ahead_of_nvdb(signs: Shifted, sites: Sequence[Site]) -> Ahead | None:
 
     Parameters
     ----------
-    signs : Shifted
+    signs : Signs
         Of one drive, one a pole.
     sites : sequence of Site
         Of which those that NVDB has on the centre line do not count.
@@ -100,10 +128,11 @@ def ahead_of_nvdb(signs: Shifted, sites: Sequence[Site]) -> Ahead | None:
     Ahead or None
         None where the drive fits as it is, or too few signs agree on another shift.
     """
-    read, place, shifted = signs
+    read, place, _ = signs
     near = [site for site in sites if site.own_geometry and site.codes]
-    if len(read) < _FEWEST or len(near) < _FEWEST or _fits_as_it_is(signs, near):
+    if len(read) < _FEWEST or len(near) < _FEWEST or signs.fit(near):
         return None
+    shifted = _shifted(signs)
     pairs = _pairs(read, near, shifted)
     sign, site = pairs.T
     if np.unique(sign).size < _FEWEST:
@@ -128,34 +157,16 @@ def ahead_of_nvdb(signs: Shifted, sites: Sequence[Site]) -> Ahead | None:
     return Ahead(float(np.copysign(along_m[best], late)), late)
 
 
-def _fits_as_it_is(signs: Shifted, near: Sequence[Site]) -> bool:
-    """Whether so many signs stand where NVDB has them that no shift can bring twice as many to sites.
-
-    So it is with nearly every drive, which need not be looked at further.
-    """
-    from scipy.spatial import cKDTree
-
-    on_path = np.flatnonzero(np.isfinite(signs.shifted[:, _NO_SHIFT, 0]))
-    there = cKDTree([(site.east_m, site.north_m) for site in near])
-    some = cast("list[list[int]]", there.query_ball_point(signs.place[on_path], _SURELY_M))
-    codes = [frozenset(site.codes) for site in near]
-    pairs = [
-        (k, j)
-        for k, hits in zip(on_path.tolist(), some, strict=True)
-        for j in hits
-        if not codes[j].isdisjoint(signs.read[k].codes)
-    ]
-    as_is = min(len({k for k, _ in pairs}), len({j for _, j in pairs}))
-    return len(signs.read) < 2 * as_is + 2
-
-
-def _shifted(read: Sequence[Estimate], place: FloatArray, poses: Poses) -> FloatArray:
+def _shifted(signs: Signs) -> FloatArray:
     """Places (n, shifts, 2) of the signs if the clock is late by so much; NaN beyond the ends of the path."""
+    place, poses = signs.place, signs.poses
+    if not signs.read:
+        return np.zeros((0, _LATE_S.size, 2))
     east, north = utm33_from_geographic(poses.latitude_deg, poses.longitude_deg)
     turned = poses.heading_deg - grid_convergence_deg(poses.latitude_deg, poses.longitude_deg)
     heading = np.unwrap(np.deg2rad(turned))
     at_s = 1e-9 * (poses.epoch_ns - poses.epoch_ns[0])
-    seen_s = 1e-9 * (np.array([one.last_ns for one in read]) - poses.epoch_ns[0]) - _NEAREST_S
+    seen_s = signs.seen_s()
     true_s = seen_s[:, None] - _LATE_S
     there, here = (
         [np.interp(time, at_s, column, left=np.nan, right=np.nan) for column in (east, north, heading)]

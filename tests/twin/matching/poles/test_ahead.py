@@ -11,7 +11,7 @@ import sqlalchemy as sa
 from geoloc.earth.geodesy import utm33_from_geographic
 from twin.matching.config import MatchConfig
 from twin.matching.match_store import match
-from twin.matching.poles.ahead import Ahead, Shifted, ahead_of_nvdb
+from twin.matching.poles.ahead import Ahead, Signs, ahead_of_nvdb
 from twin.matching.sites import Site, mirror_near, sites_from_mirror
 from twin.store import schema
 from twin.store.poses import poses_from_blob
@@ -54,7 +54,7 @@ def found(opened: Store, signs: list[Estimate], sites: list[Site] | None = None)
             places = np.array([(one.east_m, one.north_m) for one in signs])
             config = MatchConfig()
             sites = sites_from_mirror(*mirror_near(view, places, config), config)
-    return ahead_of_nvdb(Shifted.of(signs, poses_from_blob(row["poses"])), sites)
+    return ahead_of_nvdb(Signs.of(signs, poses_from_blob(row["poses"])), sites)
 
 
 @pytest.mark.parametrize(("seconds", "sigma_m"), [(2.0, 11.0), (5.0, 14.0), (-3.0, 11.0), (1.0, 0.1)])
