@@ -34,8 +34,8 @@ class Asked:
         return self.view.fact(VEGNETT) is not None
 
     def rests_on(self) -> str:
-        """Digest of everything that findings rest on but drives and NVDB's signs."""
-        network = [self.view.fact(VEGNETT), self.view.fact(KATALOG_FACT)] if self.has_network else []
+        """Digest of everything that findings rest on but drives, NVDB's signs, and the roads beside them."""
+        network = [self.view.fact(KATALOG_FACT)] if self.has_network else None
         said = json.dumps([LAYOUT, self.method, asdict(self.config), network], sort_keys=True)
         return digest(said.encode())
 

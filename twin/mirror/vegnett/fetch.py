@@ -24,6 +24,7 @@ from nvdb.mirror import (
 )
 from nvdb.vegnett import SEGMENTERT, Vegnett, hent_vegnett
 from twin.mirror.vegnett.network import FACT, differs_aside, insert_aside
+from twin.mirror.vegnett.touched import places_beside_changes
 from twin.store import schema
 from twin.store.sql import swap
 from twin.store.store import Store, utc_now
@@ -203,8 +204,11 @@ def _publish(store: Store, fetch: _Fetch) -> int:
     """Swap the tables and note what the network is, in one transaction."""
     with store.transaction() as connection:
         count = connection.execute(sa.select(sa.func.count()).select_from(schema.veglenke_aside)).scalar_one()
-        if differs_aside(connection):
-            store.touch(connection)
+        before = store.view(connection).fact(FACT) or {}
+        day = before.get("fetched_at", "")[:10]
+        places = places_beside_changes(connection, day, fetch.begun_at[:10]) if day else None
+        if places or differs_aside(connection):
+            store.touch(connection, places=places)
         swap(connection, schema.veglenke, schema.veglenke_aside)
         store.drop_fact(connection, _FETCH)
         fact = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import math
 from collections.abc import Callable
 from typing import Any
@@ -9,15 +10,22 @@ from typing import Any
 import numpy as np
 import pyproj
 import pytest
+import sqlalchemy as sa
 from vegnett_links import segment
 
 from nvdb.area import Area
 from nvdb.client import NvdbClient
 from nvdb.replay import ReplayServer, ReplayWorld
 from twin.errors import StoreError
+from twin.matching.config import MatchConfig
+from twin.matching.sites import Site, along_the_road, sites_from_mirror
 from twin.mirror.sync import sync_nvdb
-from twin.mirror.vegnett import facing, sync_vegnett
+from twin.mirror.vegnett import facing, load_vegnett, sync_vegnett
+from twin.mirror.vegnett.network import FACT as VEGNETT
+from twin.store import schema
 from twin.store.store import Store
+from twin.store.touched import FACT as TOUCHED
+from twin.store.touched import touched_since
 
 Raw = dict[str, Any]
 EVERYTHING = Area()
@@ -217,3 +225,42 @@ def test_facing_needs_a_road_network(empty: Store) -> None:
     """Without one the cure is named."""
     with pytest.raises(StoreError, match="no road network: run `twin sync-nvdb` with --vegnett"):
         facing(empty)
+
+
+def test_a_new_network_names_every_place_that_faces_otherwise(empty: Store) -> None:
+    """Roads that turn, go, come, end or move: signs beside them, or set on them, are named; few others."""
+
+    def road(number: int, retning: str = "MED", aside_m: float = 0.0, **changes: Any) -> Raw:
+        east = MERIDIAN_E + 300.0 * number + aside_m
+        return segment(number, f"{east} 7000000 1, {east} 7001000 1", retning, **changes)
+
+    def signs() -> dict[str, Site]:
+        day = dt.date.fromisoformat((empty.fact(VEGNETT) or {})["fetched_at"][:10])
+        points, plates = (empty.rows(sa.select(t)) for t in (schema.skiltpunkt, schema.skiltplate))
+        found = sites_from_mirror(points, plates, MatchConfig(), facing(empty, on_date=day))
+        # NaN is no other than itself by its text.
+        return {repr(site): site for site in along_the_road(found, load_vegnett(empty), day)}
+
+    plates, ended = [], {"metadata": {"startdato": "2015-03-01", "sluttdato": "2020-01-01"}}
+    for number in range(8):
+        east = MERIDIAN_E + 300.0 * number
+        plates.append(_plate(10 * number + 1, MED, (east + 8.0, 7_000_500.0)))
+        plates.append(_plate(10 * number + 2, MED, (east, 7_000_700.0), own=False))
+        plates.append(_plate(10 * number + 3, MED, (east + 120.0, 7_000_900.0), place=(number, 0.5, "H")))
+    first = [road(number) for number in range(7)]
+    later = [road(0, "MOT"), road(1, aside_m=20.0), road(2, **ended), *first[4:], road(7)]
+    world = ReplayWorld({96: plates}, vegnett=first)
+    with ReplayServer(world) as server, NvdbClient(server.url, sleep=lambda _s: None) as client:
+        sync_nvdb(empty, EVERYTHING, api_url=server.url)
+        sync_vegnett(empty, EVERYTHING, client=client)
+        before, revision = signs(), empty.revision()
+        world.vegnett = later
+        sync_vegnett(empty, EVERYTHING, client=client, confirm_deletions=True)
+    told = touched_since(empty.fact(TOUCHED), revision, empty.revision())
+    assert told is not None
+    after = signs()
+    odd = [(before | after)[name] for name in before.keys() ^ after.keys()]
+    other = {(math.floor(site.east_m), math.floor(site.north_m)) for site in odd}
+    assert len(other) >= 10
+    assert other <= told.places
+    assert not any(MERIDIAN_E + 1190.0 < east < MERIDIAN_E + 2050.0 for east, _ in told.places)
