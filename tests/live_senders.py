@@ -13,10 +13,14 @@ from typing import Any, Self, TypeVar
 
 from twin.drives.drive import Drive
 from twin.drives.frames.stamp_files import NO_STAMP
+from twin.live.car import Car
 from twin.live.events import Arrival, Fix, Frame
 from twin.live.ports import Source, Trouble, TroubleKind
 
 T = TypeVar("T")
+MakeCar = Callable[..., Car]
+WIDE, ROOF = "C3_tricam120", "gnss50:vehicle"
+"""A camera and an antenna of the sample's car."""
 PATIENCE_S = 30.0
 
 
@@ -115,6 +119,8 @@ class Sender:
     def hang_up(self) -> None:
         """End the connection."""
         if self._client is not None:
+            with suppress(OSError):
+                self._client.shutdown(socket.SHUT_RDWR)
             self._client.close()
 
     def _accept(self) -> None:

@@ -94,7 +94,7 @@ class Address:
     path: str = ""
     user: str | None = None
     password: str | None = field(default=None, repr=False)
-    options: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, str] = field(default_factory=dict, repr=False)
     url: str = field(default="", repr=False)
 
     def without(self, option: str) -> str:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from live_senders import ROOF, WIDE, MakeCar
 
 from twin.live.car import Car, read_car
-
-MakeCar = Callable[..., Car]
-WIDE, ROOF = "C3_tricam120", "gnss50:vehicle"
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from live_senders import Listener, Sender, connected, free_port, until
+from live_senders import WIDE, Listener, Sender, connected, free_port, until
 from mqtt_broker import Broker
 from track_writers import sbp_clock, sbp_position
 
@@ -26,8 +26,6 @@ from twin.live.sources.decoders import FrameLines
 from twin.live.sources.frames import FrameReader
 from twin.live.sources.links import StdinLink
 from twin.live.sources.stream import PAUSE_S, StreamSource
-
-WIDE = "C3_tricam120"
 
 
 @pytest.fixture
