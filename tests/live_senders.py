@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import reduce
 from threading import Event, Thread
 from types import TracebackType
 from typing import Any, Self, TypeVar
@@ -148,6 +149,12 @@ def free_port() -> int:
     """A port that nobody has taken a moment ago."""
     with socket.create_server(("127.0.0.1", 0)) as one:
         return int(one.getsockname()[1])
+
+
+def sentence(body: str) -> bytes:
+    """Put dollar, checksum and end around a sentence."""
+    checksum = reduce(lambda total, char: total ^ ord(char), body, 0)
+    return f"${body}*{checksum:02X}\r\n".encode()
 
 
 def frame_lines(drive: Drive) -> Iterator[bytes]:

@@ -137,7 +137,7 @@ class CameraSource:
         self._detector, self._threshold, self._every = detector, threshold, every
         self._reader, self._recorder = reader, recorder
         self._newest, self._stopped, self._epochs = _Newest(), Event(), Epochs(name)
-        self._number = 0
+        self._number = self._told = self._unfit = 0
 
     @property
     def name(self) -> str:
@@ -152,31 +152,40 @@ class CameraSource:
     def arrivals(self) -> Iterator[Arrival | Trouble]:
         """Yield frames with what was found in them, and what goes wrong; return at the end of a video."""
         Thread(target=self._grab, name=f"pictures of {self._camera}", daemon=True).start()
-        is_lost, told, told_s, unfit = False, 0, time.monotonic(), 0
+        is_lost, told_s = False, time.monotonic()
         while not self._stopped.is_set():
             picture = self._newest.take(_LOOK_S)
             if picture is not None:
                 if is_lost:
                     is_lost = False
                     yield self._trouble(TroubleKind.BACK)
-                if picture.image.shape[1::-1] == self._size_px:
-                    yield from self._epochs.checked(self._seen(picture))
-                else:
-                    unfit += 1
+                yield from self._taken(picture)
             elif self._newest.ended:
-                return
+                break
             elif self._newest.lost and not is_lost:
                 is_lost = True
                 yield self._trouble(TroubleKind.LOST, detail=self._newest.lost)
             if time.monotonic() - told_s >= _TOLD_EVERY_S:
-                told_s, dropped = time.monotonic(), self._newest.dropped
-                if dropped > told:
-                    yield self._trouble(
-                        TroubleKind.DROPPED, dropped - told, "the detector is too slow for all"
-                    )
-                if unfit:
-                    yield self._trouble(TroubleKind.GARBAGE, unfit, self._other_size())
-                told, unfit = dropped, 0
+                told_s = time.monotonic()
+                yield from self._left_out()
+        yield from self._left_out()
+
+    def _taken(self, picture: _Picture) -> Iterator[Arrival | Trouble]:
+        if picture.image.shape[1::-1] == self._size_px:
+            yield from self._epochs.checked(self._seen(picture))
+        else:
+            self._unfit += 1
+
+    def _left_out(self) -> Iterator[Trouble]:
+        """Tell what was left out since the last time."""
+        dropped, self._told = self._newest.dropped - self._told, self._newest.dropped
+        if dropped:
+            yield self._trouble(TroubleKind.DROPPED, dropped, "the detector is too slow")
+        if self._unfit:
+            width, height = self._size_px
+            size = f"pictures of another size than the {width} x {height} of {self._camera} in the rig"
+            yield self._trouble(TroubleKind.GARBAGE, self._unfit, size)
+        self._unfit = 0
 
     def _seen(self, picture: _Picture) -> Arrival:
         """Look at a picture; what was found goes the way of what other detectors send."""
@@ -237,10 +246,6 @@ class CameraSource:
                 image = frame.to_ndarray(format="rgb24").astype(np.uint8, copy=False)
                 self._newest.put(_Picture(self._number, stamp_ns, image))
             self._number += 1
-
-    def _other_size(self) -> str:
-        width, height = self._size_px
-        return f"pictures of another size than the {width} x {height} of {self._camera} in the rig"
 
     def _trouble(self, kind: TroubleKind, count: int = 1, detail: str = "") -> Trouble:
         return Trouble(time.time_ns(), self._name, kind, count, detail)
