@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 
 from geoloc.earth.datum import euref89_from_itrf
+from geoloc.errors import GeolocError
 from geoloc.live.samples import Fix, gnss_fixes
 from geoloc.trajectory.heading import heading_against_course
 from twin.drives.track import fixes as recorded
@@ -25,34 +27,49 @@ class Antenna:
     ----------
     name : str
     car : Car
+
+    Attributes
+    ----------
+    left_out : int
+        Fixes so far that lie where their datum cannot be brought to EUREF89.
     """
 
     def __init__(self, name: str, car: Car) -> None:
         self.name, self._settings = name, car.settings
         self._driven: deque[Fix] = deque(maxlen=_REMEMBERED)
-        self._seen = 0
+        self.left_out = self._seen = 0
         self._trusted = car.settings.heading_offset_deg is not None
 
-    def fix(self, row: recorded.Fix) -> Fix:
-        """Return a fix for the engine."""
-        settings = self._settings
-        place = row.latitude_deg, row.longitude_deg, row.height_m
-        if settings.datum != EUREF89:
-            moved = euref89_from_itrf(settings.datum, *place, year_of(row.epoch_ns))
-            place = float(moved.latitude_deg), float(moved.longitude_deg), float(moved.height_m)
-        east_north, up = row.velocity_sigma_mps
+    def fixes(self, rows: Iterable[recorded.Fix]) -> list[Fix]:
+        """Return fixes for the engine."""
+        fixes = []
+        for row in rows:
+            try:
+                fixes.append(self._fix(row))
+            except GeolocError:
+                self.left_out += 1
+        return fixes
+
+    def _fix(self, row: recorded.Fix) -> Fix:
         fix = Fix(
             self.name,
             row.epoch_ns,
-            *place,
+            *self._place(row),
             row.quality,
             self._sigma_m(row.sigma_horizontal_m),
             row.sigma_vertical_m,
             *self._heading(row),
             row.velocity_mps,
-            (east_north, up),
+            row.velocity_sigma_mps,
         )
         return fix if self._is_of_the_nose(fix) else fix._replace(heading_deg=_NAN, heading_sigma_deg=_NAN)
+
+    def _place(self, row: recorded.Fix) -> tuple[float, float, float]:
+        place = row.latitude_deg, row.longitude_deg, row.height_m
+        if self._settings.datum == EUREF89:
+            return place
+        moved = euref89_from_itrf(self._settings.datum, *place, year_of(row.epoch_ns))
+        return float(moved.latitude_deg), float(moved.longitude_deg), float(moved.height_m)
 
     def _sigma_m(self, said: float) -> float:
         stated = self._settings.gnss_sigma_m

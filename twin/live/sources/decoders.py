@@ -100,8 +100,8 @@ class FixLines:
 
     @property
     def unreadable(self) -> int:
-        """Lines that are none."""
-        return self._stream.unreadable + self._cutter.too_long
+        """Lines that are none, and fixes that are nowhere."""
+        return self._stream.unreadable + self._cutter.too_long + self._antenna.left_out
 
     def feed(self, data: bytes, at_ns: int) -> list[Fix]:
         """Take bytes."""
@@ -110,11 +110,11 @@ class FixLines:
             if line.strip():
                 self._keep(stamped(line, at_ns))
                 fixes += self._stream.feed(line, at_ns)
-        return [self._antenna.fix(row) for row in fixes]
+        return self._antenna.fixes(fixes)
 
     def pause(self) -> list[Fix]:
         """Return what waits."""
-        return [self._antenna.fix(row) for row in self._stream.pause()]
+        return self._antenna.fixes(self._stream.pause())
 
 
 class FixMessages:
@@ -132,17 +132,17 @@ class FixMessages:
 
     @property
     def unreadable(self) -> int:
-        """Stretches of other bytes."""
-        return self._stream.unreadable
+        """Stretches of other bytes, and fixes that are nowhere."""
+        return self._stream.unreadable + self._antenna.left_out
 
     def feed(self, data: bytes, _at_ns: int) -> list[Fix]:
         """Take bytes."""
         self._keep(data)
-        return [self._antenna.fix(row) for row in self._stream.feed(data)]
+        return self._antenna.fixes(self._stream.feed(data))
 
     def pause(self) -> list[Fix]:
         """Return what waits."""
-        return [self._antenna.fix(row) for row in self._stream.pause()]
+        return self._antenna.fixes(self._stream.pause())
 
 
 class FrameLines:

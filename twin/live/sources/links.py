@@ -6,7 +6,6 @@ import os
 import select
 import selectors
 import socket
-import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -147,9 +146,10 @@ class _Listening:
 
     def read(self, patience_s: float) -> list[Piece]:
         ready = [key.fileobj for key, _ in self._selector.select(patience_s)]
-        if self._listener in ready:
-            self._accept()
-        return [Piece(self._senders[one], self._read(one)) for one in list(self._senders) if one in ready]
+        left = self._accept() if self._listener in ready else []
+        return left + [
+            Piece(self._senders[one], self._read(one)) for one in list(self._senders) if one in ready
+        ]
 
     def _read(self, one: socket.socket) -> bytes:
         try:
@@ -171,18 +171,22 @@ class _Listening:
         del self._senders[one]
         one.close()
 
-    def _accept(self) -> None:
+    def _accept(self) -> list[Piece]:
+        """Take a sender; where there are too many, the first, which may have died without a word, leaves."""
         try:
             one, _ = self._listener.accept()
         except OSError:
-            return  # it has left already
+            return []  # it has left already
+        left = []
         if len(self._senders) >= _MOST_SENDERS:
-            one.close()
-            return
+            first = next(iter(self._senders))
+            left.append(Piece(self._senders[first], b""))
+            self._leave(first)
         one.setblocking(False)
         self._count += 1
         self._senders[one] = self._count
         self._selector.register(one, selectors.EVENT_READ)
+        return left
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,13 +229,13 @@ class _Datagrams:
 class StdinLink:
     """Standard input, or another open file of the process."""
 
-    descriptor: int | None = None
+    descriptor: int = 0
     ends: bool = True
     asks_again: bool = False
 
     def open(self, _stopped: Event) -> Connection:
         """Begin to read."""
-        return _Pumped(sys.stdin.fileno() if self.descriptor is None else self.descriptor)
+        return _Pumped(self.descriptor)
 
 
 class _Pumped:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from geoloc.errors import CalibrationError
 from twin.drives.detection.network import Detector
@@ -186,6 +188,9 @@ def _pictures(address: Address, car: Car, recorder: Recorder | None, options: De
     except CalibrationError as error:
         raise ConfigError(f"{address.name}: {error}") from error
     size_px = (camera.model.width_px, camera.model.height_px)
+    network = Detector(options.model)
+    # What does not fit is found before the car drives.
+    network.find(np.zeros((64, 96, 3), dtype=np.uint8), options.threshold, Counter())
     is_device = address.scheme == "v4l2"
     where = PictureAddress(
         address.path if is_device or address.scheme == "file" else address.without("camera"),
@@ -197,7 +202,7 @@ def _pictures(address: Address, car: Car, recorder: Recorder | None, options: De
         where,
         camera.name,
         size_px,
-        Detector(options.model),
+        network,
         options.threshold,
         options.every,
         FrameReader(car),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from threading import Event
@@ -55,7 +56,7 @@ class StreamSource:
         while not self._stopped.is_set():
             try:
                 connection = self._link.open(self._stopped)
-            except OSError as error:
+            except (OSError, ValueError) as error:  # a host's name that is none
                 yield from self._lost(_reason(error))
             else:
                 began_s = self._heard_s = time.monotonic()
@@ -70,7 +71,7 @@ class StreamSource:
 
     def _read(self, connection: Connection) -> Iterator[Arrival | Trouble]:
         """Yield what arrives until the link is lost, or silent, or was closed."""
-        decoders: dict[int, Decoder] = {}
+        decoders: defaultdict[int, Decoder] = defaultdict(self._decoder)
         garbage = _Garbage(self._name)
         while not self._stopped.is_set():
             try:
@@ -83,7 +84,7 @@ class StreamSource:
             at_ns = time.time_ns()
             readable = sum(decoder.readable for decoder in decoders.values())
             for sender, data in pieces:
-                decoder = decoders.setdefault(sender, self._decoder())
+                decoder = decoders[sender]
                 yield from self._arrived([decoder.feed(data, at_ns) if data else decoder.pause()], at_ns)
             if not pieces:
                 yield from self._arrived(decoder.pause() for decoder in decoders.values())
@@ -155,10 +156,10 @@ class _Garbage:
         self._count, self._told_s = 0, time.monotonic()
 
 
-def _reason(error: OSError | EOFError) -> str:
+def _reason(error: OSError | EOFError | ValueError) -> str:
     """Why a link was lost; never the address, which may hold a password."""
     if isinstance(error, EOFError):
         return "the other end has hung up"
-    return error.strerror or (
-        str(error) if isinstance(error, ConnectionError | TimeoutError) else type(error).__name__
-    )
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return str(error) if isinstance(error, ConnectionError | TimeoutError) else type(error).__name__

@@ -43,6 +43,15 @@ def test_fixes_of_another_datum_are_those_of_the_recorded_drive(
     assert car.live_car((ROOF,)).track_sigma_m > 0.0
 
 
+def test_fix_that_no_datum_reaches_is_left_out(make_car: MakeCar) -> None:
+    """By a host that shows 2098 the plate has moved too far: counted, and no end of the source."""
+    decoder = FixLines(NmeaStream(), Antenna(ROOF, make_car(SETTINGS)), lambda _: None)
+    gga = "GPGGA,080000.00,6325.0,N,01024.0,E,4,14,1.1,80.0,M,0.0,M,,"
+    decoder.feed(sentence(gga), 4_050_000_000_000_000_000)
+    assert decoder.pause() == []
+    assert (decoder.readable, decoder.unreadable) == (1, 1)
+
+
 @pytest.mark.parametrize(
     ("settings", "heading_deg", "used"),
     [

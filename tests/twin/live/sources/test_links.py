@@ -9,6 +9,7 @@ import socket
 import time
 import tty
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -126,6 +127,18 @@ def test_detectors_connect_send_datagrams_write_pipes_and_publish(car: Car) -> N
         until(listener.ended)
         assert [seen.number for seen in listener.frames()] == [1, 2]
     os.close(out)
+
+
+def test_one_detector_more_than_there_may_be_takes_the_place_of_the_first(car: Car) -> None:
+    """The first may have lost its power: nobody says so over TCP."""
+    port = free_port()
+    with Listener(open_source(f"tcp://:{port}", Gives.DETECTIONS, car)) as listener, ExitStack() as stack:
+        clients = [stack.enter_context(connected(port)) for _ in range(33)]
+        for number in (32, 1):
+            clients[number].sendall(frame(number) + b"\n")
+        until(lambda: {seen.number for seen in listener.frames()} == {32, 1})
+        clients[0].settimeout(5.0)
+        assert clients[0].recv(1) == b""
 
 
 def test_broker_that_is_restarted_is_found_again(car: Car) -> None:

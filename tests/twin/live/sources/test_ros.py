@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
+import time
+from collections.abc import Callable
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import pytest
 from live_senders import ROOF, WIDE, Listener, until
@@ -58,6 +64,51 @@ def test_recording_is_played_and_recorded_again(car: Car, run: Path, tmp_path: P
     assert again.latitude_deg.tolist() == expected.latitude_deg.tolist()
     assert [frame.number for frame in listener.frames()] == list(range(15))
     assert listener.frames()[3].detections[0].object == "P"
+
+
+class Rclpy:
+    """As much of rclpy as a node that listens needs, whose executor hands on what a test has put in."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.messages: list[Any] = []
+        self.topic, self._take = "", lambda _message: None
+        modules = {
+            name: ModuleType(name) for name in ("rclpy", "rclpy.qos", "rclpy.executors", "sensor_msgs.msg")
+        }
+        modules["rclpy"].__spec__ = ModuleSpec("rclpy", None)
+        for name, module in modules.items():
+            monkeypatch.setitem(sys.modules, name, module)
+        nothing = SimpleNamespace(try_shutdown=lambda: None)
+        node = SimpleNamespace(create_subscription=self._subscribe, destroy_node=lambda: None)
+        executor = SimpleNamespace(add_node=lambda _: None, spin_once=self._spin, shutdown=lambda: None)
+        vars(modules["rclpy"]).update(
+            Context=lambda: nothing, init=lambda context: None, create_node=lambda _name, context: node
+        )
+        vars(modules["rclpy.qos"])["qos_profile_sensor_data"] = 5
+        vars(modules["rclpy.executors"])["SingleThreadedExecutor"] = lambda context: executor
+        vars(modules["sensor_msgs.msg"])["NavSatFix"] = object
+
+    def _subscribe(self, _kind: object, topic: str, take: Callable[[Any], None], _qos: object) -> None:
+        self.topic, self._take = topic, take
+
+    def _spin(self, timeout_sec: float) -> None:
+        while self.messages:
+            self._take(self.messages.pop(0))
+        time.sleep(timeout_sec)
+
+
+def test_live_topic_gives_fixes(car: Car, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By ROS 2's own node, which is played here; messages without a fix are passed by."""
+    rclpy, ros = Rclpy(monkeypatch), Ros(2)
+    with Listener(open_source("ros2:///gnss/fix", Gives.FIXES, car)) as listener:
+        places = [(63.4 + 1e-6 * k, 10.4, 80.0) for k in range(5)]
+        rclpy.messages = [
+            ros.fix(START_NS + k * S, *place, status=-1 if k == 2 else 2) for k, place in enumerate(places)
+        ]
+        until(lambda: len(listener.fixes()) == 4)
+    assert rclpy.topic == "/gnss/fix"
+    assert [fix.epoch_ns for fix in listener.fixes()] == [START_NS + k * S for k in (0, 1, 3, 4)]
+    assert listener.fixes()[-1].latitude_deg == places[-1][0]
 
 
 def test_topic_that_is_not_clear_is_asked_for(car: Car, run: Path) -> None:

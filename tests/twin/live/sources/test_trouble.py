@@ -49,14 +49,13 @@ def test_source_that_falls_silent_is_asked_anew(
 ) -> None:
     """A connection whose other end has died says nothing of it."""
     monkeypatch.setattr(stream, "SILENT_S", 0.3)
-    port = free_port()
-    with Listener(open_source(f"tcp://127.0.0.1:{port}", Gives.FIXES, car)) as listener:
-        dead = Sender(port)
+    dead = Sender()
+    with Listener(open_source(f"tcp://127.0.0.1:{dead.port}", Gives.FIXES, car)) as listener:
         dead.send(nmea[0])
         until(listener.fixes)
-        (lost,) = until(lambda: listener.troubles(TroubleKind.LOST)[-1:])
+        (lost,) = until(lambda: listener.troubles(TroubleKind.LOST))
         dead._server.close()
-        with Sender(port) as receiver:
+        with Sender(dead.port) as receiver:
             receiver.send(nmea[1])
             until(lambda: len(listener.fixes()) == 2)
         dead.hang_up()
