@@ -84,22 +84,26 @@ class Run(NamedTuple):
     kept_agree: bool | None
 
 
-def fill(path: Path | str, n_drives: int) -> None:
+def fill(
+    path: Path | str, n_drives: int, n_signs: int = SIGNS_A_TILE, at_m: tuple[float, float] = (0.0, 0.0)
+) -> None:
     """Make a store with so many drives, and beside it one with the drive that comes next."""
     n_tiles = -(-n_drives // DRIVES_A_TILE)
     rig = zlib.compress(json.dumps(rig_document(simulated_rig())).encode())
     with Store.open(path) as store:
         for tile in range(min(n_tiles, DRAWN_TILES)):
-            world = make_world(SIGNS_A_TILE, np.random.default_rng(tile))
-            _fill_tile(store, world, tile, min(DRIVES_A_TILE, n_drives - tile * DRIVES_A_TILE), rig)
+            world = make_world(n_signs, np.random.default_rng(tile))
+            _fill_tile(store, world, tile, min(DRIVES_A_TILE, n_drives - tile * DRIVES_A_TILE), rig, at_m)
         for tile in range(DRAWN_TILES, n_tiles):
             _copy_tile(store, 1 + tile % (DRAWN_TILES - 1), tile)
         with store.transaction() as connection:
             store.put_fact(connection, "mirror", {"synced_at": "2026-06-10T08:00:00Z"})
 
 
-def _fill_tile(store: Store, world: World, tile: int, n_drives: int, rig: bytes) -> None:
-    origin = np.array([tile * TILE_M, 0.0])
+def _fill_tile(
+    store: Store, world: World, tile: int, n_drives: int, rig: bytes, at_m: tuple[float, float]
+) -> None:
+    origin = np.array([tile * TILE_M, 0.0]) + at_m
     fill_mirror(store, _moved(world, origin), int(world.known.sum()), first_id=tile * SIGNS_A_TILE)
     # One more in the first tile: the drive that is to come.
     n = n_drives + (tile == 0)

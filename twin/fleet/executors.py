@@ -31,6 +31,9 @@ class Executor(Protocol):
     lost, not that it failed: the function tells of failures in what it returns.
     """
 
+    reaches_store: bool
+    """Whether what it runs can open the store: it is on this machine."""
+
     @property
     def slots(self) -> int:
         """How many functions it can run at once, now.
@@ -57,6 +60,8 @@ class LocalProcesses:
         A process has one thread: as many as there are cores keep them all busy.
     """
 
+    reaches_store = True
+
     def __init__(self, n: int) -> None:
         self._n = n
         self._threads = ThreadPoolExecutor(n)
@@ -67,7 +72,7 @@ class LocalProcesses:
         os.environ.setdefault("OMP_NUM_THREADS", "1")
         methods = multiprocessing.get_all_start_methods()
         self._context: Any = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        self._context.set_forkserver_preload(["twin.fleet.locating"])
+        self._context.set_forkserver_preload(["twin.fleet.locating", "twin.fleet.matching"])
 
     @property
     def slots(self) -> int:
@@ -142,6 +147,8 @@ class DaskCluster:
     MissingExtraError, ConfigError, StorageError
         Dask is not installed; the address is none; nothing answers there.
     """
+
+    reaches_store = False
 
     def __init__(self, address: str) -> None:
         try:

@@ -45,7 +45,7 @@ class Job:
     job_id : int
     kind : JobKind
     address : str
-        Folder or URL of the drive; "" of a match.
+        Folder or URL of the drive; name of the part; "" of a match.
     options : mapping
         How it is located.
     state : JobState
@@ -154,16 +154,17 @@ class Queue:
     def claim(self) -> Job | None:
         """Take the next job that waits; None where there is none for now.
 
-        Those that never failed come first; a match when no drive waits or runs.
+        Those that never failed come first; parts of a match when no drive waits or runs, then the match.
         """
         with self._store.transaction() as connection:
             now = _now(connection)
             self._take_back(connection, now)
-            ingests = table.c.kind == JobKind.INGEST
-            busy = sa.select(table.c.job_id).where(
-                ingests, table.c.state.in_([JobState.WAITING, JobState.RUNNING])
+            # A match and its parts are of what all drives left; the match puts its parts together.
+            waits = (table.c.state == JobState.WAITING) & (
+                (table.c.kind == JobKind.INGEST)
+                | ((table.c.kind == JobKind.PART) & ~_is_open(JobKind.INGEST))
+                | ~_is_open(JobKind.INGEST, JobKind.PART)
             )
-            waits = (table.c.state == JobState.WAITING) & (ingests | ~sa.exists(busy))
             order = (table.c.n_failed + table.c.n_lost, table.c.job_id)
             asked = sa.select(table).where(waits).order_by(*order).limit(1).with_for_update(skip_locked=True)
             row = connection.execute(asked).mappings().first()
@@ -221,6 +222,9 @@ class Queue:
             if job.kind is JobKind.INGEST and not job.options.get("no_match"):
                 rearmed = (table.c.kind == JobKind.MATCH) & (table.c.state == JobState.DONE)
                 connection.execute(sa.update(table).where(rearmed).values(state=JobState.WAITING))
+            if job.kind is JobKind.MATCH:  # its parts are of no use to another one
+                parts = (table.c.kind == JobKind.PART) & (table.c.state != JobState.RUNNING)
+                connection.execute(sa.delete(table).where(parts))
             return
         asked = sa.select(table.c.claim, table.c.state).where(table.c.job_id == job.job_id)
         # A commit of which the database's answer was lost is no other run's.
@@ -241,6 +245,12 @@ class Queue:
         with self._store.transaction() as connection:
             connection.execute(sa.update(table).where(_is_run(job)).values(**values))
         return JobState(values["state"])
+
+    def put_back(self, job: Job) -> None:
+        """Let a job wait again that has to come after others."""
+        waits = {"state": JobState.WAITING, "leased_until": None}
+        with self._store.transaction() as connection:
+            connection.execute(sa.update(table).where(_is_run(job)).values(**waits))
 
     def give_back(self) -> None:
         """Let wait again what this worker has begun, known to it or not: it was interrupted."""
@@ -290,6 +300,13 @@ def _after_loss(n_lost: int, reason: str = "") -> dict[str, Any]:
         "reason": reason or "The worker that ran it was killed, or lost its way to the database.",
         "leased_until": None,
     }
+
+
+def _is_open(*kinds: JobKind) -> sa.ColumnElement[bool]:
+    """Whether a job of some kind waits or runs."""
+    other = table.alias()
+    opened = other.c.state.in_([JobState.WAITING, JobState.RUNNING])
+    return sa.exists(sa.select(other.c.job_id).where(other.c.kind.in_(kinds), opened))
 
 
 def _is_run(job: Job) -> sa.ColumnElement[bool]:

@@ -20,14 +20,19 @@ from tenacity import Retrying, retry_if_exception_type, stop_after_delay, wait_e
 from twin.errors import RefusedError, StoreError
 from twin.fleet.executors import Executor
 from twin.fleet.locating import Failed, Located, Unchanged, failure, locate_at
+from twin.fleet.matching import part_at
 from twin.fleet.queue import LEASE_S, Job, LostLeaseError, Queue
 from twin.ingest import save_drive
 from twin.matching.match_store import match
+from twin.matching.tiles import Worked, parts_to_do, stage
 from twin.store.kinds import Fault, JobKind, JobState
 from twin.store.store import Store
 
 T = TypeVar("T")
+Outcome = Located | Unchanged | Failed | Worked
 _POLL_S = 1.0
+TAKEN_APART = 30
+"""A match of everything is taken apart if it has at least so many drives."""
 PATIENCE_S = 300.0
 """For so long a database may be away, restarting or full of writers, before a worker gives up."""
 
@@ -105,7 +110,7 @@ class _Worker:
         self._store, self._executor, self._say = store, executor, say
         self._queue = Queue(store, name, lease_s=lease_s)
         self._lease_s, self._patience_s = lease_s, patience_s
-        self._running: dict[Future[Located | Unchanged | Failed], tuple[Job, float]] = {}
+        self._running: dict[Future[Outcome], tuple[Job, float]] = {}
         self._mine: dict[int, Job] = {}
         self.tally = Tally()
 
@@ -135,11 +140,21 @@ class _Worker:
             if job.kind is JobKind.MATCH:
                 self._match(job)
                 continue
-            future = self._executor.submit(locate_at, job.address, job.options, job.fingerprint)
-            self._running[future] = (job, time.monotonic())
+            self._running[self._begun(job)] = (job, time.monotonic())
         return bool(self._running)
 
-    def _settle(self, future: Future[Located | Unchanged | Failed]) -> None:
+    def _begun(self, job: Job) -> Future[Outcome]:
+        """Have a job done elsewhere; what needs the store and cannot be done there is done here."""
+        if job.kind is JobKind.INGEST:
+            return self._executor.submit(locate_at, job.address, job.options, job.fingerprint)
+        asked = self._store.address, job.options["method"], job.options["plan"], job.address
+        if self._executor.reaches_store:
+            return self._executor.submit(part_at, *asked)
+        done: Future[Outcome] = Future()
+        done.set_result(part_at(*asked))
+        return done
+
+    def _settle(self, future: Future[Outcome]) -> None:
         """Keep what came of a job."""
         job, began = self._running.pop(future)
         try:
@@ -154,8 +169,10 @@ class _Worker:
             elif isinstance(outcome, Unchanged):
                 self._done(job, job.drive_id, job.fingerprint, seconds)
                 self.tally.n_unchanged += 1
-            else:
+            elif isinstance(outcome, Failed):
                 self._failed(job, outcome, seconds)
+            else:
+                self._stage(job, outcome, seconds)
         except LostLeaseError as error:
             self._say(str(error))
         except (RefusedError, StoreError) as error:
@@ -174,6 +191,17 @@ class _Worker:
         n = len(located.drive.estimates)
         self._say(f"{job.address}: drive {drive.name} ({drive.drive_id}), {n:,} objects, {seconds:.1f} s.")
 
+    def _stage(self, job: Job, worked: Worked, seconds: float) -> None:
+        """Keep a part of a match for it and mark its job as done, in one transaction."""
+
+        def keep() -> None:
+            with self._store.transaction() as connection:
+                stage(connection, job.options["plan"], worked)
+                self._queue.finish(connection, job, None, "", seconds)
+
+        self._patiently(keep)
+        self._say(f"match, {job.address}: {seconds:.1f} s.")
+
     def _done(self, job: Job, drive_id: str | None, fingerprint: str, seconds: float) -> None:
         """Mark a job as done that has nothing to save."""
 
@@ -187,7 +215,7 @@ class _Worker:
         state = self._patiently(partial(self._queue.fail, job, failed.fault, failed.reason, seconds))
         then = "it is parked (twin fleet status)" if state is JobState.PARKED else "it runs again"
         self._say(f"{job.address or 'match'}: {failed.reason} ({failed.fault}); {then}.")
-        if state is JobState.PARKED:
+        if state is JobState.PARKED and job.kind is not JobKind.PART:  # the match does without
             self.tally.parked.append(job.address)
         else:
             self.tally.n_again += 1
@@ -198,6 +226,9 @@ class _Worker:
         try:
             # A drive that was saved while the match ran is in the next one.
             while not self._is_matched():
+                if self._takes_apart(job):
+                    del self._mine[job.job_id]
+                    return
                 self._say("matching")
                 match(self._store)
                 self.tally.is_matched = True
@@ -207,6 +238,19 @@ class _Worker:
         except Exception as error:
             self._failed(job, failure(error), time.monotonic() - began)
         del self._mine[job.job_id]
+
+    def _takes_apart(self, job: Job) -> bool:
+        """Put the parts of a large match into the queue, and it behind them; whether there are any."""
+        parts = parts_to_do(self._store, least=TAKEN_APART)
+        if parts is None:
+            return False
+        options = {"method": parts.method, "plan": parts.plan}
+        added = self._queue.add(JobKind.PART, parts.names, options)
+        if not added.n_new + added.n_again:  # they are parked
+            return False
+        self._say(f"matching in parts: {added.n_new + added.n_again:,} for any worker")
+        self._queue.put_back(job)
+        return True
 
     def _is_matched(self) -> bool:
         """Whether the last match is of what the store holds."""

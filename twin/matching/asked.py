@@ -7,12 +7,14 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
+from twin.errors import StoreError
 from twin.matching.config import MatchConfig
 from twin.matching.kept import digest
 from twin.matching.left import LAYOUT
 from twin.matching.sites import Site, along_the_road, sites_from_mirror
 from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import FACT as VEGNETT
+from twin.store.kinds import Method
 from twin.store.store import Row, Snapshot, Store
 
 Say = Callable[[str], None]
@@ -38,6 +40,21 @@ class Asked:
         network = [self.view.fact(KATALOG_FACT)] if self.has_network else None
         said = json.dumps([LAYOUT, self.method, asdict(self.config), network], sort_keys=True)
         return digest(said.encode())
+
+
+def choose_method(store: Store, method: str | None) -> str:
+    """Return `method` if drives were ingested by it; by default the best one that some were."""
+    present = store.methods()
+    if not present:
+        raise StoreError(f"The store {store.name} has no drive yet: run `twin ingest-drive` first.")
+    if method is None:
+        return next((name for name in Method if name in present), present[0])
+    if method not in present:
+        raise StoreError(
+            f"No drive in the store {store.name} was ingested by --method {method}, only by "
+            f"{', '.join(present)}: run `twin ingest-drive --method {method}` first."
+        )
+    return method
 
 
 def sites_of(asked: Asked, rows: tuple[Sequence[Row], Sequence[Row]]) -> list[Site]:

@@ -65,12 +65,20 @@ def compare(
     drives: Sequence[Drive],
     codes: Mapping[str, float],
     scope: Scope | None = None,
+    *,
+    forgets: bool = False,
 ) -> Compared:
-    """Compare poles with sites."""
+    """Compare poles with sites.
+
+    Parameters
+    ----------
+    forgets : bool
+        Whether what drives had in view elsewhere is forgotten.
+    """
     config = asked.config
     asked.say("finding which signs were in view")
     current = still_seen(poles, past_poles(drives, poles), config)
-    about = None if scope is None else scope.about
+    about = None if scope is None or forgets else scope.about
     seen = evidence_of_absence(past_sites(drives, sites, about), sites, config)
     asked.say("assigning")
     assignment = assign(current, sites, seen.p_unannotated, config, codes)

@@ -47,7 +47,7 @@ from twin.matching.signs import cells_of_signs, drives_judged_anew, sites_that_j
 from twin.matching.sites import Site, codes_of_mirror, mirror_near
 from twin.store.records import Estimate, Finding
 from twin.store.touched import FACT as TOUCHED
-from twin.store.touched import touched_since
+from twin.store.touched import Touched, touched_since
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def everything(asked: Asked, kept: Kept) -> Found:
     asked.say("grouping estimates into poles")
     drives = drives_of(view, method, config, kept)
     estimates = estimates_of(view, method)
-    once, gathered = _gathered(asked, estimates, drives)
+    once, gathered = gathered_poles(asked, estimates, drives)
     placed = with_fused_places(gathered, once, [drive.driven for drive in drives], kept=kept).poles
     clicks = clicks_of(view, method)
     marks = marks_of(estimates, clicks)
@@ -133,6 +133,18 @@ def everything(asked: Asked, kept: Kept) -> Found:
     )
 
 
+def since_last(asked: Asked, kept: Kept) -> tuple[State, Touched] | None:
+    """What the last match left, and what was touched since; None where everything has to be matched."""
+    view, config = asked.view, asked.config
+    state = None if config.map_aided else State.of(kept)
+    if state is None or state.rests_on != asked.rests_on():
+        return None
+    told = touched_since(view.fact(TOUCHED), state.revision, view.revision())
+    if told is None or (told.places and cost_of_common(codes_of_mirror(view), config) != state.codes):
+        return None
+    return state, told
+
+
 def touched_part(asked: Asked, kept: Kept) -> Found | None:
     """Work out what drives and signs that were touched since the last match can have changed.
 
@@ -147,13 +159,10 @@ def touched_part(asked: Asked, kept: Kept) -> Found | None:
     NotSure
     """
     view, method, config = asked.view, asked.method, asked.config
-    state = None if config.map_aided else State.of(kept)
-    if state is None or state.rests_on != asked.rests_on():
+    since = since_last(asked, kept)
+    if since is None:
         return None
-    revision = view.revision()
-    told = touched_since(view.fact(TOUCHED), state.revision, revision)
-    if told is None or (told.places and cost_of_common(codes_of_mirror(view), config) != state.codes):
-        return None
+    state, told = since
     asked.say("reading what was touched since the last match")
     signs = np.unique(cells_of(np.array(sorted(told.places), dtype=np.float64).reshape(-1, 2)))
     touched = told.drives | (drives_judged_anew(asked, kept, state, signs) if signs.size else set())
@@ -198,7 +207,7 @@ def _part(
     )
     estimates = estimates_of(view, method, {drive.drive_id for drive in drives}, scope.read)
     asked.say("grouping estimates into poles")
-    once, gathered = _gathered(asked, estimates, drives)
+    once, gathered = gathered_poles(asked, estimates, drives)
     held = keys_held(view, [member for pole in gathered for member in pole.members])
     _check_grouping(gathered, held, scope)
     clicks = clicks_of(view, method, scope.drives)
@@ -214,7 +223,7 @@ def _part(
         for pole, counts, own_ in zip(placed, rivals, wanted, strict=True)
         if counts and not own_
     ]
-    named = _named(asked, scope, mine, marks, held, [drive.drive_id for drive in drives])
+    named = named_in_part(asked, scope, mine, marks, held, [drive.drive_id for drive in drives])
     poles = sorted([*named, *beside], key=lambda pole: pole.key)
     sites, drives = _sites_about(asked, scope, kept, drives, once)
     compared = compare(asked, poles, sites, drives, state.codes, scope)
@@ -260,7 +269,7 @@ def _otherwise(
     }
 
 
-def _gathered(
+def gathered_poles(
     asked: Asked, estimates: Sequence[Estimate], drives: Sequence[Drive]
 ) -> tuple[list[Estimate], list[ObservedPole]]:
     """Estimates of which each pole has one a drive and camera, and the poles that they are of."""
@@ -295,7 +304,7 @@ def _check_grouping(poles: Sequence[ObservedPole], held: Mapping[str, str], scop
             raise NotSure
 
 
-def _named(
+def named_in_part(
     asked: Asked,
     scope: Scope,
     poles: Sequence[ObservedPole],

@@ -262,6 +262,10 @@ class Watcher:
                 {**kept, "place": keys, "cell": cell, "views": views, "fronts": fronts},
             )
 
+    def leave(self) -> None:
+        """Leave where it drove, and what of before holds, to whoever asks for places."""
+        self._kept.put(VIEWS, self._drive_id, self._known)
+
     def _counted(self, places: Places) -> Counts:
         if not len(places.place_m):
             return Counts(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))

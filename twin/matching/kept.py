@@ -60,17 +60,26 @@ class Kept:
         if packed is None:
             return None
         self._now[name] = packed
-        return _unpacked(packed)
+        return arrays_of(packed)
 
     def put(self, kind: str, key: str, arrays: Arrays) -> None:
         """Keep what was worked out."""
-        self._now[kind, key] = _packed(arrays)
+        self._now[kind, key] = packed_arrays(arrays)
         self._gone.discard((kind, key))
 
     def drop(self, kind: str, key: str) -> None:
         """Forget a part."""
         self._now.pop((kind, key), None)
         self._gone.add((kind, key))
+
+    def used(self) -> dict[_Name, bytes]:
+        """Return what this match used or put, packed, by kind and key."""
+        return dict(self._now)
+
+    def take(self, parts: Mapping[_Name, bytes]) -> None:
+        """Keep what another process worked out of the same store (:meth:`used`)."""
+        self._now |= parts
+        self._gone -= parts.keys()
 
     def _read(self, name: _Name) -> bytes | None:
         if name not in self._before:
@@ -103,14 +112,15 @@ class Kept:
             connection.execute(taking_place(connection, t), rows)
 
 
-def _packed(arrays: Arrays) -> bytes:
+def packed_arrays(arrays: Arrays) -> bytes:
     """One line of JSON that says what follows, and the arrays: a fleet's parts are many, npz is slow."""
     some = {name: np.asarray(array) for name, array in arrays.items()}
     line = json.dumps([[name, array.dtype.str, array.shape] for name, array in some.items()])
     return b"".join([line.encode(), b"\n", *(array.tobytes() for array in some.values())])
 
 
-def _unpacked(packed: bytes) -> dict[str, NDArray[Any]]:
+def arrays_of(packed: bytes) -> dict[str, NDArray[Any]]:
+    """Return what :func:`packed_arrays` packed."""
     line, _, rest = packed.partition(b"\n")
     found, at = {}, 0
     for name, kind, shape in json.loads(line):

@@ -17,9 +17,9 @@ from twin.matching.kept import Kept
 from twin.matching.poles.ahead import Ahead
 
 _STATE, _DRIVE, _BLOCK = "state", "drive", "results"
-_PER_SQUARE = 16
+PER_SQUARE = 16
 """Cells along a side of the squares by which drives are found: about a kilometre."""
-_PER_BLOCK = 128
+PER_BLOCK = 128
 """Cells along a side of the squares whose findings are one row of the store: about 8 km."""
 COUNTED = ("poles", "sites", "in view", "outdated", "alone")
 """Of poles, sites and so on each has its cell in what is left; "alone" are poles that NVDB does not have."""
@@ -141,7 +141,7 @@ class State:
 
     def near(self, cells: IntArray) -> set[str]:
         """Drives that come near some of these cells."""
-        wanted = np.unique(coarser(cells, _PER_SQUARE))
+        wanted = np.unique(coarser(cells, PER_SQUARE))
         names = list(self.squares)
         if not names:
             return set()
@@ -153,7 +153,7 @@ class State:
     def beside_drives(self, cells: IntArray) -> IntArray:
         """Those of the cells that lie in the neighbourhood of some drive."""
         squares = widened(np.concatenate([NOWHERE, *self.squares.values()]), 1)
-        return cells[are_among(coarser(cells, _PER_SQUARE), squares)]
+        return cells[are_among(coarser(cells, PER_SQUARE), squares)]
 
     def put(self, kept: Kept) -> None:
         """Leave it to the next match."""
@@ -228,13 +228,13 @@ def put_results(kept: Kept, now: Results, only: IntArray | None) -> tuple[list[s
     gone: list[str] = []
     before_there = np.zeros(len(COUNTED), dtype=np.int64)
     every = np.concatenate([now.cells, *now.counted, only if only is not None else NOWHERE])
-    of_block = coarser(now.cells, _PER_BLOCK)
+    of_block = coarser(now.cells, PER_BLOCK)
     ids = np.array([name.encode() for name in now.change_ids], dtype=np.bytes_)
-    for block in np.unique(coarser(every, _PER_BLOCK)).tolist():
+    for block in np.unique(coarser(every, PER_BLOCK)).tolist():
         mine = of_block == block
         arrays: dict[str, NDArray[Any]] = {"id": ids[mine], "cell": now.cells[mine]}
         for name, cells in zip(COUNTED, now.counted, strict=True):
-            arrays[name] = cells[coarser(cells, _PER_BLOCK) == block]
+            arrays[name] = cells[coarser(cells, PER_BLOCK) == block]
         before = None if only is None else kept.get(_BLOCK, str(block))
         if before is not None and only is not None:
             there = are_among(before["cell"], only)
@@ -254,12 +254,12 @@ def put_results(kept: Kept, now: Results, only: IntArray | None) -> tuple[list[s
 
 def squares_of_drive(cells: IntArray) -> IntArray:
     """Squares by which a drive is found in some of the cells that concern it."""
-    return np.unique(coarser(cells, _PER_SQUARE))
+    return np.unique(coarser(cells, PER_SQUARE))
 
 
 def cells_counted(kept: Kept, name: str, about: IntArray, within_m: float) -> IntArray:
     """Cells of what the last match counted by this name: all within so far of some cells, and some beyond."""
-    blocks = widened(coarser(about, _PER_BLOCK), math.ceil(within_m / (_PER_BLOCK * CELL_M)))
+    blocks = widened(coarser(about, PER_BLOCK), math.ceil(within_m / (PER_BLOCK * CELL_M)))
     found = [arrays[name] for one in blocks.tolist() if (arrays := kept.get(_BLOCK, str(one))) is not None]
     return np.unique(np.concatenate([NOWHERE, *found]))
 

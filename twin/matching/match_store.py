@@ -12,15 +12,16 @@ import sqlalchemy as sa
 
 from twin import __version__
 from twin.errors import StoreError
-from twin.matching.asked import Asked
+from twin.matching.asked import Asked, choose_method
 from twin.matching.config import MatchConfig
 from twin.matching.found import Found, everything, touched_part
 from twin.matching.kept import Kept, NotSure
 from twin.matching.left import COUNTED
 from twin.matching.news import News
 from twin.matching.save import Part, save_changes
+from twin.matching.tiles import put_together
 from twin.store import schema
-from twin.store.kinds import Method, Verdict
+from twin.store.kinds import Verdict
 from twin.store.records import Finding
 from twin.store.store import Row, Store, utc_now
 from twin.words import sentence
@@ -148,6 +149,7 @@ def _touched_or_everything(asked: Asked) -> Found:
     except NotSure:
         asked.say("what was touched may reach further: matching everything")
         part = None
+    part = part or put_together(asked, Kept(asked.view))
     return everything(asked, Kept(asked.view)) if part is None else part
 
 
@@ -178,21 +180,6 @@ def _told(findings: Sequence[Finding]) -> list[str]:
 
 def _rows(rows: Sequence[Row]) -> list[str]:
     return sorted(json.dumps(row, sort_keys=True) for row in rows)
-
-
-def choose_method(store: Store, method: str | None) -> str:
-    """Return `method` if drives were ingested by it; by default the best one that some were."""
-    present = store.methods()
-    if not present:
-        raise StoreError(f"The store {store.name} has no drive yet: run `twin ingest-drive` first.")
-    if method is None:
-        return next((name for name in Method if name in present), present[0])
-    if method not in present:
-        raise StoreError(
-            f"No drive in the store {store.name} was ingested by --method {method}, only by "
-            f"{', '.join(present)}: run `twin ingest-drive --method {method}` first."
-        )
-    return method
 
 
 def _settings(method: str, config: MatchConfig, found: Found, last: Row | None) -> dict[str, Any]:

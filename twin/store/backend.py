@@ -11,6 +11,7 @@ import sqlalchemy as sa
 
 from twin.errors import StoreError
 from twin.store import schema
+from twin.store.address import StoreAddress
 from twin.store.migrate import upgrade
 
 
@@ -65,6 +66,11 @@ class Backend(ABC):
     def revising(self, _connection: sa.Connection) -> AbstractContextManager[None]:
         """Set aside what stands in the way of changed tables, inside the caller's transaction."""
         return nullcontext()
+
+    @property
+    @abstractmethod
+    def address(self) -> StoreAddress:
+        """By which another process opens it."""
 
     @property
     def login(self) -> str | None:

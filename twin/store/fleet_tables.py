@@ -11,9 +11,12 @@ fleet_job = sa.Table(
     "fleet_job",
     metadata,
     sa.Column("job_id", ROWID, primary_key=True, comment="counts the jobs"),
-    sa.Column("kind", TEXT, nullable=False, comment="ingest or match"),
+    sa.Column("kind", TEXT, nullable=False, comment="ingest, match or part (of a match)"),
     sa.Column(
-        "address", TEXT, nullable=False, comment="where the drive is: folder or URL; empty for a match"
+        "address",
+        TEXT,
+        nullable=False,
+        comment="where the drive is (folder or URL); which part; empty for a match",
     ),
     sa.Column("options", JSON, nullable=False, comment="how it is located"),
     sa.Column("digest", TEXT, nullable=False, unique=True, comment="SHA-256 of kind, address and options"),

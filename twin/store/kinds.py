@@ -47,6 +47,8 @@ class JobKind(StrEnum):
     """What a fleet does."""
 
     INGEST = "ingest"
+    PART = "part"
+    """Of a match of everything: some drives, or a tile."""
     MATCH = "match"
 
 

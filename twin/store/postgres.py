@@ -129,6 +129,11 @@ class Postgres(Backend):
                 connection.exec_driver_sql(statement)
 
     @property
+    def address(self) -> StoreAddress:
+        """With its password, if it has one."""
+        return self._address
+
+    @property
     def login(self) -> str:
         """The name of the login, whatever role it has taken."""
         with self.errors(), self.reading() as connection:

@@ -13,6 +13,7 @@ import sqlalchemy as sa
 
 from twin.errors import StoreError
 from twin.store import schema
+from twin.store.address import StoreAddress
 from twin.store.backend import Backend, create_tables
 from twin.store.lock import exclusive
 
@@ -42,6 +43,11 @@ class SqliteFile(Backend):
         self.name = str(path)
         self._frozen_as: _Written | None = None
         self._open(create=create)
+
+    @property
+    def address(self) -> StoreAddress:
+        """The file, as it is found from any folder."""
+        return StoreAddress.of(self._path.absolute())
 
     @property
     def file(self) -> Path:

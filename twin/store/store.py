@@ -150,6 +150,11 @@ class Store(Tables):
         return self._backend.name
 
     @property
+    def address(self) -> StoreAddress:
+        """By which another process opens it; shown it has no password."""
+        return self._backend.address
+
+    @property
     def path(self) -> Path:
         """The SQLite file.
 

@@ -27,7 +27,7 @@ from twin.store.records import Estimate
 
 _CHI2_999_2DOF = 13.816
 """99.9 % quantile of chi-square with two degrees of freedom: one true pair in a thousand is torn apart."""
-_SAME_CODE_CHI2 = 20.0
+SAME_CODE_CHI2 = 20.0
 """The same where they share a code: one in twenty thousand, since a torn pair is a sign that is found new."""
 _OTHER_CODE_M = 0.6
 """Within this distance a later drive with another code saw the same pole with another plate."""
@@ -254,7 +254,7 @@ class _Gathered:
         rows = self._rows[: len(self.poles)]
         # The widest ellipse of either side bounds the gate.
         widest = max(_spread(p) for p in seen) + rows[:, 2].max(initial=0.0)
-        reach = float(np.sqrt(max(_CHI2_999_2DOF, _SAME_CODE_CHI2) * widest))
+        reach = float(np.sqrt(max(_CHI2_999_2DOF, SAME_CODE_CHI2) * widest))
         box = (rows[:, :2] >= place.min(axis=0) - reach) & (rows[:, :2] <= place.max(axis=0) + reach)
         inside = np.flatnonzero(box.all(axis=1))
         if not inside.size:
@@ -281,7 +281,7 @@ def _pair_cost(a: ObservedPole, b: ObservedPole) -> float:
     (ee, en), (_, nn) = (a.covariance_m2 + b.covariance_m2).tolist()
     cost = (nn * east**2 - 2 * en * east * north + ee * north**2) / (ee * nn - en**2)
     if _share_a_code(a, b):
-        return float(cost * _CHI2_999_2DOF / _SAME_CODE_CHI2)
+        return float(cost * _CHI2_999_2DOF / SAME_CODE_CHI2)
     if a.codes and b.codes:
         same_drive = set(a.drive_ids) & set(b.drive_ids)
         near = math.hypot(east, north) < _OTHER_CODE_M

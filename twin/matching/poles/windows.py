@@ -51,6 +51,14 @@ def corner_of(square: int) -> FloatArray:
     return np.array(divmod(square, _COLUMN), dtype=np.float64) * SQUARE_M
 
 
+def squares_within(corner_m: FloatArray, side_m: float, margin_m: float) -> IntArray:
+    """Squares that a larger square with a margin about it touches."""
+    first = np.floor((corner_m - margin_m) / SQUARE_M).astype(np.int64)
+    last = np.floor((corner_m + side_m + margin_m) / SQUARE_M).astype(np.int64)
+    columns, rows = (np.arange(a, b + 1) for a, b in zip(first, last, strict=True))
+    return np.asarray((columns[:, None] * _COLUMN + rows).ravel())
+
+
 def ring_of(squares: IntArray, around: int) -> IntArray:
     """Squares and those so many about them, once each."""
     step = np.arange(-around, around + 1)
