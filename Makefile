@@ -80,8 +80,9 @@ bench-fleet: $(VENV)/.installed   ## matching after one more drive, by how many 
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fleet.py
 	$(BIN)/python benchmarks/fleet_workers.py
 
-bench-live: $(VENV)/.installed    ## the live engine: time a frame, memory, positions against the batch, replay; half an hour
+bench-live: $(VENV)/.installed    ## the live engine: time a frame, memory, positions against the batch, replay; verdicts against a match; three quarters of an hour
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/live.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/live_check.py
 
 bench-postgres: $(VENV)/.installed  ## a store in PostgreSQL against one in SQLite: ingest, match, export; five reviewers at once
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/postgres.py
