@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import logging
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
-from twin.errors import StoreError
+from twin.errors import StoreError, TwinError
 from twin.matching.config import MatchConfig
 from twin.matching.likelihood import cost_of_common
 from twin.matching.sites import Site, along_the_road, codes_of_mirror, mirror_near, sites_from_mirror
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
     from nvdb.vegnett import Vegnett
 
+_log = logging.getLogger("twin.live")
 _EARLY_M = 300.0
 """So near to the edge of its square the signs about the next one are read: ten seconds at 30 m/s."""
 
@@ -35,8 +37,8 @@ class SignsAhead(Protocol):
     common: Mapping[str, float]
     """What codes that are common cost, as `twin.matching.likelihood.cost_of_common` gives it."""
 
-    def move(self, place_m: FloatArray) -> None:
-        """Tell where the car is, EPSG:25833."""
+    def move(self, place_m: FloatArray) -> bool:
+        """Tell where the car is, EPSG:25833; return whether the signs about it are known."""
 
     def near(self, places_m: FloatArray, reach_m: float) -> list[Site]:
         """Return the signs within so far of any of some places (n, 2), in the order of their ids."""
@@ -84,8 +86,9 @@ class SignTree:
 class MirrorAhead:
     """The store's signs, read by squares of a kilometre: that of the car and the eight about it.
 
-    The next nine are read beside, by a thread of their own, when the car comes near the edge. What is asked
-    waits for them: what the check says depends on the drive, and never on how fast a disk answers.
+    The next nine are read beside, by a thread of their own, when the car comes near the edge. Who moves on
+    waits for them: what the check says depends on the drive, and never on how fast a disk answers. Where the
+    store cannot be read, it is tried again with each move.
 
     Parameters
     ----------
@@ -116,31 +119,35 @@ class MirrorAhead:
 
         self._reader = ThreadPoolExecutor(1, "mirror")
         self._read: dict[Square, Future[SignTree]] = {}
-        self._here: Square | None = None
+        self._here = SignTree(())
 
-    def move(self, place_m: FloatArray) -> None:
+    def move(self, place_m: FloatArray) -> bool:
         """As `SignsAhead.move`."""
-        self._here = self._square(place_m)
+        here = self._square(place_m)
         about = {self._square(place_m + _EARLY_M * np.array(step)) for step in _STEPS}
         for square in about - self._read.keys():
             self._read[square] = self._reader.submit(self._signs, square)
         for square in self._read.keys() - about:
             self._read.pop(square).cancel()
+        try:
+            self._here = self._read[here].result()
+        except TwinError as error:
+            _log.warning("%s", error)
+            del self._read[here]
+            return False
+        return True
 
     def near(self, places_m: FloatArray, reach_m: float) -> list[Site]:
         """As `SignsAhead.near`; signs a kilometre and more from the car may be left out."""
-        return self._about().near(places_m, reach_m)
+        return self._here.near(places_m, reach_m)
 
     def is_mirrored(self, places_m: FloatArray) -> BoolArray:
         """As `SignsAhead.is_mirrored`."""
-        return np.asarray(self._about().distance_m(places_m) <= self._config.mirrored_m)
+        return np.asarray(self._here.distance_m(places_m) <= self._config.mirrored_m)
 
     def close(self) -> None:
         """As `SignsAhead.close`."""
         self._reader.shutdown(cancel_futures=True)
-
-    def _about(self) -> SignTree:
-        return SignTree(()) if self._here is None else self._read[self._here].result()
 
     def _square(self, place_m: FloatArray) -> Square:
         column, row = np.floor(place_m / self._size_m).astype(np.int64).tolist()

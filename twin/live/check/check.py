@@ -60,7 +60,7 @@ class LiveCheck:
         self._met: set[SiteId] = set()
         self._now_ns = self._began_ns = self._looked_ns = 0
         self._unfollowed = 0
-        self._ended = False
+        self._is_known, self._ended = True, False
 
     def take(self, arrival: Arrival, estimates: Sequence[Estimate]) -> list[Verdict]:
         """Take what has arrived and the estimates that came of it; return verdicts, new or changed."""
@@ -98,10 +98,12 @@ class LiveCheck:
         grid_rad = np.deg2rad(pose.heading_deg - grid_convergence_deg(pose.latitude_deg, pose.longitude_deg))[
             0
         ]
-        self._signs.move(place_m)
+        self._is_known = self._signs.move(place_m)
         self._poles.drive(int(pose.epoch_ns[0]), place_m)
         self._watched.look(trajectory)
         self._forget(place_m)
+        if not self._is_known:
+            return []
         return self._expected(place_m, np.array([np.sin(grid_rad), np.cos(grid_rad)]))
 
     def _expected(self, place_m: FloatArray, ahead: FloatArray) -> list[Verdict]:
@@ -132,7 +134,7 @@ class LiveCheck:
 
     def _judge(self, touched: FloatArray) -> list[Verdict]:
         """Judge what stands about places where something has changed: east, north and reach (n, 3)."""
-        if not len(touched):
+        if not len(touched) or not self._is_known:
             return []
         places_m = touched[:, :2]
         reach_m = max(self._config.gate_m, float(touched[:, 2].max()))

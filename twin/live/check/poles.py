@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from twin.store.records import split_codes
 DRIVE = "live"
 """What matching calls the drive that goes on."""
 _STEP_DEG = 30.0
-_TRACK_EVERY_M = 2.0
+_TRACK_EVERY_M, _TRACK_POINTS = 2.0, 1000
 
 
 class Pole(NamedTuple):
@@ -52,6 +53,7 @@ class Pole(NamedTuple):
 class _Placed(NamedTuple):
     said: Estimate
     measured: Measured
+    seen_from_deg: frozenset[float]
 
 
 class Poles:
@@ -66,8 +68,8 @@ class Poles:
         self._config = config
         self._placed: dict[str, _Placed] = {}
         self._lost: list[tuple[int, int]] = []
-        # Epoch, easting and northing of the car.
-        self._track: list[tuple[int, float, float]] = []
+        # Epoch, easting and northing of the car: longer than any sign is in view.
+        self._track: deque[tuple[int, float, float]] = deque(maxlen=_TRACK_POINTS)
 
     def drive(self, epoch_ns: int, place_m: FloatArray) -> None:
         """Tell where the car is, EPSG:25833: it is from there that poles are seen."""
@@ -82,7 +84,8 @@ class Poles:
             if said.state is State.LOST:
                 self._lost.append((said.first_seen_ns, said.last_seen_ns))
                 continue
-            before, placed = self._placed.get(said.id), _placed(said)
+            before, measured = self._placed.get(said.id), _measured(said)
+            placed = _Placed(said, measured, self._seen_from(said, measured, before))
             self._placed[said.id] = placed
             touched += [_about(one.measured) for one in (before, placed) if one is not None]
         return np.array(touched, dtype=np.float64).reshape(-1, 3)
@@ -106,13 +109,11 @@ class Poles:
             stands = one.measured.east_m - place_m[0], one.measured.north_m - place_m[1]
             if np.hypot(*stands) > beyond_m and one.said.state is State.FINAL:
                 del self._placed[name]
-        self._track = [one for one in self._track if np.hypot(*(place_m - one[1:])) <= 2 * beyond_m]
-        if self._track:
-            self._lost = [one for one in self._lost if one[1] >= self._track[0][0]]
+        self._lost = [one for one in self._lost if one[1] >= self._track[0][0]]
 
     def _together(self, placed: Sequence[_Placed]) -> list[Pole]:
         said = {one.measured.member: one.said for one in placed}
-        seen_from = {one.measured.member: self._seen_from(one) for one in placed}
+        seen_from = {one.measured.member: one.seen_from_deg for one in placed}
         # What one frame says is joined with nothing: metres along its sight lie other poles.
         first = [one.measured for one in placed if one.said.state is State.FIRST]
         sure = [one.measured for one in placed if one.said.state is not State.FIRST]
@@ -121,14 +122,16 @@ class Poles:
             poles += observed_poles([one], [DRIVE], self._config, seen_from)
         return [_pole(pole, [said[member] for member in pole.members]) for pole in poles]
 
-    def _seen_from(self, one: _Placed) -> frozenset[float]:
+    def _seen_from(self, said: Estimate, measured: Measured, before: _Placed | None) -> frozenset[float]:
         """From which directions it was seen: where the car was then, in steps of 30° from true north."""
-        first, last = one.said.first_seen_ns, one.said.last_seen_ns
+        first, last = said.first_seen_ns, said.last_seen_ns
         eyes = np.array([place for at, *place in self._track if first <= at <= last]).reshape(-1, 2)
-        east, north = (eyes - (one.measured.east_m, one.measured.north_m)).T
-        turn = float(grid_convergence_deg([one.said.latitude_deg], [one.said.longitude_deg])[0])
+        east, north = (eyes - (measured.east_m, measured.north_m)).T
+        turn = float(grid_convergence_deg([said.latitude_deg], [said.longitude_deg])[0])
         azimuth = np.round((np.rad2deg(np.arctan2(east, north)) + turn) / _STEP_DEG) * _STEP_DEG % 360.0
-        return frozenset(azimuth.tolist())
+        known = frozenset(azimuth.tolist())
+        is_whole = bool(self._track) and self._track[0][0] <= first
+        return known if before is None or is_whole else known | before.seen_from_deg
 
 
 def _pole(seen: ObservedPole, said: Sequence[Estimate]) -> Pole:
@@ -142,11 +145,11 @@ def _pole(seen: ObservedPole, said: Sequence[Estimate]) -> Pole:
     )
 
 
-def _placed(said: Estimate) -> _Placed:
+def _measured(said: Estimate) -> Measured:
     latitude, longitude = np.array([said.latitude_deg]), np.array([said.longitude_deg])
     east, north = utm33_from_geographic(latitude, longitude)
     (ee, en), (_, nn) = utm33_covariance_from_enu(said.covariance_m2, latitude, longitude)[0].tolist()
-    measured = Measured(
+    return Measured(
         drive_id=DRIVE,
         object=said.id,
         codes=split_codes(said.skiltnummer),
@@ -159,7 +162,6 @@ def _placed(said: Estimate) -> _Placed:
         last_ns=said.last_seen_ns,
         text=said.text or None,
     )
-    return _Placed(said, measured)
 
 
 def _about(one: Measured) -> tuple[float, float, float]:

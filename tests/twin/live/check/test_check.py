@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from command_line import Twin
 
 from geoloc.arrays import BoolArray, FloatArray
 from geoloc.earth.geodesy import geographic_from_utm33, utm33_from_geographic
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
-from twin.errors import StoreError
 from twin.live import Arrival, Estimate, Frame, LiveEngine, State, arrivals_of, car_of
 from twin.live.check import LiveCheck, MirrorAhead, Standing, Verdict
 from twin.live.check.ahead import SignTree
@@ -41,8 +42,9 @@ class Country:
     def __init__(self, sites: Sequence[Site]) -> None:
         self._tree = SignTree(sites)
 
-    def move(self, place_m: FloatArray) -> None:
+    def move(self, place_m: FloatArray) -> bool:
         """All signs are there already."""
+        return True
 
     def near(self, places_m: FloatArray, reach_m: float) -> list[Site]:
         """As `SignsAhead`."""
@@ -280,7 +282,22 @@ def test_the_signs_about_the_car_are_those_of_the_mirror(synced_store: Path) -> 
         signs.close()
 
 
-def test_a_store_without_signs_checks_nothing(empty: Store) -> None:
-    """The sentence names the cure."""
-    with pytest.raises(StoreError, match="sync-nvdb"):
-        MirrorAhead(empty, CONFIG)
+def test_twin_live_check_says_verdicts_between_estimates(twin: Twin, sample: Path, synced: Path) -> None:
+    """One GeoJSON feature a line; the drive that passes P12 finds its code to be another than NVDB's."""
+    trip = sample / "trip_trondheim_2"
+    answer = twin("live", "--replay", trip, "--speed", "max", "--check", "--store", synced)
+    assert answer.code == 0
+    said = [one for line in answer.out.splitlines() if "verdict" in (one := json.loads(line))["properties"]]
+    assert {one["type"] for one in said} == {"Feature"}
+    wrong = [one["properties"] for one in said if one["id"] == "96:1042600114"]
+    assert (wrong[0]["verdict"], wrong[0]["was"]) == ("wrong_type", None)
+    assert (wrong[-1]["skiltnummer_seen"], wrong[-1]["skiltnummer_nvdb"]) == ("362.50", "362.60")
+    assert wrong[-1]["final"] is True
+    assert wrong[-1]["why"]["kind"] == "wrong_type"
+
+
+def test_twin_live_check_needs_signs(twin: Twin, sample: Path, empty: Store) -> None:
+    """A store without NVDB's signs is refused at once, in a sentence that names the cure."""
+    answer = twin("live", "--replay", sample / "trip_trondheim_2", "--check", "--store", empty.name)
+    assert answer.code == 4
+    assert "twin sync-nvdb" in answer.err
