@@ -24,6 +24,7 @@ def estimate(name: str, state: State, label: str = "", at_ns: int = SAID_NS) -> 
         covariance_m2=np.diag([0.04, 0.01]),
         sigma_height_m=0.1,
         sightings=3,
+        cameras=("front",),
         first_seen_ns=at_ns - 10**9,
         last_seen_ns=at_ns,
         at_ns=at_ns,

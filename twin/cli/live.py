@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from twin.cli.drives import DetectorEveryOption, DetectorOption, DetectorThresholdOption
 from twin.cli.endings import ended_in_order
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, steps, warn
@@ -18,10 +19,12 @@ from twin.errors import ConfigError, FileError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from twin.drives.detection.run import DetectorOptions
     from twin.live import LiveEngine
     from twin.live.check import LiveCheck
     from twin.live.notices import Notice
     from twin.live.ports import Sink, Source
+    from twin.live.recorder import Recorder
     from twin.live.run import LiveRun
     from twin.live.sinks import Pages
     from twin.store.store import Store
@@ -57,7 +60,8 @@ def live(
     detections: Annotated[
         list[str] | None,
         typer.Option(
-            help="Where detections come from: JSON lines over TCP, UDP, MQTT, or - for standard input.",
+            help="Where detections come from: JSON lines over TCP, UDP, MQTT, or - for standard input; or a"
+            " camera or video, with --detector.",
             metavar="URL",
             show_default=False,
         ),
@@ -87,6 +91,9 @@ def live(
             show_default=False,
         ),
     ] = None,
+    detector: DetectorOption = None,
+    detector_every: DetectorEveryOption = 1,
+    detector_threshold: DetectorThresholdOption = 0.25,
     to: Annotated[
         list[str] | None,
         typer.Option(
@@ -144,6 +151,7 @@ def live(
     has been out of view for a few seconds: the property state says which. Ctrl-C ends it in order: what is
     open becomes final. More: twin help live.
     """
+    from twin.drives.detection.run import DetectorOptions
     from twin.store.store import Store
 
     with ExitStack() as stack:
@@ -154,7 +162,10 @@ def live(
                 )
             drive = _replayed(replay, speed)
         else:
-            drive = _connected(stack, gnss or [], detections or [], car, record)
+            network = (
+                None if detector is None else DetectorOptions(detector, detector_every, detector_threshold)
+            )
+            drive = _connected(stack, gnss or [], detections or [], car, record, network)
         opened = stack.enter_context(Store.open(store, create=False)) if check else None
         checked = None if opened is None else _check(stack, opened, drive, settings)
         sinks = _sinks(to or [], final=not every)
@@ -173,6 +184,7 @@ class _Drive(NamedTuple):
     is_recorded: bool
     is_complete: bool
     """Whether frames come with every sign that they show."""
+    recorder: Recorder | None = None
 
 
 def _replayed(path: Path, speed: str) -> _Drive:
@@ -189,7 +201,12 @@ def _replayed(path: Path, speed: str) -> _Drive:
 
 
 def _connected(
-    stack: ExitStack, gnss: Sequence[str], detections: Sequence[str], car: Path | None, record: Path | None
+    stack: ExitStack,
+    gnss: Sequence[str],
+    detections: Sequence[str],
+    car: Path | None,
+    record: Path | None,
+    detector: DetectorOptions | None,
 ) -> _Drive:
     from twin.live import LiveEngine
     from twin.live.car import antennas_of, read_car
@@ -207,9 +224,10 @@ def _connected(
     engine = LiveEngine(whose.live_car(antennas_of(whose, gnss)))
     recorder = None if record is None else stack.enter_context(Recorder(record, whose))
     asked = [(url, Gives.FIXES) for url in gnss] + [(url, Gives.DETECTIONS) for url in detections]
-    sources = [open_source(url, gives, whose, recorder=recorder) for url, gives in asked]
-    complete = whose.settings.annotations_complete
-    return _Drive(str(car), engine, sources, False, complete)
+    sources = [open_source(url, gives, whose, recorder=recorder, detector=detector) for url, gives in asked]
+    settings = whose.settings
+    complete = settings.annotations_complete if detector is None else settings.detections_complete
+    return _Drive(str(car), engine, sources, False, complete, recorder)
 
 
 def _check(stack: ExitStack, store: Store, drive: _Drive, settings: Path | None) -> LiveCheck:
@@ -262,6 +280,7 @@ def _run(
         sinks,
         keeper=keeper,
         check=check,
+        recording=drive.recorder,
         tell=_tell,
         settings=RunSettings(waits=drive.is_recorded, state_every_s=_OFTEN_S if is_shown else _USUAL_S),
     )
@@ -300,7 +319,7 @@ def _factor(speed: str) -> float | None:
     except ValueError:
         factor = 0.0
     if not 0.0 < factor < 1e6:
-        raise typer.BadParameter(f"--speed takes a number above 0, or {_FASTEST}, but not {speed:.40}.")
+        raise ConfigError(f"--speed takes a number above 0, or {_FASTEST}, but not {speed:.40}.")
     return factor
 
 

@@ -54,11 +54,29 @@ class SinkState(NamedTuple):
 
 
 class SourceState(NamedTuple):
-    """One source: whether it delivers, and how many lines or messages of it could not be read."""
+    """One source.
+
+    Attributes
+    ----------
+    name : str
+    lost : bool
+        Whether it delivers nothing.
+    garbage : int
+        Lines or messages of it so far that could not be read.
+    dropped : int
+        Pictures so far for which its detector was too slow.
+    clock : int
+        How often it has said that a time cannot be.
+    why : str
+        What it said last, for people.
+    """
 
     name: str
-    lost: bool
-    garbage: int
+    lost: bool = False
+    garbage: int = 0
+    dropped: int = 0
+    clock: int = 0
+    why: str = ""
 
 
 class KeepState(NamedTuple):
@@ -106,7 +124,9 @@ class CarState(NamedTuple):
         How often a clock stepped.
     last_step : ClockStep or None
     refused : int
-        Frames of cameras that the car does not have, and detections without a pixel.
+        Frames of cameras that the car does not have, and detections without a pixel, so far.
+    not_recorded : str
+        Why nothing more is recorded, one sentence; "" while it is, or is not asked for.
     faults : int
         Arrivals at which twin itself failed; they were left out.
     """
@@ -125,6 +145,7 @@ class CarState(NamedTuple):
     steps: int = 0
     last_step: ClockStep | None = None
     refused: int = 0
+    not_recorded: str = ""
     faults: int = 0
 
     @property
@@ -154,7 +175,10 @@ class CarState(NamedTuple):
                 "frames_dropped": self.frames_dropped,
                 "others_dropped": self.others_dropped,
                 "refused": self.refused,
-                "sources": {one.name: {"lost": one.lost, "garbage": one.garbage} for one in self.sources},
+                "sources": {
+                    one.name: {"lost": one.lost, "garbage": one.garbage, "dropped": one.dropped}
+                    for one in self.sources
+                },
                 "sinks": {
                     one.name: {"blocked": one.blocked, "lines_lost": one.lost, "ended": one.ended}
                     for one in self.sinks
@@ -162,6 +186,7 @@ class CarState(NamedTuple):
                 "keep": None
                 if self.keep is None
                 else {"failing": self.keep.failing, "waiting": self.keep.waiting, "lost": self.keep.lost},
+                "recording_failed": bool(self.not_recorded),
                 "clock_steps": self.steps,
                 "faults": self.faults,
                 **(self._place() if known else {}),

@@ -205,22 +205,32 @@ class Keeper:
 
 def _began(database: sqlite3.Connection, path: Path, source: str) -> int:
     """Make the file if it is new, and begin a run in it; return the run's number."""
+    if _is_another_s(database):
+        database.close()
+        raise RefusedError(f"{path} is no file of twin live of this version: name another with --keep.")
     database.execute("PRAGMA journal_mode=WAL")
     # Also after a power cut: a car has no other end.
     database.execute("PRAGMA synchronous=FULL")
     database.execute("BEGIN IMMEDIATE")
-    tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    if not tables:
+    if not _tables(database):
         _make(database)
-    elif not {"runs", *_LAYERS} <= tables or any(not _has_columns(database, name) for name in _LAYERS):
-        database.close()
-        raise RefusedError(f"{path} is no file of twin live of this version: name another with --keep.")
     cursor = database.execute(
         "INSERT INTO runs (source, began, twin) VALUES (?, ?, ?)", (source, _now(), __version__)
     )
     database.execute("COMMIT")
     assert cursor.lastrowid is not None  # noqa: S101 - of an INSERT
     return cursor.lastrowid
+
+
+def _tables(database: sqlite3.Connection) -> set[str]:
+    return {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+
+
+def _is_another_s(database: sqlite3.Connection) -> bool:
+    """Whether there are tables that are not ours; looks, and changes nothing."""
+    tables = _tables(database)
+    ours = {"runs", *_LAYERS} <= tables and all(_has_columns(database, name) for name in _LAYERS)
+    return bool(tables) and not ours
 
 
 def _make(database: sqlite3.Connection) -> None:

@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from geoloc.live.causal import Following
-from twin.live.car_state import CarState, Clock, Health
+from twin.live.car_state import CarState, Clock, Health, SourceState
 
 
 class NoticeKind(StrEnum):
@@ -24,6 +24,8 @@ class NoticeKind(StrEnum):
     FRAMES_DROPPED = "frames_dropped"
     OTHERS_DROPPED = "others_dropped"
     SOURCE_LOST = "source_lost"
+    SOURCE_CLOCK = "source_clock"
+    SOURCE_DROPPED = "source_dropped"
     SOURCE_BACK = "source_back"
     GARBAGE = "garbage"
     REFUSED = "refused"
@@ -32,6 +34,7 @@ class NoticeKind(StrEnum):
     SINK_ENDED = "sink_ended"
     KEEP_FAILING = "keep_failing"
     KEEP_BACK = "keep_back"
+    NOT_RECORDED = "not_recorded"
     FAULT = "fault"
 
 
@@ -47,17 +50,20 @@ _SENTENCES = {
     NoticeKind.FRAMES_DROPPED: "This computer does not follow: {number:.0f} frames were left out so far.",
     NoticeKind.OTHERS_DROPPED: "This computer does not follow: {number:.0f} fixes or samples of motion"
     " were left out so far.",
-    NoticeKind.SOURCE_LOST: "{what} does not answer: twin goes on trying.",
+    NoticeKind.SOURCE_LOST: "{what} does not answer ({why}): twin goes on trying.",
+    NoticeKind.SOURCE_CLOCK: "{what}: {why}.",
+    NoticeKind.SOURCE_DROPPED: "{what} is too fast for its detector: {number:.0f} pictures left out so far.",
     NoticeKind.SOURCE_BACK: "{what} answers again.",
     NoticeKind.GARBAGE: "{what} sends what cannot be read: {number:.0f} lines or messages left out so far.",
-    NoticeKind.REFUSED: "{number:.0f} detections were left out so far, without a pixel or of a camera that"
-    " the car's rig does not have.",
+    NoticeKind.REFUSED: "{number:.0f} frames of a camera that the car does not have, or detections without"
+    " a pixel, were left out so far.",
     NoticeKind.SINK_BLOCKED: "{what} takes no lines: the oldest are left out, final ones last.",
     NoticeKind.SINK_BACK: "{what} takes lines again; {number:.0f} were left out in all.",
     NoticeKind.SINK_ENDED: "{what} has ended and gets no more lines.",
     NoticeKind.KEEP_FAILING: "{what} cannot be written, {number:.0f} final estimates and verdicts wait: free"
     " space on its disk, or end the program that holds it.",
     NoticeKind.KEEP_BACK: "{what} is written again; {number:.0f} final estimates and verdicts were given up.",
+    NoticeKind.NOT_RECORDED: "{why}",
     NoticeKind.FAULT: "twin itself failed at {number:.0f} arrivals, which were left out: please report it"
     " with the log (--log-file).",
 }
@@ -81,11 +87,14 @@ class Notice(NamedTuple):
         The camera, source, sink or file that it is about.
     number : float
         How many, or seconds.
+    why : str
+        In the words of whoever noticed it.
     """
 
     kind: NoticeKind
     what: str = ""
     number: float = 0.0
+    why: str = ""
 
     @property
     def is_bad(self) -> bool:
@@ -94,7 +103,7 @@ class Notice(NamedTuple):
 
     def sentence(self) -> str:
         """Say it to people."""
-        return _SENTENCES[self.kind].format(what=self.what, number=self.number)
+        return _SENTENCES[self.kind].format(what=self.what, number=self.number, why=self.why)
 
 
 def notices(before: CarState, now: CarState) -> Iterator[Notice]:
@@ -107,6 +116,8 @@ def notices(before: CarState, now: CarState) -> Iterator[Notice]:
     if now.steps > before.steps and now.last_step is not None:
         whose = "this computer" if now.last_step.clock is Clock.HOST else now.last_step.name
         yield Notice(NoticeKind.CLOCK_STEPPED, whose, now.last_step.step_s)
+    if now.not_recorded and not before.not_recorded:
+        yield Notice(NoticeKind.NOT_RECORDED, why=now.not_recorded)
     counts = (
         (NoticeKind.FRAMES_DROPPED, before.frames_dropped, now.frames_dropped),
         (NoticeKind.OTHERS_DROPPED, before.others_dropped, now.others_dropped),
@@ -144,11 +155,16 @@ def _cameras(before: CarState, now: CarState) -> Iterator[Notice]:
 def _sources(before: CarState, now: CarState) -> Iterator[Notice]:
     was = {one.name: one for one in before.sources}
     for one in now.sources:
-        old = was.get(one.name, one._replace(lost=False, garbage=0))
+        old = was.get(one.name, SourceState(one.name))
         if one.lost is not old.lost:
-            yield Notice(NoticeKind.SOURCE_LOST if one.lost else NoticeKind.SOURCE_BACK, one.name)
+            kind = NoticeKind.SOURCE_LOST if one.lost else NoticeKind.SOURCE_BACK
+            yield Notice(kind, one.name, why=one.why)
         if one.garbage > old.garbage:
             yield Notice(NoticeKind.GARBAGE, one.name, one.garbage)
+        if one.dropped > old.dropped:
+            yield Notice(NoticeKind.SOURCE_DROPPED, one.name, one.dropped)
+        if one.clock > old.clock:
+            yield Notice(NoticeKind.SOURCE_CLOCK, one.name, why=one.why)
 
 
 def _sinks(before: CarState, now: CarState) -> Iterator[Notice]:
@@ -196,6 +212,7 @@ _COUNTS = frozenset(
         NoticeKind.FRAMES_DROPPED,
         NoticeKind.OTHERS_DROPPED,
         NoticeKind.GARBAGE,
+        NoticeKind.SOURCE_DROPPED,
         NoticeKind.REFUSED,
         NoticeKind.FAULT,
         NoticeKind.CLOCK_STEPPED,

@@ -83,6 +83,13 @@ class Said(Protocol):
         """Return it as one line of JSON."""
 
 
+class Recording(Protocol):
+    """What sources record what they receive into."""
+
+    failure: str
+    """Why it takes no more, one sentence; "" while it does."""
+
+
 class LiveCheck(Protocol):
     """What holds estimates against the road database."""
 

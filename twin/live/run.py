@@ -25,7 +25,7 @@ from twin.live.keep import Keeper
 from twin.live.lanes import Lanes
 from twin.live.notices import Notice, NoticeKind, Quieted, notices
 from twin.live.outlets import Outlet
-from twin.live.ports import LiveCheck, Said, Sink, Source, Trouble, TroubleKind
+from twin.live.ports import LiveCheck, Recording, Said, Sink, Source, Trouble, TroubleKind
 from twin.live.watch import Watch
 
 _TICK_S = 0.25
@@ -74,6 +74,8 @@ class LiveRun:
     keeper : Keeper, optional
         Gets what is final.
     check : LiveCheck, optional
+    recording : Recording, optional
+        What sources write to, where it fails.
     tell : callable, optional
         Gets what has happened, from a thread of the run.
     settings : RunSettings
@@ -96,6 +98,7 @@ class LiveRun:
         *,
         keeper: Keeper | None = None,
         check: LiveCheck | None = None,
+        recording: Recording | None = None,
         tell: Callable[[Notice], None] | None = None,
         settings: RunSettings | None = None,
     ) -> None:
@@ -104,6 +107,7 @@ class LiveRun:
         self.whole = True
         self.last = CarState(0)
         self._sources, self._keeper, self._check, self._tell = sources, keeper, check, tell
+        self._recording = recording
         self._queue: Lanes[Arrival | Trouble] = Lanes(3, self.settings.queue)
         waits, lines = self.settings.waits, self.settings.lines
         self._outlets = [Outlet(sink, waits=waits, most=lines) for sink in sinks]
@@ -202,9 +206,17 @@ class LiveRun:
                 self._take(arrival)
 
     def _take(self, arrival: Arrival) -> None:
-        """Hand one arrival to the engine; a fault of twin costs that arrival, not the drive."""
+        """Hand on one arrival, and look how things are where it is time."""
         self._now_ns = max(self._now_ns, arrival.at_ns)
-        arrival = self._possible(arrival)
+        possible = self._possible(arrival)
+        if possible is not None:
+            self._feed_engine(possible)
+            self._watch.take(possible)
+        if self._now_ns - self._looked_ns >= _TICK_S * NANOSECONDS:
+            self._look(self._now_ns)
+
+    def _feed_engine(self, arrival: Arrival) -> None:
+        """Hand on what may be; a fault of twin costs this arrival, not the drive."""
         try:
             estimates = self.engine.feed(arrival)
             self._say_all(estimates)
@@ -214,18 +226,16 @@ class LiveRun:
             self._faults += 1
             if self._faults <= _FAULTS_LOGGED:
                 _log.exception("%s", type(arrival.what).__name__)
-        self._watch.take(arrival)
-        if self._now_ns - self._looked_ns >= _TICK_S * NANOSECONDS:
-            self._look(self._now_ns)
 
-    def _possible(self, arrival: Arrival) -> Arrival:
-        """Leave out of a frame what no camera of the car can have seen."""
+    def _possible(self, arrival: Arrival) -> Arrival | None:
+        """Leave out frames of a camera that the car does not have, and detections without a pixel."""
         frame = arrival.what
         if not isinstance(frame, Frame):
             return arrival
-        found = tuple(one for one in frame.detections if all(map(math.isfinite, one.pixel_px)))
         if frame.camera not in self.engine.car.rig.cameras:
-            found = ()
+            self._watch.refused += 1
+            return None
+        found = tuple(one for one in frame.detections if all(map(math.isfinite, one.pixel_px)))
         if len(found) == len(frame.detections):
             return arrival
         self._watch.refused += len(frame.detections) - len(found)
@@ -264,6 +274,7 @@ class LiveRun:
             keep=None if self._keeper is None else self._keeper.state,
             steps=self._clocks.steps,
             last_step=self._clocks.last,
+            not_recorded="" if self._recording is None else self._recording.failure,
             faults=self._faults,
         )
 

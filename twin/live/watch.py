@@ -64,11 +64,16 @@ class Watch:
         name = trouble.source
         if name not in self._sources and len(self._sources) >= _MOST_NAMES:
             return
-        one = self._sources.get(name, SourceState(name, lost=False, garbage=0))
-        if trouble.kind is TroubleKind.GARBAGE:
-            one = one._replace(garbage=one.garbage + trouble.count)
-        elif trouble.kind in (TroubleKind.LOST, TroubleKind.BACK):
-            one = one._replace(lost=trouble.kind is TroubleKind.LOST)
+        one = self._sources.get(name, SourceState(name))._replace(why=trouble.detail)
+        match trouble.kind:
+            case TroubleKind.LOST | TroubleKind.BACK:
+                one = one._replace(lost=trouble.kind is TroubleKind.LOST)
+            case TroubleKind.GARBAGE:
+                one = one._replace(garbage=one.garbage + trouble.count)
+            case TroubleKind.DROPPED:
+                one = one._replace(dropped=one.dropped + trouble.count)
+            case TroubleKind.CLOCK:
+                one = one._replace(clock=one.clock + 1)
         self._sources[name] = one
 
     def state(self, now_ns: int, engine: LiveEngine) -> CarState:
@@ -92,12 +97,13 @@ class Watch:
         heard = [one for one in self._antennas.values() if not _is_silent(one.at_ns, now_ns)]
         if not heard:
             return Health.LOST
-        silent = len(self._antennas) > len(heard)
+        # All of them may fall silent one after the other.
+        silent = any(_is_silent(one.at_ns, now_ns, 2.0) for one in self._antennas.values())
         return Health.DEGRADED if silent or any(one.rank > one.best for one in heard) else Health.FINE
 
 
-def _is_silent(at_ns: int, now_ns: int) -> bool:
-    return now_ns - at_ns > SILENT_S * NANOSECONDS
+def _is_silent(at_ns: int, now_ns: int, times: float = 1.0) -> bool:
+    return now_ns - at_ns > times * SILENT_S * NANOSECONDS
 
 
 def _where(engine: LiveEngine, now_ns: int) -> Where:

@@ -50,7 +50,11 @@ def test_the_sample_live_is_located_to_decimetres(twin: Twin) -> None:
     """Each pole gets a first estimate, refined ones, and a final one whose ellipse holds the truth."""
     answer = twin("live", "--replay", str(TRIP), "--speed", "max")
     assert answer.code == 0
-    features = [one for one in map(json.loads, answer.out.splitlines()) if one["id"] != "car"]
+    every = [json.loads(line) for line in answer.out.splitlines()]
+    features = [one for one in every if "state" in one["properties"]]
+    cars = [one["properties"] for one in every if one["id"] == "car"]
+    assert {one["gnss"] for one in cars[3:]} == {"fine"}
+    assert all(one["sigma_major_m"] < 0.1 for one in cars[5:])
     poles, states = truth(), dict[str, list[str]]()
     for one in features:
         states.setdefault(one["id"], []).append(one["properties"]["state"])
@@ -119,7 +123,6 @@ def test_without_ids_every_pole_is_found(drive: Drive) -> None:
     assert {f"P{i:02d}" for i in range(1, 6)} <= {list(truth())[i] for i in away.argmin(axis=1)}
 
 
-@pytest.mark.slow
 def test_lost_fixes_leave_estimates_with_larger_ellipses_and_the_engine_goes_on(drive: Drive) -> None:
     """Four seconds without a fix: the poles seen then are located less surely, later ones as before."""
     every = list(islice(arrivals_of(drive), 1500))

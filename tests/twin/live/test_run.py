@@ -1,0 +1,161 @@
+"""A drive on which everything fails goes on to its end, says what failed, and keeps what was final."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from itertools import takewhile
+from pathlib import Path
+from threading import Event
+
+import numpy as np
+import pytest
+from live_faults import (
+    Feed,
+    Heard,
+    Span,
+    drive_with,
+    gnss_stepped,
+    host_stepped,
+    kept_in,
+    late_fixes,
+    spoilt,
+    without_camera,
+    without_fixes,
+)
+from live_senders import until
+
+from geoloc.live.causal import Following
+from twin.drives.drive import Drive
+from twin.drives.read import read_drive
+from twin.live import Arrival, Estimate, LiveEngine, LiveRun, RunSettings, State, arrivals_of, car_of
+from twin.live.car_state import Health
+from twin.live.keep import Keeper
+from twin.live.notices import NoticeKind
+from twin.samples.demo import sample_folder
+
+TRIP = sample_folder() / "trip_trondheim"
+SECOND_NS = 1_000_000_000
+RECORDED = RunSettings(waits=True)
+
+
+@pytest.fixture(scope="module")
+def drive() -> Drive:
+    """The sample's first trip."""
+    return read_drive(TRIP)
+
+
+def away_m(found: list[Estimate]) -> dict[str, float]:
+    """How far each final place is from its pole, beyond the ellipse of 95 %, at most."""
+    with (sample_folder() / "truth.csv").open(encoding="utf-8") as file:
+        poles = {
+            row["object"]: (float(row["easting"]), float(row["northing"])) for row in csv.DictReader(file)
+        }
+    off = {}
+    for one in found:
+        about = one.feature()["properties"]
+        if one.state is State.FINAL:
+            east, north = poles[one.id.partition("#")[0]]
+            off[one.id] = float(np.hypot(about["easting"] - east, about["northing"] - north))
+            off[one.id] /= max(about["major95_m"], 0.05)
+    return off
+
+
+def finals(heard: Heard) -> list[Estimate]:
+    """Estimates that change no more."""
+    return [one for one in heard.final if isinstance(one, Estimate)]
+
+
+def test_a_drive_on_which_everything_fails_goes_on_to_its_end(drive: Drive, tmp_path: Path) -> None:
+    """One fault after the other: each is said once, and poles are located to within their ellipses."""
+    begin_ns = next(arrivals_of(drive)).at_ns
+
+    def span(begin_s: float, end_s: float) -> Span:
+        return Span(begin_ns + round(begin_s * 1e9), begin_ns + round(end_s * 1e9))
+
+    some = without_fixes(arrivals_of(drive), span(6.0, 10.0))
+    some = without_camera(some, span(13.0, 17.0), "C2_tricam60")
+    some = spoilt(some, span(18.0, 19.0))
+    some = late_fixes(some, span(20.0, 26.0))
+    # The later ones first: a step moves the stamps of all that follows.
+    some = gnss_stepped(some, span(36.0, 36.0), 18.0)
+    some = host_stepped(some, span(29.0, 29.0), 3600.0)
+    outcome = drive_with(LiveEngine(car_of(drive)), some, tmp_path, settings=RECORDED)
+    said = [one.kind for one in outcome.notices]
+    assert [one for one in said if one is not NoticeKind.REFUSED] == [
+        NoticeKind.GNSS_LOST,
+        NoticeKind.GNSS_BACK,
+        NoticeKind.CAMERA_LOST,
+        NoticeKind.CAMERA_BACK,
+        NoticeKind.GNSS_LOST,
+        NoticeKind.GNSS_BACK,
+        NoticeKind.GNSS_LOST,
+        NoticeKind.GNSS_BACK,
+        NoticeKind.CLOCK_STEPPED,
+        NoticeKind.CLOCK_STEPPED,
+    ]
+    assert NoticeKind.REFUSED in said
+    found = finals(outcome.heard)
+    assert {one.id for one in found if one.state is State.FINAL} >= {f"P{i:02d}" for i in range(2, 16)}
+    off = away_m(found)
+    assert np.median(list(off.values())) < 1.0
+    assert np.mean(np.array(list(off.values())) < 1.2) > 0.8
+    assert outcome.kept == {one.id: one.state.value for one in found}
+    last = outcome.run.last
+    assert (last.faults, last.frames_dropped, last.steps) == (0, 0, 3)
+    assert last.position is Following.FIXED
+    assert last.gnss is Health.FINE
+
+
+def test_the_run_says_what_the_engine_says(drive: Drive, tmp_path: Path) -> None:
+    """Queues of two lose nothing of a recorded drive, and change no line and no order."""
+    until_ns = next(arrivals_of(drive)).at_ns + 12 * SECOND_NS
+    some = list(takewhile(lambda one: one.at_ns < until_ns, arrivals_of(drive)))
+    engine, lines = LiveEngine(car_of(drive)), list[str]()
+    for one in some:
+        lines += [estimate.line() for estimate in engine.feed(one)]
+    lines += [estimate.line() for estimate in engine.finish()]
+
+    class Every(Heard):
+        def write(self, said: object) -> None:
+            if isinstance(said, Estimate):
+                heard.append(said.line())
+
+    heard: list[str] = []
+    settings = RunSettings(waits=True, queue=2, lines=2)
+    run = LiveRun(
+        LiveEngine(car_of(drive)), [Feed(some)], [Every(), Heard(flows=_flowing())], settings=settings
+    )
+    run.start()
+    assert run.wait(120.0)
+    assert heard == lines
+    assert len(lines) > 20
+
+
+def _flowing() -> Event:
+    flows = Event()
+    flows.set()
+    return flows
+
+
+def test_a_run_that_is_stopped_ends_within_five_seconds(drive: Drive, tmp_path: Path) -> None:
+    """With a source that never ends and a sink that takes nothing: what was open is in the file, final."""
+    until_ns = next(arrivals_of(drive)).at_ns + 6 * SECOND_NS
+    some = list(takewhile(lambda one: one.at_ns < until_ns, arrivals_of(drive)))
+    ended = Event()
+
+    def endless() -> Iterator[Arrival]:
+        yield from some
+        ended.wait()
+
+    path = tmp_path / "live.gpkg"
+    stuck = Heard()
+    run = LiveRun(LiveEngine(car_of(drive)), [Feed(endless())], [stuck], keeper=Keeper(path, "a drive"))
+    run.start()
+    until(lambda: run.last.sinks and run.last.sinks[0].blocked)
+    run.stop()
+    assert run.wait(15.0)
+    ended.set()
+    assert run.whole
+    assert run.last.sinks[0].lost > 0
+    assert set(kept_in(path).values()) == {"final"}
