@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo reference docs test slow coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet bench-live bench-postgres pictures notebooks soak fuzz clean
+.PHONY: demo reference docs test slow coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet bench-live bench-live-faults bench-postgres pictures notebooks soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -83,6 +83,9 @@ bench-fleet: $(VENV)/.installed   ## matching after one more drive, by how many 
 bench-live: $(VENV)/.installed    ## the live engine: time a frame, memory, positions against the batch, replay; verdicts against a match; three quarters of an hour
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/live.py
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/live_check.py
+
+bench-live-faults: $(VENV)/.installed  ## what fails in a car while it drives, fault by fault, a minute each
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/live_faults.py
 
 bench-postgres: $(VENV)/.installed  ## a store in PostgreSQL against one in SQLite: ingest, match, export; five reviewers at once
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/postgres.py

@@ -173,6 +173,7 @@ class Heard:
     """A sink that keeps what is final, and takes nothing while it is stuck."""
 
     name: str = "sink"
+    must_arrive: bool = True
     final: list[Said] = field(default_factory=list)
     flows: Event = field(default_factory=Event)
 

@@ -25,15 +25,15 @@ class Outlet:
     sink : Sink
     waits : bool
         Whether whoever says something waits where the queue is full, and all lines keep their order: of a
-        recorded drive nothing is lost.
+        recorded drive no line is lost that must arrive.
     most : int
         Lines that wait for it at most.
     """
 
     def __init__(self, sink: Sink, *, waits: bool = False, most: int = _MOST) -> None:
-        self.sink, self._waits = sink, waits
+        self.sink, self._waits = sink, waits and sink.must_arrive
         self.error: Exception | None = None
-        self._lines: Lanes[Said] = Lanes(2, most, overtakes=not waits)
+        self._lines: Lanes[Said] = Lanes(2, most, overtakes=not self._waits)
         self._since_s = 0.0
         self._lost = 0
         self._thread = Thread(target=self._write_all, name=f"sink {sink.name}", daemon=True)
@@ -55,6 +55,11 @@ class Outlet:
             kind = type(said)
             self._lines.drop(lambda old: old.id == said.id and type(old) is kind, _REPLACED)
         self._lines.put(said, _LASTING if said.lasts else _REPLACED, waits=self._waits)
+
+    @property
+    def waits(self) -> bool:
+        """Whether it is waited for."""
+        return self._waits
 
     def hurry(self) -> None:
         """Wait for the sink no more."""

@@ -103,6 +103,9 @@ class LiveCheck(Protocol):
 class Sink(Protocol):
     """Standard output, a broker, a page: where lines go."""
 
+    must_arrive: bool
+    """Whether a recorded drive waits for it rather than leave a line out: a file, not a broker."""
+
     @property
     def name(self) -> str:
         """Return its address, without a password."""

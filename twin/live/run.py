@@ -44,7 +44,7 @@ class RunSettings:
     waits : bool
         Of a recorded drive: it waits where a queue is full, and time is that of its stamps alone.
     queue : int
-        What waits for the engine at most: 1,000 are four seconds of three cameras at 30 frames and fixes.
+        What waits for the engine at most: 400 are four seconds of three cameras at 30 frames, and fixes.
     lines : int
         What waits for a sink at most.
     state_every_s : float
@@ -56,7 +56,7 @@ class RunSettings:
     """
 
     waits: bool = False
-    queue: int = 1000
+    queue: int = 400
     lines: int = 2000
     state_every_s: float = 1.0
     backlog_s: float = 2.0
@@ -253,6 +253,8 @@ class LiveRun:
 
     def _look(self, now_ns: int) -> None:
         """Say the car's state where it has changed, or was not said for a while."""
+        if self._queue.lost[_FRAMES] > self.last.frames_dropped:
+            self._watch.frames_dropped(now_ns)
         now = self._state(now_ns)
         found = list(self._quieted.let_through(notices(self.last, now), now_ns))
         for notice in found:
@@ -291,8 +293,7 @@ class LiveRun:
         if self._keeper is not None:
             self.whole = self._keeper.close(self.settings.flush_s)
         for outlet in self._outlets:
-            left_s = None if self.settings.waits and self._stop_s is None else until_s - time.monotonic()
-            outlet.close(left_s if left_s is None else max(left_s, 0.1))
+            outlet.close(None if outlet.waits else max(until_s - time.monotonic(), 0.1))
         self.last = self._state(self._now_ns)
 
 

@@ -59,6 +59,10 @@ class Watch:
         elif isinstance(what, Frame):
             self._frames_ns[what.camera] = at_ns
 
+    def frames_dropped(self, now_ns: int) -> None:
+        """Note that frames have come, and were left out: no camera is lost by that."""
+        self._frames_ns = dict.fromkeys(self._frames_ns, now_ns)
+
     def trouble(self, trouble: Trouble) -> None:
         """Note what a source says of itself."""
         name = trouble.source

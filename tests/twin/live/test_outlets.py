@@ -6,6 +6,7 @@ import json
 import os
 import time
 from pathlib import Path
+from threading import Thread
 
 from live_lines import estimate
 from live_senders import until
@@ -18,7 +19,7 @@ from twin.live.sinks import Lines
 def test_a_pipe_that_nobody_reads_loses_lines_and_no_final_one() -> None:
     """Saying a thousand lines takes no time; read again, finals come first, and what was lost is known."""
     ours, theirs = os.pipe()
-    with os.fdopen(theirs, "w") as stream, os.fdopen(ours) as reader:
+    with os.fdopen(ours) as reader, os.fdopen(theirs, "w") as stream:
         outlet = Outlet(Lines(stream), most=50)
         until(lambda: (outlet.say(estimate("R", State.REFINED, "x" * 4000)), outlet.state.blocked)[1])
         began_s = time.monotonic()
@@ -35,7 +36,9 @@ def test_a_pipe_that_nobody_reads_loses_lines_and_no_final_one() -> None:
                 found.append((one["id"], one["properties"]["state"]))
         assert found[:10] == [(f"R{990 + i}", "final") for i in range(10)]
         assert found[10][0] not in {name for name, _ in found[:10]}
-        until(lambda: not outlet.state.blocked)
+        Thread(target=reader.read, daemon=True).start()
+        outlet.close(10.0)
+        assert not outlet.state.blocked
 
 
 def test_a_sink_that_has_ended_is_left_alone(tmp_path: Path) -> None:

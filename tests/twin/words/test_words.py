@@ -124,7 +124,9 @@ def test_every_message_has_every_language_with_the_same_facts() -> None:
 
 def test_no_message_is_unused() -> None:
     """What no code says, nobody has to translate; the page's own texts are looked for in its modules."""
-    assert {key for key in table() if not key.startswith(("page.", "annotate.", "live."))} - named_in_code() == set()
+    assert {
+        key for key in table() if not key.startswith(("page.", "annotate.", "live."))
+    } - named_in_code() == set()
 
 
 def test_message_of_a_kind_names_its_facts_alone() -> None:

@@ -22,6 +22,8 @@ class Lines:
     def __init__(self, stream: TextIO, *, name: str = "Standard output", final: bool = False) -> None:
         self._stream, self._name, self._final = stream, name, final
 
+    must_arrive = True
+
     @property
     def name(self) -> str:
         """Return what it is called."""

@@ -41,6 +41,8 @@ class Mqtt:
         If Paho is not installed.
     """
 
+    must_arrive = False
+
     def __init__(
         self,
         host: str,

@@ -10,7 +10,6 @@ import asyncio
 import socket
 from collections.abc import Sequence
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock, Thread
 from typing import TYPE_CHECKING
@@ -175,6 +174,8 @@ class Pages:
         Without a library that speaks WebSocket.
     """
 
+    must_arrive = False
+
     def __init__(
         self,
         listener: socket.socket,
@@ -182,8 +183,10 @@ class Pages:
         outside: Outside | None = None,
         routes: Sequence[BaseRoute] = (),
     ) -> None:
-        if find_spec("websockets") is None:
-            raise MissingExtraError("--serve", "websockets", "live")
+        try:
+            import websockets  # noqa: F401
+        except ImportError as error:
+            raise MissingExtraError("--serve", "websockets", "live") from error
         self._address, self._hub, self._sessions = address, Hub(), Sessions()
         app = live_app(self._hub, self._sessions, address, outside, routes)
         self._server = server_of(app, websockets=True)
