@@ -127,6 +127,8 @@ class CarState(NamedTuple):
         Frames of cameras that the car does not have, and detections without a pixel, so far.
     not_recorded : str
         Why nothing more is recorded, one sentence; "" while it is, or is not asked for.
+    unchecked : str
+        Why nothing more is held against the road database; "" while it is, or is not asked for.
     faults : int
         Arrivals at which twin itself failed; they were left out.
     """
@@ -146,6 +148,7 @@ class CarState(NamedTuple):
     last_step: ClockStep | None = None
     refused: int = 0
     not_recorded: str = ""
+    unchecked: str = ""
     faults: int = 0
 
     @property
@@ -187,6 +190,7 @@ class CarState(NamedTuple):
                 if self.keep is None
                 else {"failing": self.keep.failing, "waiting": self.keep.waiting, "lost": self.keep.lost},
                 "recording_failed": bool(self.not_recorded),
+                "check_failed": bool(self.unchecked),
                 "clock_steps": self.steps,
                 "faults": self.faults,
                 **(self._place() if known else {}),

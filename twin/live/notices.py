@@ -35,6 +35,7 @@ class NoticeKind(StrEnum):
     KEEP_FAILING = "keep_failing"
     KEEP_BACK = "keep_back"
     NOT_RECORDED = "not_recorded"
+    CHECK_ENDED = "check_ended"
     FAULT = "fault"
 
 
@@ -64,6 +65,7 @@ _SENTENCES = {
     " space on its disk, or end the program that holds it.",
     NoticeKind.KEEP_BACK: "{what} is written again; {number:.0f} final estimates and verdicts were given up.",
     NoticeKind.NOT_RECORDED: "{why}",
+    NoticeKind.CHECK_ENDED: "Nothing more is held against NVDB, estimates go on: {why}",
     NoticeKind.FAULT: "twin itself failed at {number:.0f} arrivals, which were left out: please report it"
     " with the log (--log-file).",
 }
@@ -118,6 +120,8 @@ def notices(before: CarState, now: CarState) -> Iterator[Notice]:
         yield Notice(NoticeKind.CLOCK_STEPPED, whose, now.last_step.step_s)
     if now.not_recorded and not before.not_recorded:
         yield Notice(NoticeKind.NOT_RECORDED, why=now.not_recorded)
+    if now.unchecked and not before.unchecked:
+        yield Notice(NoticeKind.CHECK_ENDED, why=now.unchecked)
     counts = (
         (NoticeKind.FRAMES_DROPPED, before.frames_dropped, now.frames_dropped),
         (NoticeKind.OTHERS_DROPPED, before.others_dropped, now.others_dropped),

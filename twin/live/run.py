@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from threading import Event, Lock, Thread
 
 from geoloc.trajectory.interpolation import NANOSECONDS
+from twin.errors import TwinError
 from twin.live.car_state import CarState
 from twin.live.clocks import Clocks
 from twin.live.engine import LiveEngine
@@ -29,6 +30,8 @@ from twin.live.ports import LiveCheck, Recording, Said, Sink, Source, Trouble, T
 from twin.live.watch import Watch
 
 _TICK_S = 0.25
+_AGAIN_S = 1.0
+"""So long after a source has failed by a fault of twin it is asked again."""
 _FIXES, _MOTION, _FRAMES = range(3)
 _FAULTS_LOGGED = 20
 _log = logging.getLogger("twin.live")
@@ -113,7 +116,7 @@ class LiveRun:
         self._outlets = [Outlet(sink, waits=waits, most=lines) for sink in sinks]
         self._watch, self._clocks, self._quieted = Watch(engine.car.antennas), Clocks(), Quieted()
         self._now_ns = self._looked_ns = self._said_ns = 0
-        self._faults = 0
+        self._faults, self._unchecked = 0, ""
         self._feeding = len(sources)
         self._lock = Lock()
         self._ended = Event()
@@ -153,6 +156,8 @@ class LiveRun:
 
     def stop(self) -> None:
         """Ask for the end: what is open becomes final, is written and handed on, within five seconds."""
+        if self._stop_s is not None:
+            return
         self._stop_s = time.monotonic() + self.settings.backlog_s
         for outlet in self._outlets:
             outlet.hurry()
@@ -162,18 +167,28 @@ class LiveRun:
             source.close()
 
     def _feed(self, source: Source) -> None:
+        while not self._fed(source):
+            self._ended.wait(_AGAIN_S)
+        with self._lock:
+            self._feeding -= 1
+            if not self._feeding:
+                self._queue.close()
+
+    def _fed(self, source: Source) -> bool:
+        """Put what a source gives into the queue; False where it has failed and is to be asked again."""
         try:
             for one in source.arrivals():
                 if not self._queue.put(one, _lane(one), waits=self.settings.waits):
                     break
-        except Exception:
+        except Exception as error:
+            if self.settings.waits:
+                # Of a recorded drive that cannot be read on, which ends here.
+                self._error = error
+                return True
             _log.exception("%s", source.name)
-            self._queue.put(Trouble(time.time_ns(), source.name, TroubleKind.LOST), _FIXES)
-        finally:
-            with self._lock:
-                self._feeding -= 1
-                if not self._feeding:
-                    self._queue.close()
+            lost = Trouble(time.time_ns(), source.name, TroubleKind.LOST, detail=type(error).__name__)
+            return not self._queue.put(lost, _FIXES)
+        return True
 
     def _work(self) -> None:
         try:
@@ -183,6 +198,7 @@ class LiveRun:
             # The thread that waits raises it.
             self._error = error
         finally:
+            self._close()
             self._ended.set()
 
     def _take_all(self) -> None:
@@ -195,13 +211,14 @@ class LiveRun:
                 if self._queue.is_closed:
                     return
                 silent_ns = round((time.monotonic() - heard_s) * NANOSECONDS)
-                self._look(self._now_ns + silent_ns if self._now_ns else 0)
+                if self._now_ns:
+                    self._look(self._now_ns + silent_ns)
                 continue
-            heard_s = time.monotonic()
             if isinstance(one, Trouble):
                 self._watch.trouble(one)
-                self._look(self._now_ns)
+                self._look(self._now_ns or one.at_ns)
                 continue
+            heard_s = time.monotonic()
             for arrival in self._clocks.steadied(one):
                 self._take(arrival)
 
@@ -220,12 +237,20 @@ class LiveRun:
         try:
             estimates = self.engine.feed(arrival)
             self._say_all(estimates)
-            if self._check is not None:
-                self._say_all(self._check.take(arrival, estimates))
+            self._verdicts(lambda check: check.take(arrival, estimates))
         except Exception:
             self._faults += 1
             if self._faults <= _FAULTS_LOGGED:
                 _log.exception("%s", type(arrival.what).__name__)
+
+    def _verdicts(self, asked: Callable[[LiveCheck], Iterable[Said]]) -> None:
+        """Ask the check, which may lose its store: estimates go on without."""
+        if self._check is None:
+            return
+        try:
+            self._say_all(asked(self._check))
+        except TwinError as error:
+            self._check, self._unchecked = None, str(error)
 
     def _possible(self, arrival: Arrival) -> Arrival | None:
         """Leave out frames of a camera that the car does not have, and detections without a pixel."""
@@ -277,18 +302,22 @@ class LiveRun:
             steps=self._clocks.steps,
             last_step=self._clocks.last,
             not_recorded="" if self._recording is None else self._recording.failure,
+            unchecked=self._unchecked,
             faults=self._faults,
         )
 
     def _finish(self) -> None:
-        """End the drive: all that is open becomes final, goes into the file, and to the sinks."""
+        """End the drive: all that is open becomes final."""
         for arrival in self._clocks.rest():
             self._take(arrival)
         estimates = self.engine.finish()
         self._say_all(estimates)
-        if self._check is not None and self._now_ns:
-            self._say_all(self._check.finish(estimates))
-        self._look(self._now_ns)
+        if self._now_ns:
+            self._verdicts(lambda check: check.finish(estimates))
+            self._look(self._now_ns)
+
+    def _close(self) -> None:
+        """Write what waits, and let sinks have what waits for them."""
         until_s = time.monotonic() + self.settings.flush_s
         if self._keeper is not None:
             self.whole = self._keeper.close(self.settings.flush_s)

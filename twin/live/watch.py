@@ -55,6 +55,9 @@ class Watch:
         at_ns, what = arrival
         if isinstance(what, Fix) and what.quality > 0:
             rank = _RANK.get(what.quality, _WORST)
+            if not self._antennas:
+                # From now on the others are waited for too.
+                self._antennas = {name: _Antenna(at_ns, _WORST, _WORST) for name in self.antennas}
             self._antennas.setdefault(what.antenna, _Antenna(at_ns, rank, rank)).take(at_ns, rank)
         elif isinstance(what, Frame):
             self._frames_ns[what.camera] = at_ns

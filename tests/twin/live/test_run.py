@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import takewhile
 from pathlib import Path
 from threading import Event
@@ -26,12 +26,16 @@ from live_faults import (
 from live_senders import until
 
 from geoloc.live.causal import Following
+from geoloc.live.samples import Fix
 from twin.drives.drive import Drive
 from twin.drives.read import read_drive
-from twin.live import Arrival, Estimate, LiveEngine, LiveRun, RunSettings, State, arrivals_of, car_of
+from twin.errors import StoreError
+from twin.live import Arrival, Estimate, Frame, LiveEngine, LiveRun, RunSettings, State, arrivals_of, car_of
 from twin.live.car_state import Health
 from twin.live.keep import Keeper
-from twin.live.notices import NoticeKind
+from twin.live.notices import Notice, NoticeKind
+from twin.live.ports import Said
+from twin.live.watch import Watch
 from twin.samples.demo import sample_folder
 
 TRIP = sample_folder() / "trip_trondheim"
@@ -159,3 +163,65 @@ def test_a_run_that_is_stopped_ends_within_five_seconds(drive: Drive, tmp_path: 
     assert run.whole
     assert run.last.sinks[0].lost > 0
     assert set(kept_in(path).values()) == {"final"}
+
+
+def test_faults_of_parts_cost_no_drive(drive: Drive) -> None:
+    """A source that fails is asked again, a check without its store is left, and both are told of."""
+    until_ns = next(arrivals_of(drive)).at_ns + 6 * SECOND_NS
+    some = list(takewhile(lambda one: one.at_ns < until_ns, arrivals_of(drive)))
+
+    class Failing(Feed):
+        def arrivals(self) -> Iterator[Arrival]:
+            if not self.closed.is_set():
+                self.closed.set()
+                yield from list(self.every)[:200]
+                raise RuntimeError("a fault")
+            yield from self.every
+
+    class WithoutStore:
+        def take(self, _arrival: Arrival, _estimates: Sequence[Estimate]) -> Sequence[Said]:
+            raise StoreError("The store has gone.")
+
+        finish = take
+
+    told: list[Notice] = []
+    heard = Heard(flows=_flowing())
+    engine = LiveEngine(car_of(drive))
+    run = LiveRun(
+        engine,
+        [Failing(some)],
+        [heard],
+        check=WithoutStore(),
+        tell=told.append,
+        settings=RunSettings(queue=5000),
+    )
+    run.start()
+    assert run.wait(120.0)
+    kinds = [one.kind for one in told]
+    assert kinds.count(NoticeKind.CHECK_ENDED) == kinds.count(NoticeKind.SOURCE_LOST) == 1
+    assert "The store has gone." in next(one for one in told if one.kind is NoticeKind.CHECK_ENDED).sentence()
+    assert engine.frames == sum(isinstance(one.what, Frame) for one in [*some[:200], *some])
+    assert heard.final
+    assert run.last.faults == 0
+
+
+def test_what_is_worse_than_before_is_degraded(drive: Drive) -> None:
+    """A single fix where they were RTK, and an antenna of two that falls silent or never speaks."""
+    engine = LiveEngine(car_of(drive))
+    roof, other = engine.car.antennas
+
+    def healths(fixes: Iterable[tuple[float, str, int]], until_s: float) -> list[Health]:
+        watch, found = Watch(engine.car.antennas), list[Health]()
+        for at_s, antenna, quality in fixes:
+            at_ns = round(at_s * 1e9)
+            watch.take(Arrival(at_ns, Fix(antenna, at_ns, 63.4, 10.4, 100.0, quality)))
+            found.append(watch.state(at_ns, engine).gnss)
+        return [*found, watch.state(round(until_s * 1e9), engine).gnss]
+
+    assert healths([], 1.0) == [Health.WAITING]
+    both = [(0.2 * i, name, 4) for i in range(50) for name in (roof, other)]
+    assert set(healths(both, 10.0)) == {Health.FINE}
+    assert healths(both, 13.0)[-1] is Health.LOST
+    assert healths([*both, (10.0, roof, 1)], 10.0)[-1] is Health.DEGRADED
+    alone = [(0.2 * i, roof, 4) for i in range(50)]
+    assert healths(alone, 10.0)[-1] is Health.DEGRADED
