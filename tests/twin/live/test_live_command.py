@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from command_line import Twin
-from live_faults import Wires, kept_in
+from live_faulty import Wires, kept_in
 from live_senders import until
 
 from twin.drives.read import read_drive

@@ -10,7 +10,7 @@ from threading import Event
 
 import numpy as np
 import pytest
-from live_faults import (
+from live_faulty import (
     Feed,
     Heard,
     Span,
