@@ -11,12 +11,13 @@ import json
 import logging
 import sqlite3
 import struct
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from twin.live.lanes import Lanes
 from twin.live.ports import Said
 
 EVERY_S = 1.0
+_AGAIN_S = 0.1
 _EPSG = 25833
 _APPLICATION_ID, _VERSION_1_3 = 0x47504B47, 10300
 _MOST, _AT_ONCE = 100_000, 5000
@@ -121,8 +123,9 @@ class Keeper:
 
     def __init__(self, path: Path, source: str) -> None:
         self.path = path
-        self._waiting: Lanes[Said] = Lanes(1, _MOST)
-        self._held: list[Said] = []
+        self._waiting: Lanes[_Row] = Lanes(1, _MOST)
+        self._held: list[_Row] = []
+        self._until_s = 0.0
         self._failing = False
         try:
             self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False, timeout=0.5)
@@ -144,10 +147,11 @@ class Keeper:
 
     def keep(self, said: Said) -> None:
         """Take what is final; it is in the file a second later."""
-        self._waiting.put(said, 0)
+        self._waiting.put(_row(said), 0)
 
     def close(self, within_s: float) -> bool:
         """Write what waits; return whether all is in the file."""
+        self._until_s = time.monotonic() + within_s
         self._end.set()
         self._thread.join(within_s)
         return not self._thread.is_alive() and not self.state.waiting
@@ -156,8 +160,10 @@ class Keeper:
         while not self._end.wait(EVERY_S):
             self._write()
         while len(self._waiting) or self._held:
-            if not self._write() and self._end.wait(EVERY_S / 4):
-                break
+            if not self._write():
+                if time.monotonic() > self._until_s:
+                    break
+                time.sleep(_AGAIN_S)
         with suppress(sqlite3.Error):
             self._database.execute("UPDATE runs SET ended = ? WHERE run = ?", (_now(), self._run))
             self._database.execute("PRAGMA journal_mode=DELETE")
@@ -170,8 +176,8 @@ class Keeper:
             return True
         try:
             self._database.execute("BEGIN IMMEDIATE")
-            for said in self._held:
-                self._insert(said)
+            for row in self._held:
+                self._insert(row)
             self._database.execute("COMMIT")
         except sqlite3.Error as error:
             with suppress(sqlite3.Error):
@@ -183,24 +189,34 @@ class Keeper:
         self._held, self._failing = [], False
         return True
 
-    def _insert(self, said: Said) -> None:
-        layer = "estimates" if isinstance(said, Estimate) else "verdicts"
-        feature = said.feature()
-        about = feature["properties"]
-        values = {name: about.get(name) for name in _LAYERS[layer]}
-        if isinstance(values.get("why"), dict):
-            values["why"] = json.dumps(values["why"], ensure_ascii=False)
-        row = {"run": self._run, "id": said.id, "geom": _blob(feature["geometry"]), **values}
-        names, marks = ", ".join(row), ", ".join("?" * len(row))
-        renewed = ", ".join(f"{name} = excluded.{name}" for name in row if name not in _KEY)
+    def _insert(self, row: _Row) -> None:
+        values = {"run": self._run, **row.values}
+        names, marks = ", ".join(values), ", ".join("?" * len(values))
+        renewed = ", ".join(f"{name} = excluded.{name}" for name in values if name not in _KEY)
         self._database.execute(
-            f"INSERT INTO {layer} ({names}) VALUES ({marks}) "  # noqa: S608 - our own names
+            f"INSERT INTO {row.layer} ({names}) VALUES ({marks}) "  # noqa: S608 - our own names
             f"ON CONFLICT ({', '.join(_KEY)}) DO UPDATE SET {renewed}",
-            list(row.values()),
+            list(values.values()),
         )
-        self._database.execute(
-            "UPDATE gpkg_contents SET last_change = ? WHERE table_name = ?", (_now(), layer)
-        )
+        changed = "UPDATE gpkg_contents SET last_change = ? WHERE table_name = ?"
+        self._database.execute(changed, (_now(), row.layer))
+
+
+class _Row(NamedTuple):
+    """A row but for its run."""
+
+    layer: str
+    values: dict[str, Any]
+
+
+def _row(said: Said) -> _Row:
+    layer = "estimates" if isinstance(said, Estimate) else "verdicts"
+    feature = said.feature()
+    about = feature["properties"]
+    values = {name: about.get(name) for name in _LAYERS[layer]}
+    if isinstance(values.get("why"), dict):
+        values["why"] = json.dumps(values["why"], ensure_ascii=False)
+    return _Row(layer, {"id": said.id, "geom": _blob(feature["geometry"]), **values})
 
 
 def _began(database: sqlite3.Connection, path: Path, source: str) -> int:

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import geopandas as gpd
 import pytest
-from live_lines import estimate
+from live_lines import estimate, verdict
 from live_senders import until
 from pyproj import Transformer
 
 from twin.errors import FileError, RefusedError
+from twin.live.check import Standing
 from twin.live.estimates import State
 from twin.live.keep import Keeper
 
@@ -77,3 +78,18 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     for path in (text, tmp_path / "nowhere" / "live.gpkg"):
         with pytest.raises(FileError, match=f"{path.name} cannot be written"):
             Keeper(path, "a drive")
+
+
+def test_the_verdicts_of_a_check_are_kept_as_they_stand_last(tmp_path: Path) -> None:
+    """One row a sign and run, with what it was before."""
+    path = tmp_path / "live.gpkg"
+    keeper = Keeper(path, "a drive")
+    first = verdict("95:7", Standing.MOVED)
+    for one in (first, first._replace(standing=Standing.UNCHANGED, was=Standing.MOVED)):
+        keeper.keep(one)
+    assert keeper.close(10.0)
+    layer = gpd.read_file(path, layer="verdicts")
+    assert layer[["id", "verdict", "was", "nvdb_id"]].to_numpy().tolist() == [
+        ["95:7", "unchanged", "moved", 7]
+    ]
+    assert layer.geometry.iloc[0].coords[0] == pytest.approx((270_000.0, 7_040_000.0), abs=1e-3)
