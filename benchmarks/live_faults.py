@@ -38,7 +38,7 @@ from live_faulty import (
     without_fixes,
 )
 
-from twin.live import Estimate, LiveEngine, RunSettings, State, played
+from twin.live import Arrival, Estimate, LiveEngine, RunSettings, State, played
 from twin.live.notices import NoticeKind
 
 MOST_MB = 60.0

@@ -15,10 +15,11 @@ import numpy as np
 import sqlalchemy as sa
 
 from geoloc.arrays import IntArray
-from twin.matching.asked import Asked, choose_method, sites_of
-from twin.matching.cells import CELL_M, NOWHERE, coarser, middles_of, widened
+from twin.matching.asked import Asked, choose_method
+from twin.matching.cells import NOWHERE, cells_of, coarser, widened
+from twin.matching.compare import places_of
 from twin.matching.config import MatchConfig
-from twin.matching.drives import beside_nvdb, cells_if_shifted, drives_of, known_drives, warnings_of
+from twin.matching.drives import beside_nvdb, drives_of, known_drives, warnings_of
 from twin.matching.found import Found, since_last
 from twin.matching.in_view import VIEWS
 from twin.matching.kept import Kept, arrays_of, digest, packed_arrays
@@ -27,11 +28,12 @@ from twin.matching.likelihood import cost_of_common
 from twin.matching.poles.same_pole import each_pole_once, may_be_one
 from twin.matching.poles.seen_in import clicks_of, pictures_of
 from twin.matching.reading import estimates_of, rows_of_drives
-from twin.matching.sites import codes_of_mirror, mirror_near
+from twin.matching.signs import sites_that_judge
+from twin.matching.sites import codes_of_mirror
 from twin.matching.tile import WorkedTile, worked_tile
 from twin.store import schema
 from twin.store.address import StoreAddress
-from twin.store.records import Estimate, Finding
+from twin.store.records import Finding
 from twin.store.store import Snapshot, Store
 
 STAGED = "staged"
@@ -242,12 +244,7 @@ def _worked_drives(asked: Asked, name: str, drive_ids: Sequence[str]) -> Worked:
     estimates = estimates_of(view, method, drive_ids)
     pairs = may_be_one(estimates, config)
     once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
-    mine: dict[str, list[Estimate]] = {drive.drive_id: [] for drive in drives}
-    for one in once:
-        mine[one.drive_id].append(one)
-    cells = [cells_if_shifted(drive, mine[drive.drive_id]) for drive in drives if not drive.misfits]
-    near = np.unique(np.concatenate([NOWHERE, *cells]))
-    sites = sites_of(asked, mirror_near(view, middles_of(near), config, CELL_M))
+    sites = sites_that_judge(asked, drives, once, cells_of(places_of(once)))
     drives = beside_nvdb(drives, sites, once, kept)
     known = known_drives(drives, estimates, clicks_of(view, method, drive_ids), kept)
     for drive in drives:
