@@ -64,11 +64,14 @@ def lateness_sigma_s(spec: ConsumerSpec) -> float:
     return float(np.ptp(spec.late_s)) / np.sqrt(12.0)
 
 
-def together(best: Sequence[Best]) -> FloatArray:
-    """Error (2,) of the best estimates of several drives, weighed by their covariances."""
+def together(best: Sequence[Best]) -> Best:
+    """Put the best estimates of several drives together."""
+    if not all(np.isfinite(one.error_m).all() for one in best):
+        return NOTHING
     weights = np.linalg.inv(np.array([one.covariance_m2 for one in best]))
-    pull = (weights @ np.array([one.error_m for one in best])[:, :, None]).sum(axis=0)
-    return np.asarray(np.linalg.solve(weights.sum(axis=0), pull)[:, 0])
+    pull = (weights @ np.array([one.error_m for one in best])[:, :, None]).sum(axis=0)[:, 0]
+    covariance = np.linalg.inv(weights.sum(axis=0))
+    return Best(covariance @ pull, covariance)
 
 
 def floor_m(

@@ -33,6 +33,8 @@ class ReceiverSpec:
     """Each horizontal axis; twice that up. Doppler of a good receiver under an open sky."""
     velocity_tau_s: float = 1.0
     """Correlation time of velocities: the receiver's tracking loops and filter."""
+    averaged_s: float = 2.0 * _HALF_STEP_S
+    """A velocity is the mean over so long."""
 
 
 def with_receiver_motion(
@@ -63,7 +65,7 @@ def with_receiver_motion(
             gauss_markov(stream(seed, f"velocity {fixes.antenna} {axis}"), time_s, s, spec.velocity_tau_s)
             for axis, s in zip("enu", sigma, strict=True)
         ]
-        velocity = _true_velocity_mps(motion, time_s, arm_m) + np.stack(noise, axis=1)
+        velocity = _true_velocity_mps(motion, time_s, arm_m, spec.averaged_s) + np.stack(noise, axis=1)
         stated = np.repeat(sigma[None, 1:], time_s.size, axis=0)
         fixes = replace(fixes, velocity_mps=velocity, velocity_sigma_mps=stated)
     return fixes
@@ -85,10 +87,12 @@ def _true_heading_deg(motion: TrueMotion, time_s: FloatArray) -> FloatArray:
     return np.degrees(np.arctan2(ahead[:, 0], ahead[:, 1]))
 
 
-def _true_velocity_mps(motion: TrueMotion, time_s: FloatArray, arm_m: FloatArray) -> FloatArray:
-    before, after = (motion.at(time_s + half) for half in (-_HALF_STEP_S, _HALF_STEP_S))
+def _true_velocity_mps(
+    motion: TrueMotion, time_s: FloatArray, arm_m: FloatArray, averaged_s: float
+) -> FloatArray:
+    before, after = (motion.at(time_s + half) for half in (-0.5 * averaged_s, 0.5 * averaged_s))
     ends = [body.position_m + body.enu_R_rig @ arm_m for body in (before, after)]
-    velocity = (ends[1] - ends[0]) / (2.0 * _HALF_STEP_S)
+    velocity = (ends[1] - ends[0]) / averaged_s
     return np.asarray((_local_from_frame(motion, ends[0]) @ velocity[:, :, None])[:, :, 0])
 
 
@@ -180,7 +184,13 @@ def consumer_drive(
     arm_m = drive.rig.antennas[fixes.antenna].rig_t_antenna_m + drive.drawn.lever_arm_m[fixes.antenna]
     motion = TrueMotion(Road(drive.scenario.road, seed), drive.scenario.motion, drive.scenario.noise, seed)
     if spec.velocity_mps is not None:
-        receiver = ReceiverSpec(heading_deg=0.0, velocity_mps=spec.velocity_mps)
+        # From fix to fix: velocities of an instant miss what a roof does between them, and on one road all
+        # drives would miss the same.
+        receiver = ReceiverSpec(
+            heading_deg=0.0,
+            velocity_mps=spec.velocity_mps,
+            averaged_s=1.0 / world.motion.gnss_rate_hz,
+        )
         fixes = with_receiver_motion(fixes, drive.scenario, seed, arm_m, receiver)
         stated = np.full((n, 2), spec.velocity_stated_mps) * [1.0, 2.0]
         fixes = replace(fixes, velocity_sigma_mps=stated)
