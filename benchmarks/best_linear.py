@@ -79,8 +79,8 @@ def floor_m(
 ) -> tuple[float, float, float]:
     """Expected median error of so many drives half-way through journeys, if all but the receivers were exact.
 
-    By their tracks alone, if the noise of each drive were known; if all are taken alike, with the usual
-    noise; and the first with each drive's own lateness, which nothing tells on a straight road.
+    By their tracks alone, if the noise of each drive were known; the same with each drive's own lateness,
+    which nothing tells on a straight road; and that if all are taken alike, with the usual noise.
     """
     rng = np.random.default_rng(90_000)
     since_s = np.arange(0.0, 60.0 * minutes, STEP_S) - 30.0 * minutes
@@ -98,8 +98,8 @@ def floor_m(
         alike_m2.append(weight @ covariance @ weight)
     variances = np.array([1.0 / np.mean(information), np.mean(alike_m2)]) / drives
     late_m2 = (lateness_sigma_s(spec) * speed_mps) ** 2 / drives
-    known, typical, late = np.sqrt([*variances, variances[0] + 0.5 * late_m2]).tolist()
-    return MEDIAN_OF_SIGMA * known, MEDIAN_OF_SIGMA * typical, MEDIAN_OF_SIGMA * late
+    known, late, alike = np.sqrt([variances[0], *(variances + 0.5 * late_m2)]).tolist()
+    return MEDIAN_OF_SIGMA * known, MEDIAN_OF_SIGMA * late, MEDIAN_OF_SIGMA * alike
 
 
 def _covariance(

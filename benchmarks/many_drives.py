@@ -401,7 +401,7 @@ def _show_floors(*, markdown: bool) -> None:
         if spec is not None
     ]
     header = ["receiver", *(f"{minutes:g} min" for minutes in _FLOOR_MINUTES)]
-    title = "Best median of 25 drives [m]: noise known / all alike / noise known, each late by its own"
+    title = "Best median of 25 drives [m]: tracks alone, noise known / late / late, all alike"
     show(title, header, table, markdown=markdown)
 
 
