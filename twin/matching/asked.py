@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 from twin.errors import StoreError
 from twin.matching.config import MatchConfig
-from twin.matching.kept import digest
+from twin.matching.kept import Kept, digest
 from twin.matching.left import LAYOUT
-from twin.matching.sites import Site, along_the_road, sites_from_mirror
+from twin.matching.sites import Site, sites_from_mirror
 from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store.kinds import Method
@@ -57,15 +56,17 @@ def choose_method(store: Store, method: str | None) -> str:
     return method
 
 
-def sites_of(asked: Asked, rows: tuple[Sequence[Row], Sequence[Row]]) -> list[Site]:
-    """Sites of the mirror; with the road network also which way they face, and their road."""
+def sites_of(
+    asked: Asked, rows: tuple[Sequence[Row], Sequence[Row]], kept: Kept, *, anew: bool = False
+) -> list[Site]:
+    """Sites of the mirror; with the road network also which way they face, and their road.
+
+    What the last match found of roads holds unless it is to be worked out anew.
+    """
     points, plates = rows
     if not asked.has_network:
         return sites_from_mirror(points, plates, asked.config)
-    from twin.mirror.vegnett import facing, load_vegnett
+    from twin.matching.roads import Roads
 
-    # As the roads were when they were read: findings do not change from one day to the next by themselves.
-    fact = asked.view.fact(VEGNETT) or {}
-    day = dt.date.fromisoformat(fact["fetched_at"][:10]) if "fetched_at" in fact else None
-    sites = sites_from_mirror(points, plates, asked.config, facing(asked.store, on_date=day))
-    return along_the_road(sites, load_vegnett(asked.store), day)
+    roads = Roads(asked.store, asked.view, kept, anew=anew)
+    return roads.along(sites_from_mirror(points, plates, asked.config, roads.faces(plates)))

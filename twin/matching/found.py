@@ -100,7 +100,7 @@ def everything(asked: Asked, kept: Kept) -> Found:
     clicks = clicks_of(view, method)
     marks = marks_of(estimates, clicks)
     poles = with_known_keys(placed, marks, known_marks(view))
-    sites = sites_of(asked, mirror_near(view, _places(drives, poles), config))
+    sites = sites_of(asked, mirror_near(view, _places(drives, poles), config), kept, anew=True)
     drives = beside_nvdb(drives, sites, once, kept)
     tied = ""
     if config.map_aided:
@@ -342,7 +342,7 @@ def _sites_about(
 ) -> tuple[list[Site], list[Drive]]:
     """Sites in a part of the store, and the drives with what the sites say of those that were touched."""
     touched = [drive for drive in drives if drive.drive_id in scope.drives]
-    sites = sites_that_judge(asked, touched, once, scope.about)
+    sites = sites_that_judge(asked, kept, touched, once, scope.about)
     seen = beside_nvdb(drives, sites, once, kept, scope.drives)
     inside = are_among(cells_of(places_of(sites)), scope.about)
     return [site for site, counts in zip(sites, inside, strict=True) if counts], seen

@@ -48,7 +48,9 @@ def drives_judged_anew(asked: Asked, kept: Kept, state: State, changed: IntArray
     estimates = estimates_of(view, method, known)
     pairs = may_be_one(estimates, config)
     once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
-    sites = sites_that_judge(asked, drives, once, np.unique(np.concatenate([reach[one] for one in known])))
+    sites = sites_that_judge(
+        asked, kept, drives, once, np.unique(np.concatenate([reach[one] for one in known]))
+    )
     judged = beside_nvdb(drives, sites, once, kept)
     return {
         one.drive_id
@@ -60,7 +62,7 @@ def drives_judged_anew(asked: Asked, kept: Kept, state: State, changed: IntArray
 
 
 def sites_that_judge(
-    asked: Asked, drives: Sequence[Drive], estimates: Sequence[Estimate], cells: IntArray
+    asked: Asked, kept: Kept, drives: Sequence[Drive], estimates: Sequence[Estimate], cells: IntArray
 ) -> list[Site]:
     """Sites in some cells, and all by which the clocks of drives are judged.
 
@@ -75,12 +77,12 @@ def sites_that_judge(
     for one in estimates:
         if one.drive_id in mine:
             mine[one.drive_id].append(one)
-    sites = sites_of(asked, mirror_near(asked.view, middles_of(cells), asked.config, CELL_M))
+    sites = sites_of(asked, mirror_near(asked.view, middles_of(cells), asked.config, CELL_M), kept)
     more = [cells_if_shifted(drive, mine[drive.drive_id], sites) for drive in drives]
     wider = np.unique(np.concatenate([cells, *more]))
     if wider.size == cells.size:
         return sites
-    return sites_of(asked, mirror_near(asked.view, middles_of(wider), asked.config, CELL_M))
+    return sites_of(asked, mirror_near(asked.view, middles_of(wider), asked.config, CELL_M), kept)
 
 
 def _alone(asked: Asked, kept: Kept, changed: IntArray) -> IntArray:

@@ -226,7 +226,7 @@ class _Tile:
         steps = np.arange(-_SITES_M, TILE_M + 2 * _SITES_M, _SITES_M)
         places = self._corner + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         rows = mirror_near(self._asked.view, places, self._asked.config, _SITES_M)
-        sites = sites_of(self._asked, rows)
+        sites = sites_of(self._asked, rows, self._kept, anew=True)
         place_m = np.array([(site.east_m, site.north_m) for site in sites]).reshape(-1, 2)
         inside = are_among(cells_of(place_m), self._scope.about).tolist()
         return [site for site, counts in zip(sites, inside, strict=True) if counts]

@@ -244,15 +244,17 @@ def _worked_drives(asked: Asked, name: str, drive_ids: Sequence[str]) -> Worked:
     estimates = estimates_of(view, method, drive_ids)
     pairs = may_be_one(estimates, config)
     once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
-    sites = sites_that_judge(asked, drives, once, cells_of(places_of(once)))
+    sites = sites_that_judge(asked, kept, drives, once, cells_of(places_of(once)))
     drives = beside_nvdb(drives, sites, once, kept)
     known = known_drives(drives, estimates, clicks_of(view, method, drive_ids), kept)
     for drive in drives:
         drive.watcher.leave()
         known[drive.drive_id].put(kept, drive.drive_id)
+    mine = frozenset(drive_ids)
     parts: dict[str, dict[str, bytes]] = {}
     for (kind, drive_id), packed in kept.used().items():
-        parts.setdefault(drive_id, {})[kind] = packed
+        if drive_id in mine:
+            parts.setdefault(drive_id, {})[kind] = packed
     worked = {
         f"{_DRIVE} {one}": packed_arrays({kind: np.frombuffer(p, np.uint8) for kind, p in of_drive.items()})
         for one, of_drive in parts.items()

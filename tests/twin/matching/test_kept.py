@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sqlalchemy as sa
+from one_road import with_road
 
 from geoloc.earth.geodesy import geographic_from_utm33, utm33_from_geographic
 from twin.decisions import decide, undo
@@ -22,10 +23,12 @@ from twin.matching import match
 from twin.matching.config import MatchConfig
 from twin.matching.kept import Kept
 from twin.mirror.touched import places_of
+from twin.mirror.vegnett.touched import places_beside_changes
 from twin.store import schema
 from twin.store.annotation_sets import AnnotationSet, annotation_sets, put, use_annotation_set
 from twin.store.kinds import Decision
 from twin.store.poses import blob_from_poses, poses_from_blob
+from twin.store.sql import swap
 from twin.store.store import Row, Store
 
 HISTORIES = max(1, int(os.environ.get("TWIN_HISTORIES", "8")) // 4)
@@ -150,6 +153,19 @@ class History:
                 self._change(connection, row["nvdb_id"], new)
                 self.store.touch(connection, places=before | places_of(connection, ids))
 
+    def turn_the_road(self) -> None:
+        """A new road network comes, if the store has one: its road is metered the other way."""
+        now, old, new = f"2026-07-{self.draw.randint(1, 28):02}", schema.veglenke, schema.veglenke_aside
+        with self.store.transaction() as connection:
+            view = self.store.view(connection)
+            if not (rows := view.rows(sa.select(old))):
+                return
+            connection.execute(sa.insert(new), [{**row, "retning": -row["retning"]} for row in rows])
+            places = places_beside_changes(connection, "2026-06-01", now)
+            swap(connection, old, new)
+            self.store.put_fact(connection, "vegnett", {"rejected": [], "fetched_at": now})
+            self.store.touch(connection, places=places)
+
     def _plates(self, point_id: int) -> list[int]:
         plate = schema.skiltplate.c
         rows = self.store.rows(sa.select(plate.nvdb_id).where(plate.point_id == point_id))
@@ -252,12 +268,15 @@ def test_a_match_is_that_of_everything_after_any_history(
     shutil.copy(matched_store, path)
     with_another_place(path)
     history = History(Store(path), random.Random(seed))
+    if seed % 2:
+        with_road(history.store, fetched_at="2026-06-01")
     can = (
         history.ingest,
         history.ingest_again,
         history.use_other_annotations,
         history.lose,
         history.sync,
+        history.turn_the_road,
         history.change_a_setting,
         history.decide,
     )

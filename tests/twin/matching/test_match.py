@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 import sqlalchemy as sa
 from annotation_edits import as_boxes, days_later, edit_tracks, without_tracks
 from command_line import Twin
 from drive_damage import frames_later
+from one_road import with_road
 
 from geoloc.locate.single_frame import ErrorBudget
 from twin.errors import ConfigError, RefusedError
@@ -326,31 +326,6 @@ def test_match_refuses_a_probability_above_one() -> None:
     with pytest.raises(ConfigError, match=r"p_misread of matching is 1\.5: give a share of at most 1"):
         MatchConfig(p_misread=1.5)
     assert MatchConfig(gate_m=1.5).gate_m == 1.5
-
-
-def with_road(store: Store) -> None:
-    """Give the store a road network of one link: the drive's own track, metered with it."""
-    line = store.rows(sa.select(schema.drive.c.line))[0]["line"]
-    link = {
-        "veglenkesekvensid": 1,
-        "veglenkenummer": 1,
-        "segmentnummer": 1,
-        "startposisjon": 0.0,
-        "startdato": "2000-01-01",
-        "sluttposisjon": 1.0,
-        "konnektering": False,
-        "detaljert": False,
-        "type_veg": "enkelBilveg",
-        "detaljniva": "Vegtrase",
-        "vegkategori": "K",
-        "trafikantgruppe": "K",
-        "kortform": "KV1 S1D1 m0-1000",
-        "retning": 1,
-        "geometri": shapely.to_wkb(shapely.force_3d(shapely.from_wkb(line), 0.0)),
-    }
-    with store.transaction() as connection:
-        connection.execute(sa.insert(schema.veglenke), [link])
-        store.put_fact(connection, "vegnett", {"rejected": []})
 
 
 def test_match_knows_by_the_road_which_side_of_a_sign_was_seen(opened: Store) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ from nvdb.vegnett import (
 from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import ROWS_AT_ONCE, load_vegnett
 from twin.store import schema
+from twin.store.sql import each_number
 from twin.store.store import Row, Store
 
 _COLUMNS = ("nvdb_id", "ansiktsside", "own_geometry", "east_m", "north_m", "stedfesting")
@@ -52,7 +53,12 @@ class _Places:
 
 
 def facing(
-    store: Store, *, on_date: dt.date | None = None, max_distance_m: float = 50.0
+    store: Store,
+    *,
+    on_date: dt.date | None = None,
+    max_distance_m: float = 50.0,
+    plates: Collection[int] | None = None,
+    network: Vegnett | None = None,
 ) -> dict[int, tuple[float, float]]:
     """Work out for each mirrored plate the compass direction that its face looks towards.
 
@@ -68,6 +74,10 @@ def facing(
         Day on which links have to be valid; today if left out.
     max_distance_m : float
         See above.
+    plates : collection of int, optional
+        Ids of those that are wanted; all by default.
+    network : Vegnett, optional
+        The store's, where it was loaded already.
 
     Returns
     -------
@@ -81,18 +91,19 @@ def facing(
     StoreError
         The store holds no road network.
     """
-    nett = load_vegnett(store)
-    roads = _Roads(nett, on_date, max_distance_m)
+    roads = _Roads(load_vegnett(store) if network is None else network, on_date, max_distance_m)
     enums = _enum_ids(store)
     azimuths: dict[int, tuple[float, float]] = {}
     asked = sa.select(*(schema.skiltplate.c[name] for name in _COLUMNS))
+    if plates is not None:
+        asked = asked.where(schema.skiltplate.c.nvdb_id.in_(each_number(sorted(plates))))
     with store.snapshot() as view:
-        for plates in view.chunks(asked, ROWS_AT_ONCE):
-            places = roads.beside(plates)
-            enum = [enums.get(_folded(plate["ansiktsside"]), 0) for plate in plates]
+        for rows in view.chunks(asked, ROWS_AT_ONCE):
+            places = roads.beside(rows)
+            enum = [enums.get(_folded(plate["ansiktsside"]), 0) for plate in rows]
             metering = true_azimuth(places.metering_grid_deg, places.east, places.north)
             faces = facing_azimuth(enum, metering, places.side.astype(np.str_))
-            ids = (plate["nvdb_id"] for plate in plates)
+            ids = (plate["nvdb_id"] for plate in rows)
             azimuths.update(
                 (i, (first, second)) for i, (first, second) in zip(ids, faces.tolist(), strict=True)
             )
