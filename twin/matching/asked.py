@@ -36,7 +36,7 @@ class Asked:
 
     def rests_on(self) -> str:
         """Digest of everything that findings rest on but drives, NVDB's signs, and the roads beside them."""
-        network = [self.view.fact(KATALOG_FACT)] if self.has_network else None
+        network = [self.view.fact(KATALOG_FACT)] if self.has_network else []
         said = json.dumps([LAYOUT, self.method, asdict(self.config), network], sort_keys=True)
         return digest(said.encode())
 

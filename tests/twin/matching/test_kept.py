@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import shutil
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 import sqlalchemy as sa
 from one_road import with_road
+from postgres_server import Server
 
 from geoloc.earth.geodesy import geographic_from_utm33, utm33_from_geographic
 from twin.decisions import decide, undo
@@ -26,6 +28,7 @@ from twin.mirror.touched import places_of
 from twin.mirror.vegnett.touched import places_beside_changes
 from twin.store import schema
 from twin.store.annotation_sets import AnnotationSet, annotation_sets, put, use_annotation_set
+from twin.store.copying import copy_store
 from twin.store.kinds import Decision
 from twin.store.poses import blob_from_poses, poses_from_blob
 from twin.store.sql import swap
@@ -256,7 +259,7 @@ def findings(store: Store) -> str:
         sa.select(schema.known_mark).order_by(schema.known_mark.c.id),
         sa.select(schema.decision.c.change_id, schema.decision.c.decision),
     ]
-    return repr([store.rows(asked) for asked in tables])
+    return json.dumps([store.rows(asked) for asked in tables], sort_keys=True)
 
 
 @pytest.mark.parametrize("seed", range(HISTORIES))
@@ -293,6 +296,31 @@ def test_a_match_is_that_of_everything_after_any_history(
             assert findings(history.store) == findings(fresh), step.__name__
             assert history.store.count(schema.kept_part) == fresh.count(schema.kept_part)
     assert match(history.store, method=METHOD, config=history.config, anew=True).kept_agree is True
+
+
+def test_what_was_touched_is_matched_alike_on_postgresql(
+    matched_store: Path, tmp_path: Path, postgres: Server
+) -> None:
+    """A drive, a sync and a new road network, from one and the same store: the same findings, bit for bit."""
+    path = tmp_path / "twin.db"
+    shutil.copy(matched_store, path)
+    with_another_place(path)
+    history = History(Store(path), random.Random(4))
+    with_road(history.store, fetched_at="2026-06-01")
+    history.ingest()
+    match(history.store, method=METHOD)
+    history.ingest(FAR_M)
+    history.sync()
+    history.turn_the_road()
+    history.store.close()
+    address, said = postgres.new(), list[str]()
+    copy_store(path, address)
+    with Store(address) as other:
+        report = match(other, method=METHOD, progress=said.append)
+        assert said[0].startswith("reading what was touched")
+        assert match(history.store, method=METHOD) == report
+        assert findings(history.store) == findings(other)
+        assert match(other, method=METHOD, anew=True).kept_agree is True
 
 
 def test_what_nothing_touched_is_not_looked_at(matched_store: Path, tmp_path: Path) -> None:
