@@ -15,9 +15,10 @@ from checkout import REAL
 
 from twin.drives.track.fixes import fix_rate_hz
 from twin.drives.track.formats.gpx import looks_like_gpx, read_gpx
-from twin.drives.track.formats.nmea import looks_like_nmea, read_nmea
+from twin.drives.track.formats.nmea import NmeaStream, looks_like_nmea, read_nmea
 from twin.drives.track.formats.sbp import read_sbp, read_sbp_poses
 from twin.drives.track.formats.sbp_messages import looks_like_sbp
+from twin.drives.track.formats.sbp_stream import SbpStream
 from twin.errors import DriveError
 
 GNSS = REAL / "gnss"
@@ -141,6 +142,31 @@ def test_sbp_without_attitude_makes_no_poses(name: str) -> None:
     """Both receivers had no INS."""
     with pytest.raises(DriveError, match="holds no usable attitude"):
         read_sbp_poses(content(name), name)
+
+
+def test_receivers_that_are_read_while_they_send_give_the_fixes_of_the_file() -> None:
+    """Two NMEA logs line by line, two SBP logs in pieces; the first NMEA fix stands before any date."""
+    for name in ("gpsd_ublox-zed-f9p-nmea.log", "gpsd_nmea-rtk.log"):
+        lines, fixes = NmeaStream(), read_nmea(content(name), "a", name).fixes
+        found = [fix for line in content(name).splitlines() for fix in lines.feed(line, utc(2020, 1, 1))]
+        found += lines.pause()
+        assert [fix.epoch_ns for fix in found[1:]] == fixes.epoch_ns.tolist()[1:]
+        columns = np.array([(*fix[2:5], fix.sigma_horizontal_m, *fix.velocity_mps[:2]) for fix in found])
+        places = (fixes.latitude_deg, fixes.longitude_deg, fixes.height_m, fixes.sigma_horizontal_m)
+        np.testing.assert_array_equal(columns, np.column_stack([*places, fixes.velocity_mps[:, :2]]))
+    for name in ("roundtrip.sbp", "short.sbp"):
+        raw, messages, fixes = content(name), SbpStream(), read_sbp(content(name), "a", name).fixes
+        found = [fix for at in range(0, len(raw), 37) for fix in messages.feed(raw[at : at + 37])]
+        found += messages.pause()
+        assert [fix[:1] + fix[2:5] for fix in found] == list(
+            zip(
+                *(
+                    column.tolist()
+                    for column in (fixes.epoch_ns, fixes.latitude_deg, fixes.longitude_deg, fixes.height_m)
+                ),
+                strict=True,
+            )
+        )
 
 
 def test_gpx_track_is_93_seconds_in_san_francisco() -> None:

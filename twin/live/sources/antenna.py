@@ -86,6 +86,8 @@ class Antenna:
         """Whether its heading may be used."""
         if self._trusted or math.isnan(fix.heading_deg):
             return True
+        if self._driven and fix.epoch_ns <= self._driven[-1].epoch_ns:
+            self._driven.clear()  # its clock has stepped back
         self._driven.append(fix)
         self._seen += 1
         if self._seen % _LOOKED_AT_EVERY == 0:

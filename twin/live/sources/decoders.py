@@ -8,6 +8,7 @@ from typing import Protocol
 
 from geoloc.live.samples import Fix
 from twin.drives.annotations.formats.frame_lines import frame_of_line
+from twin.drives.epochs import credible
 from twin.drives.track import fixes as recorded
 from twin.drives.track.formats.sbp_stream import SbpStream
 from twin.live.events import Frame
@@ -187,7 +188,10 @@ class FrameLines:
 
 
 def stamped(line: bytes, at_ns: int) -> bytes:
-    """Return a line with the host's clock in µs behind it, and its end; one that has a stamp keeps it."""
-    if _STAMPED.search(line):
+    """Return a line with the host's clock in µs behind it, and its end; one that has a stamp keeps it.
+
+    A clock that was never set stamps nothing: readers leave such lines out.
+    """
+    if _STAMPED.search(line) or not credible(at_ns):
         return line + b"\n"
     return line.rstrip() + b" %d\n" % (at_ns // 1000)

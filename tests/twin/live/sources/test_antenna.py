@@ -84,3 +84,17 @@ def test_host_stamp_stands_behind_what_has_none() -> None:
     assert stamped(b'{"class":"TPV"}\r', at_ns) == b'{"class":"TPV"} 1781078399078496\n'
     whole = b"$GPGGA,1*00 1781078399000000\r"
     assert stamped(whole, at_ns) == whole + b"\n"
+
+
+def test_host_whose_clock_was_never_set_stamps_nothing(car: Car) -> None:
+    """Its lines have no stamp, and fixes no day until the receiver says it."""
+    gga, rmc = (
+        "GPGGA,080000.00,6325.0,N,01024.0,E,4,14,1.1,80.0,M,0.0,M,,",
+        "GPRMC,080001.00,A,,,,,,,100626,,,D",
+    )
+    kept: list[bytes] = []
+    decoder = FixLines(NmeaStream(), Antenna(ROOF, car), kept.append)
+    assert [*decoder.feed(sentence(gga), 60_000_000_000), *decoder.pause()] == []
+    decoder.feed(sentence(rmc) + sentence(gga.replace("00.00", "01.00", 1)), 61_000_000_000)
+    assert [fix.epoch_ns for fix in decoder.pause()] == [1_781_078_401_000_000_000]
+    assert kept[0] == sentence(gga).rstrip() + b"\r\n"

@@ -265,7 +265,8 @@ class NmeaStream:
     """Lines as a receiver sends them → fixes, each as soon as all that is said of its epoch has come.
 
     A fix is complete when a sentence of another time comes, or `pause` tells that nothing does. Its date is
-    that of RMC and ZDA where the receiver sends them, else that of the host.
+    that of RMC and ZDA where the receiver sends them, else that of the host; by a host whose clock was never
+    set there is no fix.
 
     Attributes
     ----------
@@ -311,8 +312,9 @@ class NmeaStream:
             elif row.time_ns == but_ns:
                 waiting.append(row)
             else:
-                fixes.append(log.fix(row, self._stated_ns or row.host_ns or 0))
-                self._stated_ns = self._stated_ns and fixes[-1].epoch_ns
+                fix = log.fix(row, self._stated_ns or row.host_ns or 0)
+                self._stated_ns = self._stated_ns and fix.epoch_ns
+                fixes += [fix] if credible(fix.epoch_ns) else []
         log.rows = waiting
         log.sigmas_m = {at: sigmas for at, sigmas in log.sigmas_m.items() if at == but_ns}
         log.motion.forget(but_ns)
