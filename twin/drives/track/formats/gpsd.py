@@ -152,7 +152,7 @@ class _Log:
         if report.kind == "TPV":
             self._rows.append(line)
         elif report.kind == "GST":
-            sigma_m = math.sqrt((report.lat**2 + report.lon**2) / 2)
+            sigma_m = math.hypot(report.lat, report.lon) / math.sqrt(2.0)
             self._sigmas_m[report.time] = sigma_or_nan(sigma_m), sigma_or_nan(report.alt)
 
     def fixes(self, faults: Counter[str]) -> list[Fix]:
@@ -187,7 +187,7 @@ def _fix(line: _Line, sigmas_m: tuple[float, float] | None) -> Fix:
     check_epoch(epoch_ns)
     if sigmas_m is None:
         # How probably these hold nobody knows: they count as one sigma, which is at worst too large.
-        horizontal_m = math.sqrt((report.epx**2 + report.epy**2) / 2)
+        horizontal_m = math.hypot(report.epx, report.epy) / math.sqrt(2.0)
         sigmas_m = sigma_or_nan(horizontal_m), sigma_or_nan(report.epv)
     course_deg = report.track if math.isfinite(report.track) else None
     velocity = velocity_of(report.speed, course_deg) if report.speed >= 0.0 else None
