@@ -1,6 +1,6 @@
 """The live engine against its bars: time a frame, memory, positions against the batch adjustment, replay.
 
-Usage: OMP_NUM_THREADS=1 python benchmarks/live.py [PART ...] [--seeds 10] [--minutes 60] [--histogram FILE]
+Usage: OMP_NUM_THREADS=1 python benchmarks/live.py [PART ...] [--seeds 10] [--rows NAME] [--minutes 60] [--histogram FILE]
 
 Parts: `positions` (urban and highway drives, through the engine and through the batch adjustment of the
 same recording; on the simulator's roads, and with every error drawn as it is stated, where an ellipse should
@@ -139,6 +139,11 @@ def batch(recording: Recorded) -> Driven:
     return Driven(np.hypot(*off.T), nees(off, found.covariance_m2[known]))
 
 
+def name_of(case: Case, *, stated: bool) -> str:
+    """What a row is called."""
+    return f"{case.label}{', as stated' if stated else ''}"
+
+
 def run_case(case: Case, seeds: int, *, stated: bool) -> tuple[list[object], bool]:
     """One row of the table, and whether it is within the bars."""
     parts: dict[str, list[Driven]] = {"batch": [], "live": [], "first": []}
@@ -165,7 +170,7 @@ def run_case(case: Case, seeds: int, *, stated: bool) -> tuple[list[object], boo
         met &= FIRST_SHARE[0] <= share["first"] <= FIRST_SHARE[1]
     sizes = [f"{np.median(one.error_m):.3f} / {np.percentile(one.error_m, 95):.3f}" for one in whole.values()]
     row = [
-        f"{case.label}{', as stated' if stated else ''}",
+        name_of(case, stated=stated),
         f"{whole['live'].error_m.size} of {whole['batch'].error_m.size}",
         *sizes,
         f"{ratio:.2f}",
@@ -176,10 +181,12 @@ def run_case(case: Case, seeds: int, *, stated: bool) -> tuple[list[object], boo
     return row, met
 
 
-def positions(seeds: int, *, markdown: bool) -> bool:
+def positions(seeds: int, only: str, *, markdown: bool) -> bool:
     """Live against batch."""
-    cases = [case for case in CASES if case.label in POSITIONS]
-    rows = [run_case(case, seeds, stated=stated) for stated in (True, False) for case in cases]
+    cases = [(case, stated) for stated in (True, False) for case in CASES if case.label in POSITIONS]
+    rows = [
+        run_case(case, seeds, stated=stated) for case, stated in cases if only in name_of(case, stated=stated)
+    ]
     header = ["drive", "poles", "batch m", "live m", "first frame m", "live / batch"]
     header += ["in batch ellipse", "in live", "in first", "within bars"]
     show("Errors in the plane (median / 95 %)", header, [row for row, _ in rows], markdown=markdown)
@@ -277,6 +284,7 @@ def memory(minutes: float) -> bool:
         first_ns = one.at_ns if first_ns is None else first_ns
         if one.at_ns - first_ns >= (len(marks) + 1) * 6e9 * minutes:
             marks.append(resident_mb())
+            print(f"memory: {len(marks)}0 % of the drive, {marks[-1]:.0f} MB", file=sys.stderr, flush=True)
     grown = marks[-1] - marks[len(marks) // 2]
     print(
         f"memory: {minutes:g} minutes, {engine.sightings} sightings: {marks[0]:.0f} MB after a tenth,"
@@ -319,6 +327,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("part", nargs="*", help=f"of {', '.join(parts)} (default: all)")
     parser.add_argument("--seeds", type=int, default=10, help="drives a row (default 10)")
+    parser.add_argument("--rows", default="", help="positions: only rows that have this in their name")
     parser.add_argument("--minutes", type=float, default=60.0, help="length of the long drive (default 60)")
     parser.add_argument("--histogram", type=Path, help="draw the latencies into this file")
     parser.add_argument("--markdown", action="store_true", help="print the table for docs/live.md")
@@ -331,7 +340,7 @@ def main() -> None:
     if "replay" in asked:
         met.append(replay(real_time=options.real_time))
     if "positions" in asked:
-        met.append(positions(options.seeds, markdown=options.markdown))
+        met.append(positions(options.seeds, options.rows, markdown=options.markdown))
     if "memory" in asked:
         met.append(memory(options.minutes))
     raise SystemExit(0 if all(met) else 1)

@@ -6,7 +6,7 @@ windows go on as if all sightings were there, linearised where they were last.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from geoloc.adjustment.equations import epochs_of_unknowns
 from geoloc.adjustment.model import Model
 from geoloc.adjustment.scene import Scene
 from geoloc.adjustment.solve import Solution
-from geoloc.adjustment.unknowns import LEAN, PER_NODE, ROLL, TIME, Layout, Prior
+from geoloc.adjustment.unknowns import LEAN, PER_NODE, ROLL, Layout, Prior
 from geoloc.arrays import BoolArray, FloatArray, IntArray
 from geoloc.earth.geodesy import enu_offset, geographic_from_enu
 
@@ -24,6 +24,8 @@ BEFORE = "before"
 """Source of what was seen before the window."""
 # Directions of which less is known than this, in units of the best known of each unknown, count as unknown.
 _NOTHING = 1e-10
+LEARNED = frozenset({ROLL, LEAN})
+"""What the trajectory learns itself, of its fixes: how well it knows these by now it says each time."""
 
 
 class Key(NamedTuple):
@@ -44,7 +46,7 @@ class Carried(NamedTuple):
     information : float64 (k, k)
     gradient : float64 (k,)
     at : float64 (k,)
-        Values of shared unknowns (of the clock with all that was added before) and nodes; 0 for points.
+        Values of shared unknowns, with what was taken off before (`left_behind`), and of nodes; 0 for points.
     places : mapping (object, is foot) → Place
         Where points are for `at`.
     first_node_ns : int
@@ -66,6 +68,10 @@ class Carried(NamedTuple):
         kept = [key for key, keep in zip(self.keys, keys.tolist(), strict=True) if keep]
         return self._replace(keys=kept, information=information, gradient=gradient, at=self.at[keys])
 
+    def without(self, shared: Set[int]) -> Carried:
+        """Eliminate these of what all sightings share."""
+        return self.only(np.array([not (key.kind == "shared" and key.axis in shared) for key in self.keys]))
+
     def loosened(self, variance: Mapping[Key, float]) -> Carried:
         """Let these unknowns wander by so much."""
         rows = np.array([i for i, key in enumerate(self.keys) if key in variance], dtype=np.int64)
@@ -79,7 +85,7 @@ class Carried(NamedTuple):
             gradient=self.gradient - taken @ self.gradient[rows],
         )
 
-    def added_to(self, prior: Prior, model: Model, shift_s: float) -> Prior:
+    def added_to(self, prior: Prior, model: Model, taken: Mapping[int, float]) -> Prior:
         """Return what is known beforehand of a window, with this in place of what it says of the same."""
         layout = model.layout
         column = columns_of(self.keys, model)
@@ -88,8 +94,8 @@ class Carried(NamedTuple):
         known = self.only(column >= 0)
         column = column[column >= 0]
         matrix, constant = known.rows()
-        off = _zeros(known, model, shift_s) - known.at
-        kept = _not_known_twice(prior, layout, set(column.tolist()))
+        off = _zeros(known, model, taken) - known.at
+        kept = _not_known_twice(prior, layout, set(column.tolist()) - LEARNED)
         k, j = matrix.shape
         return Prior(
             np.concatenate([kept.row, kept.constant.size + np.repeat(np.arange(k), j)]),
@@ -148,7 +154,7 @@ def columns_of(keys: Sequence[Key], model: Model) -> IntArray:
     return column
 
 
-def left_behind(model: Model, solution: Solution, cut_ns: int, shift_s: float) -> Carried:
+def left_behind(model: Model, solution: Solution, cut_ns: int, taken: Mapping[int, float]) -> Carried:
     """What all that was seen before an epoch, the beginning of a second, tells of what stays.
 
     Parameters
@@ -156,16 +162,15 @@ def left_behind(model: Model, solution: Solution, cut_ns: int, shift_s: float) -
     model, solution
         Of the window.
     cut_ns : int
-    shift_s : float
-        What was added to the clock before the window was solved.
+    taken : mapping shared unknown → float
+        What was taken off it before the window was solved: what was added to the clock, and what the
+        trajectory takes its lasting roll for.
     """
     layout, equations, system = model.layout, solution.equations, solution.system
     when = epochs_of_unknowns(model)
     nodes = layout.node(np.arange(layout.n_nodes))
     when[nodes] = np.repeat(model.node_ns, PER_NODE).reshape(-1, PER_NODE)
     gone = when < cut_ns
-    # What lasts of the trajectory's roll it learns itself, and says how well it knows it by now.
-    gone[[ROLL, LEAN]] = True
     old = model.scene.epoch_ns < cut_ns
     both = np.sqrt(np.repeat(solution.weight, 2))
     rays_old = np.flatnonzero(np.repeat(old, 2))
@@ -187,10 +192,10 @@ def left_behind(model: Model, solution: Solution, cut_ns: int, shift_s: float) -
     unknown = np.argsort(equations.place)[touched]
     keep = ~gone[unknown]
     information, gradient = eliminated(dense.T @ dense, dense.T @ np.concatenate(residuals), keep)
-    return _carried(model, solution, unknown[keep], information, gradient, cut_ns, shift_s)
+    return _carried(model, solution, unknown[keep], information, gradient, cut_ns, taken)
 
 
-def _zeros(known: Carried, model: Model, shift_s: float) -> FloatArray:
+def _zeros(known: Carried, model: Model, taken: Mapping[int, float]) -> FloatArray:
     """What these unknowns are, on the scale of `Carried.at`, where the window's are 0."""
     zero, points = np.zeros(len(known.keys)), points_of(model)
     starts = {
@@ -199,8 +204,8 @@ def _zeros(known: Carried, model: Model, shift_s: float) -> FloatArray:
         if one in points
     }
     for i, key in enumerate(known.keys):
-        if key.kind == "shared" and key.axis == TIME:
-            zero[i] = shift_s
+        if key.kind == "shared":
+            zero[i] = taken.get(key.axis, 0.0)
         elif key.kind == "point" and (key.owner, key.of) in starts:
             zero[i] = starts[key.owner, key.of][key.axis]
     return zero
@@ -213,7 +218,7 @@ def _carried(
     information: FloatArray,
     gradient: FloatArray,
     cut_ns: int,
-    shift_s: float,
+    taken: Mapping[int, float],
 ) -> Carried:
     """Name the unknowns, and say where they are."""
     layout, scene, every = model.layout, model.scene, places_of(model, solution.x)
@@ -221,7 +226,7 @@ def _carried(
     for i, one in enumerate(unknown.tolist()):
         if one < layout.first_point:
             keys.append(Key("shared", 0, False, one))
-            at[i] += shift_s if one == TIME else 0.0
+            at[i] += taken.get(one, 0.0)
         elif one < layout.first_node:
             point, axis = divmod(one - layout.first_point, 3)
             owner, foot = int(scene.object[point]), bool(scene.is_foot[point])
@@ -244,7 +249,10 @@ def _prior_rows(prior: Prior, layout: Layout, gone: BoolArray) -> IntArray:
     stays = (prior.column >= layout.first_instant) & ~gone[prior.column]
     np.logical_or.at(of_instants, prior.row, stays)
     np.logical_and.at(of_all, prior.row, prior.column < layout.first_point)
-    return np.flatnonzero((touches & ~of_instants) | of_all | (prior.source == BEFORE))
+    learned = np.zeros(k, bool)
+    learned[prior.row[np.isin(prior.column, list(LEARNED))]] = True
+    mine = (touches & ~of_instants) | of_all
+    return np.flatnonzero((mine & ~learned) | (prior.source == BEFORE))
 
 
 def _not_known_twice(prior: Prior, layout: Layout, columns: set[int]) -> Prior:

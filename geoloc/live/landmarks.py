@@ -21,9 +21,9 @@ from geoloc.adjustment.result import Adjusted, OfTheTrack, adjusted_of
 from geoloc.adjustment.scene import Bodies, Scene
 from geoloc.adjustment.solve import Solution, noise_at, solve, solve_near
 from geoloc.adjustment.task import Task
-from geoloc.adjustment.unknowns import FIRST_CAMERA, PER_CAMERA, TIME, Prior
+from geoloc.adjustment.unknowns import FIRST_CAMERA, LEAN, PER_CAMERA, ROLL, TIME, Prior
 from geoloc.arrays import FloatArray, IntArray
-from geoloc.live.carried import Carried, Key, left_behind, places_of
+from geoloc.live.carried import LEARNED, Carried, Key, left_behind, places_of
 from geoloc.locate.error_budget import LIKELY_READOUT_MS, ErrorBudget
 from geoloc.locate.observations import Observations
 from geoloc.locate.records import Sightings
@@ -155,6 +155,7 @@ class Landmarks:
         self._carried: Carried | None = None
         self._cut_ns: int | None = None
         self._shift_ns = 0
+        self._taken: dict[int, float] = {}
         self._solutions = 0
         self._last_model: Model | None = None
         self._last_x = np.zeros(0)
@@ -182,6 +183,11 @@ class Landmarks:
         self._last[key] = sighting.epoch_ns
         self._rows.append(sighting)
         return True
+
+    def begin_track(self) -> None:
+        """Take note that the trajectory has begun anew: what it takes its lasting roll for is another's."""
+        if self._carried is not None:
+            self._carried = self._carried.without(LEARNED)
 
     def last_seen(self) -> dict[int, int]:
         """Epoch at which each object of the window was seen last."""
@@ -306,14 +312,20 @@ class Landmarks:
         self, scene: Scene, trajectory: Trajectory, budget: ErrorBudget
     ) -> tuple[Model, Prior, FloatArray]:
         """Lay out the unknowns, what is known of them, and where to begin."""
-        shift_s = self._shift_ns / NANOSECONDS
+        roll = trajectory.lasting_roll
+        self._taken = {
+            TIME: self._shift_ns / NANOSECONDS,
+            ROLL: float(np.radians(roll.deg)),
+            LEAN: float(np.radians(roll.deg_per_mps2)),
+        }
         model, prior = model_of(scene, trajectory, budget, self._readout_s, self._radius_m, self._cut_ns)
         if self._carried is not None:
-            prior = self._carried.added_to(prior, model, shift_s)
+            prior = self._carried.added_to(prior, model, self._taken)
         start = np.zeros(model.layout.size)
         if self._shared.size == model.layout.first_point:
             start[: self._shared.size] = self._shared
-            start[TIME] -= shift_s
+            for place, value in self._taken.items():
+                start[place] -= value
         self._warm(start, model)
         return model, prior, start
 
@@ -349,15 +361,15 @@ class Landmarks:
     def _move_on(self, solution: Solution, now_ns: int) -> None:
         """Keep what was found, and let go of what leaves the window."""
         model = solution.equations.model
-        shift_s = self._shift_ns / NANOSECONDS
         layout = model.layout
         self._shared = solution.x[: layout.first_point].copy()
-        self._shared[TIME] += shift_s
+        for place, value in self._taken.items():
+            self._shared[place] += value
         self._last_model, self._last_x = model, solution.x
         self._places = places_of(model, solution.x)
         cut_ns, first_ns = self._next_cut_ns(now_ns), int(model.scene.epoch_ns.min())
         if first_ns < cut_ns:
-            carried = left_behind(model, solution, cut_ns, shift_s)
+            carried = left_behind(model, solution, cut_ns, self._taken)
             since_s = (cut_ns - (self._cut_ns or first_ns)) / NANOSECONDS
             self._carried = carried.loosened(self._wandering(since_s))
             self._cut_ns = cut_ns

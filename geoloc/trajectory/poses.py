@@ -148,14 +148,17 @@ class Poses:
 
 
 class LastingRoll(NamedTuple):
-    """One sigma of that part of a trajectory's roll error which is the same for the whole drive.
+    """That part of a trajectory's roll which is the same for the whole drive: one sigma of its error, and it.
 
     Parts of it are the same everywhere, and in proportion to the acceleration to the left: antennas that sit
     higher than their lever arms say, the road's mean crossfall, superelevation and the body's lean in bends.
+    A trajectory that goes on learns them: what it takes them for by now tells its rolls from those before.
     """
 
     sigma_deg: float = 0.0
     sigma_deg_per_mps2: float = 0.0
+    deg: float = 0.0
+    deg_per_mps2: float = 0.0
 
 
 def part(poses: Poses, rows: slice | IntArray) -> Poses:

@@ -263,7 +263,10 @@ class LiveEngine:
         )
 
     def _solve_track(self) -> None:
+        before = self._track.restarts
         self._track.solve(self._now_ns)
+        if self._track.restarts > before:
+            self._landmarks.begin_track()
         self._track_ns, self._fresh = self._now_ns, False
 
     def _frame(self, frame: Frame) -> list[Estimate]:

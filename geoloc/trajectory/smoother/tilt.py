@@ -126,7 +126,10 @@ def smoothed_tilt(
         pitch_sigma_deg=np.degrees(np.sqrt(slope_variance)),
         roll_deg=np.degrees(np.arctan(_CROSSFALL + fit.of_the_drive @ constants[-2:] + state[:, 2])),
         roll_sigma_deg=np.degrees(lean_sigma),
-        lasting_roll=LastingRoll(*np.degrees(np.sqrt(np.diagonal(part @ shared @ part.T))).tolist()),
+        lasting_roll=LastingRoll(
+            *np.degrees(np.sqrt(np.diagonal(part @ shared @ part.T))).tolist(),
+            *np.degrees(part @ constants).tolist(),
+        ),
         onward=onward,
     )
 
