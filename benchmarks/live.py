@@ -1,6 +1,7 @@
 """The live engine against its bars: time a frame, memory, positions against the batch adjustment, replay.
 
-Usage: OMP_NUM_THREADS=1 python benchmarks/live.py [PART ...] [--seeds 10] [--rows NAME] [--minutes 60] [--histogram FILE]
+Usage: OMP_NUM_THREADS=1 python benchmarks/live.py [PART ...] [--seeds 10] [--rows NAME] [--minutes 60]
+       [--histogram FILE]
 
 Parts: `positions` (urban and highway drives, through the engine and through the batch adjustment of the
 same recording; on the simulator's roads, and with every error drawn as it is stated, where an ellipse should
