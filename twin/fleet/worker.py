@@ -31,7 +31,7 @@ from twin.store.store import Store
 T = TypeVar("T")
 Outcome = Located | Unchanged | Failed | Worked
 _POLL_S = 1.0
-TAKEN_APART = 30
+TAKEN_APART = 100
 """A match of everything is taken apart if it has at least so many drives."""
 PATIENCE_S = 300.0
 """For so long a database may be away, restarting or full of writers, before a worker gives up."""

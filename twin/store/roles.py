@@ -20,6 +20,22 @@ class Role(StrEnum):
 
 
 _BOTH = f"{SCHEMA}, {QGIS_SCHEMA}"
+_SIGNED = f"""
+CREATE OR REPLACE FUNCTION {SCHEMA}.signed_by_login() RETURNS trigger LANGUAGE plpgsql
+  SET search_path = pg_catalog, pg_temp AS
+$$ BEGIN
+  -- An owner brings decisions along from another store; a match carries them over to what it finds anew.
+  IF NEW."by" = CAST(session_user AS text) OR pg_has_role(session_user, '{Role.OWNER}', 'MEMBER')
+      OR (NEW.kind IN ('reopened', 'suppressed', 'lifted', 'carried')
+        AND pg_has_role(session_user, '{Role.INGESTER}', 'MEMBER')) THEN
+    RETURN NEW;
+  END IF;
+  RAISE EXCEPTION USING ERRCODE = 'insufficient_privilege',
+    MESSAGE =
+    'the login ' || session_user || ' decides in its own name alone, not as ' || NEW."by";
+END $$
+"""
+_TRIGGER = "decision_log_signed"
 
 
 def roles() -> Iterator[str]:
@@ -34,11 +50,18 @@ def roles() -> Iterator[str]:
     yield f"GRANT {Role.READER} TO {Role.REVIEWER}, {Role.INGESTER}"
     for name in (SCHEMA, QGIS_SCHEMA):
         yield f"ALTER SCHEMA {name} OWNER TO {Role.OWNER}"
+    log = f"{SCHEMA}.{schema.decision_log.name}"
+    yield _SIGNED
+    yield f"DROP TRIGGER IF EXISTS {_TRIGGER} ON {log}"
+    yield (
+        f"CREATE TRIGGER {_TRIGGER} BEFORE INSERT ON {log} FOR EACH ROW "
+        f"EXECUTE FUNCTION {SCHEMA}.signed_by_login()"
+    )
     for table in schema.metadata.sorted_tables:
         yield f"ALTER TABLE {SCHEMA}.{table.name} OWNER TO {Role.OWNER}"
     for view in (f"{SCHEMA}.{schema.decision.name}", *(f"{QGIS_SCHEMA}.{name}" for name in LAYERS)):
         yield f"ALTER VIEW {view} OWNER TO {Role.OWNER}"
-    for function in (f"{SCHEMA}.never_changed", FUNCTION):
+    for function in (f"{SCHEMA}.never_changed", f"{SCHEMA}.signed_by_login", FUNCTION):
         yield f"ALTER FUNCTION {function}() OWNER TO {Role.OWNER}"
     yield from rights()
 

@@ -70,6 +70,30 @@ def test_each_role_does_what_it_may(
                     connection.execute(statement)
 
 
+def test_decisions_are_made_in_the_name_of_the_login(
+    twin: Twin, postgres: Server, database: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither option, environment nor SQL gives a reviewer another name; an owner brings others' along."""
+    as_ = {login: ("--store", postgres.address(database, login)) for login in LOGINS}
+    with Store.open(as_["rita"][1], create=False) as store:
+        change_id = str(store.rows(sa.select(schema.change.c.change_id).limit(1))[0]["change_id"])
+    for login in ("vera", "inge"):
+        refused = twin("decide", change_id, "accept", "--by", "kari", *as_[login])
+        assert (refused.code, f"the login {login} decides in its own name" in refused.err) == (4, True)
+    with monkeypatch.context() as patch:
+        patch.setenv("TWIN_USER", "kari")
+        assert twin("decide", change_id, "accept", *as_["vera"]).code == 4
+    assert twin("decide", change_id, "accept", "--by", "vera", *as_["vera"]).code == 0
+    assert twin("decide", change_id, "dismiss", "--by", "kari", *as_["odd"]).code == 0
+    with connected(postgres, database, "vera") as connection:
+        again = "INSERT INTO twin.decision_log ({0}) SELECT {0} FROM twin.decision_log WHERE \"by\" = 'kari'"
+        names = ", ".join(f'"{column.name}"' for column in schema.decision_log.columns if column.name != "id")
+        with pytest.raises(psycopg.errors.InsufficientPrivilege, match="vera decides in its own name"):
+            connection.execute(again.format(names))
+    with Store.open(as_["rita"][1], create=False) as store:
+        assert [entry.by for entry in history(store.rows, change_id)] == ["vera", "kari"]
+
+
 def test_layers_are_edited_by_reviewers_alone(postgres: Server, database: str) -> None:
     """Of what a view shows a reviewer sets the answer and nothing else."""
     edit = "UPDATE twin_qgis.changes SET decision = 'defer'"
