@@ -4,12 +4,13 @@ Everything that arrives bears two times: when it arrived, by the host's clock, a
 the clock of the receiver, the camera or the sensor. What lies between them, its lateness, stays much the
 same. So a step shows, and whose it was:
 
-- the host's: the stamps of all that arrives jump, and the next fix, which has a clock of its own, says that
-  no time has passed. Until it comes, what follows the jump is held back.
+- the host's: the stamps of all that arrives jump, and the next fixes, which have a clock of their own, say
+  that no time has passed. Until one has come half a second later, what follows the jump is held back: what
+  a computer that stood still has to catch up with comes at once.
 - another clock's: the lateness of one antenna, camera or quantity jumps alone, and stays. Nothing can be
-  measured after it arrived: a negative jump is a step at once, or a wrong stamp if the next ones are as
-  before. A positive one is what a slow link makes too: only one of more than `LATE_S` that stays the same
-  for `SURE_S` is a step, for a link that was interrupted catches up.
+  measured after it arrived: that is a step forwards at once, or a wrong stamp if the next ones are as before.
+  To come later, or soon again, is what links and detectors do. Only what comes later by more than `LATE_S`
+  (`SLOWEST_S` but for fixes: detectors have queues) and stays so for `SURE_S` is a step backwards.
 
 It reads no clock: the same arrivals give the same answer.
 """
@@ -27,11 +28,11 @@ from twin.live.events import Arrival, Fix, Frame
 
 STEP_S = 0.5
 """What is less passes for jitter, or for an error of the clocks that the engine estimates."""
-LATE_S = 5.0
+LATE_S, SLOWEST_S = 5.0, 60.0
 SURE_S = 2.0
 _SILENCE_S = 1.5
 """A jump of all stamps by more may be silence, or a step."""
-_WAIT_S = 3.0
+_AFTER_S, _WAIT_S = 0.5, 3.0
 _MOST_HELD = 600
 _EQUAL_S = 0.25
 _RECENT = 32
@@ -70,6 +71,16 @@ class _Stream:
 
     def lateness_s(self, at_ns: int, epoch_ns: int) -> float:
         return (at_ns - epoch_ns) / NANOSECONDS + self.shift_s
+
+    @property
+    def latest_s(self) -> float:
+        """How much later than usual passes for a slow link, or a detector with a queue."""
+        return LATE_S if self.clock is Clock.GNSS else SLOWEST_S
+
+    def cannot_be(self, late_s: float, off_s: float) -> bool:
+        """Whether it was measured after it arrived; of clocks that never agreed, more so than ever before."""
+        agreed = abs(self.least_s) <= SLOWEST_S
+        return off_s < -STEP_S and (late_s < -STEP_S or not agreed)
 
     def usual(self, late_s: float) -> None:
         if not self.recent_s or late_s < self.least_s:
@@ -135,10 +146,10 @@ class Clocks:
         """By how much the host's clock has stepped; None where that is not known yet."""
         what = arrival.what
         stream = self._stream(arrival)
-        if isinstance(what, Fix) and stream is not None and stream.recent_s:
+        since_s = (arrival.at_ns - self._waiting[0].at_ns) / NANOSECONDS
+        if isinstance(what, Fix) and stream is not None and stream.recent_s and since_s >= _AFTER_S:
             step_s = stream.lateness_s(arrival.at_ns, what.epoch_ns) - median(stream.recent_s)
             return step_s if abs(step_s) > STEP_S and abs(step_s - self._jump_s) < _WAIT_S else 0.0
-        since_s = (arrival.at_ns - self._waiting[0].at_ns) / NANOSECONDS
         if abs(since_s) > _WAIT_S or len(self._waiting) >= _MOST_HELD:
             # No fix tells. Time that goes back has stepped for sure; time that went on may have passed.
             return min(self._jump_s, 0.0)
@@ -169,7 +180,7 @@ class Clocks:
                 late_s += stream.perhaps_s
             stream.perhaps_s = 0.0
         off_s = late_s - stream.least_s if stream.recent_s else 0.0
-        if -STEP_S <= off_s <= LATE_S:
+        if not stream.cannot_be(late_s, off_s) and off_s <= stream.latest_s:
             yield from self._usual(stream, arrival, late_s, off_s)
         else:
             yield from self._held(stream, arrival, late_s)

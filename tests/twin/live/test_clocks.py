@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import pytest
 
@@ -164,3 +164,42 @@ def test_a_single_wrong_time_is_left_out() -> None:
     clocks, found = steadied(spoilt)
     assert (clocks.steps, clocks.wrong) == (0, 1)
     assert found == every[:wrong] + every[wrong + 1 :]
+
+
+def later(arrivals: Iterable[Arrival], kind: type, late_s: Callable[[float], float]) -> list[Arrival]:
+    """What arrives later than it did, by how much at a second of the drive, each stream in its order."""
+    found = []
+    for one in arrivals:
+        more_s = late_s((one.at_ns - BEGIN_NS) / 1e9) if isinstance(one.what, kind) else 0.0
+        found.append(one._replace(at_ns=one.at_ns + round(more_s * 1e9)))
+    return sorted(found, key=lambda one: one.at_ns)
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 10.0])
+def test_what_a_link_has_held_at_first_is_no_step(rate_hz: float) -> None:
+    """Four seconds of fixes at once, then each when it comes."""
+    every = later(arrived(rate_hz=rate_hz), Fix, lambda at_s: max(4.0 - at_s, 0.0))
+    clocks, found = steadied(every)
+    assert clocks.steps == 0
+    assert farthest_s(found, every) == 0.0
+
+
+@pytest.mark.parametrize("late_s", [2.0, 8.0])
+def test_a_detector_that_is_slow_for_a_while_is_no_step(late_s: float) -> None:
+    """Its queue is full for ten seconds, all frames late by the same, and is worked off."""
+    every = later(
+        arrived(),
+        Frame,
+        lambda at_s: late_s if 8.0 < at_s < 18.0 else max(late_s + 18.0 - at_s, 0.0) * (at_s > 8),
+    )
+    clocks, found = steadied(every)
+    assert clocks.steps == 0
+    assert farthest_s(found, every) == 0.0
+
+
+def test_a_computer_that_stood_still_has_not_stepped() -> None:
+    """For four seconds nothing is read, then all that was sent meanwhile at once."""
+    every = later(arrived(), object, lambda at_s: max(19.0 - at_s, 0.0) * (at_s > 15.0))
+    clocks, found = steadied(every)
+    assert clocks.steps == 0
+    assert farthest_s(found, every) == 0.0
