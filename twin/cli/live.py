@@ -14,6 +14,7 @@ from twin.cli.endings import ended_in_order
 from twin.cli.options import DEFAULT_STORE, StoreOption
 from twin.cli.output import note, steps, warn
 from twin.cli.pages import PageLangOption
+from twin.cli.streams import unbuffered_output
 from twin.errors import ConfigError, FileError
 
 if TYPE_CHECKING:
@@ -243,7 +244,7 @@ def _check(stack: ExitStack, store: Store, drive: _Drive, settings: Path | None)
 def _sinks(to: Sequence[str], *, final: bool) -> list[Sink]:
     from twin.live.sinks import Lines, Mqtt
 
-    sinks: list[Sink] = [Lines(sys.stdout, final=final)]
+    sinks: list[Sink] = [Lines(unbuffered_output(), final=final)]
     return sinks + [Mqtt.of(url) for url in to]
 
 

@@ -90,3 +90,9 @@ def _watched(stream: TextIO | None, descriptor: int, *, must_arrive: bool) -> Te
         errors="replace",
         line_buffering=descriptor == 2 or raw.isatty(),
     )
+
+
+def unbuffered_output() -> Any:
+    """Return what standard output writes its bytes to, for who must not wait for a lock of its buffer."""
+    sys.stdout.flush()
+    return getattr(sys.stdout.buffer, "raw", sys.stdout.buffer)

@@ -32,6 +32,7 @@ from twin.live.watch import Watch
 _TICK_S = 0.25
 _AGAIN_S = 1.0
 """So long after a source has failed by a fault of twin it is asked again."""
+_TOLD_S = 0.5
 _FIXES, _MOTION, _FRAMES = range(3)
 _FAULTS_LOGGED = 20
 _log = logging.getLogger("twin.live")
@@ -80,7 +81,7 @@ class LiveRun:
     recording : Recording, optional
         What sources write to, where it fails.
     tell : callable, optional
-        Gets what has happened, from a thread of the run.
+        Gets what has happened, in a thread of its own: standard error may block too.
     settings : RunSettings
 
     Attributes
@@ -109,7 +110,10 @@ class LiveRun:
         self.final = self.lost = 0
         self.whole = True
         self.last = CarState(0)
-        self._sources, self._keeper, self._check, self._tell = sources, keeper, check, tell
+        self._sources, self._keeper, self._check = sources, keeper, check
+        self._tell = tell or (lambda _notice: None)
+        self._told: Lanes[Notice] = Lanes(1, self.settings.lines)
+        self._teller = Thread(target=self._tell_all, name="notices", daemon=True)
         self._recording = recording
         self._queue: Lanes[Arrival | Trouble] = Lanes(3, self.settings.queue)
         waits, lines = self.settings.waits, self.settings.lines
@@ -139,6 +143,7 @@ class LiveRun:
             Thread(target=self._feed, args=(source,), name=f"source {source.name}", daemon=True).start()
         if not self._sources:
             self._queue.close()
+        self._teller.start()
         Thread(target=self._work, name="engine", daemon=True).start()
 
     def wait(self, timeout_s: float | None = None) -> bool:
@@ -284,8 +289,8 @@ class LiveRun:
         found = list(self._quieted.let_through(notices(self.last, now), now_ns))
         for notice in found:
             # Of the last one that has ended its error is told, at the end.
-            if self._tell is not None and not (notice.kind is NoticeKind.SINK_ENDED and self.is_unheard):
-                self._tell(notice)
+            if not (notice.kind is NoticeKind.SINK_ENDED and self.is_unheard):
+                self._told.put(notice, 0)
         since_ns = abs(now_ns - self._said_ns)
         if found or since_ns >= self.settings.state_every_s * NANOSECONDS:
             self._said_ns = now_ns
@@ -324,6 +329,12 @@ class LiveRun:
         for outlet in self._outlets:
             outlet.close(None if outlet.waits else max(until_s - time.monotonic(), 0.1))
         self.last = self._state(self._now_ns)
+        self._told.close()
+        self._teller.join(_TOLD_S)
+
+    def _tell_all(self) -> None:
+        while (notice := self._told.get()) is not None:
+            self._tell(notice)
 
 
 def _lane(one: Arrival | Trouble) -> int:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import signal
 import sqlite3
 import subprocess
 import sys
+import termios
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from itertools import takewhile
 from pathlib import Path
+from typing import IO
 
 import pytest
 from command_line import Twin
@@ -73,6 +76,29 @@ def test_sigterm_ends_a_drive_in_order_and_a_kill_loses_nothing_that_was_written
     assert runs == [(1, 0), (2, 1)]
     assert of_second == finals(second)
     assert "objects located" in (tmp_path / "err").read_text(encoding="utf-8")
+
+
+def test_sigterm_ends_it_where_nobody_reads_standard_output() -> None:
+    """A pipe that is full holds up a recorded drive, and not its end."""
+    command = [sys.executable, "-m", "twin", "live", "--replay", str(TRIP), "--speed", "max"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        try:
+            assert process.stdout is not None
+            until(lambda: _waiting(process.stdout) >= _FULL)
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(20.0) == 0
+        finally:
+            process.kill()
+
+
+_FULL = 60_000
+"""A pipe of Linux holds 65,536 bytes."""
+
+
+def _waiting(pipe: IO[bytes]) -> int:
+    """How many bytes a pipe holds."""
+    answer = fcntl.ioctl(pipe.fileno(), termios.FIONREAD, b"\0" * 4)
+    return int.from_bytes(answer, sys.byteorder)
 
 
 def test_a_car_on_sockets_is_located_whatever_else_is_sent(tmp_path: Path) -> None:

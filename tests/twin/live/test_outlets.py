@@ -19,7 +19,7 @@ from twin.live.sinks import Lines
 def test_a_pipe_that_nobody_reads_loses_lines_and_no_final_one() -> None:
     """Saying a thousand lines takes no time; read again, finals come first, and what was lost is known."""
     ours, theirs = os.pipe()
-    with os.fdopen(ours) as reader, os.fdopen(theirs, "w") as stream:
+    with os.fdopen(ours) as reader, os.fdopen(theirs, "wb", 0) as stream:
         outlet = Outlet(Lines(stream), most=50)
         until(lambda: (outlet.say(estimate("R", State.REFINED, "x" * 4000)), outlet.state.blocked)[1])
         began_s = time.monotonic()
@@ -43,7 +43,7 @@ def test_a_pipe_that_nobody_reads_loses_lines_and_no_final_one() -> None:
 
 def test_a_sink_that_has_ended_is_left_alone(tmp_path: Path) -> None:
     """Its error is kept, and what is said to it costs nothing."""
-    stream = (tmp_path / "lines").open("w")
+    stream = (tmp_path / "lines").open("wb", 0)
     outlet = Outlet(Lines(stream))
     stream.close()
     outlet.say(estimate("P1", State.FINAL))

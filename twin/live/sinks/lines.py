@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TextIO
+from typing import Protocol
 
 from twin.live.estimates import Estimate
 from twin.live.ports import Said
+
+
+class Unbuffered(Protocol):
+    """A stream of bytes that holds nothing back, and no lock while it blocks."""
+
+    def write(self, data: memoryview, /) -> int | None:
+        """Write what it takes, and return how much that is."""
 
 
 class Lines:
@@ -13,16 +20,17 @@ class Lines:
 
     Parameters
     ----------
-    stream : TextIO
+    stream : Unbuffered
+        One with a buffer would keep its lock while nobody reads, and the process could not end.
     name : str
     final : bool
         Whether only estimates that are final go there, and nothing else.
     """
 
-    def __init__(self, stream: TextIO, *, name: str = "Standard output", final: bool = False) -> None:
-        self._stream, self._name, self._final = stream, name, final
-
     must_arrive = True
+
+    def __init__(self, stream: Unbuffered, *, name: str = "Standard output", final: bool = False) -> None:
+        self._stream, self._name, self._final = stream, name, final
 
     @property
     def name(self) -> str:
@@ -33,8 +41,9 @@ class Lines:
         """Write a line, at once."""
         if self._final and not (isinstance(said, Estimate) and said.lasts):
             return
-        self._stream.write(said.line() + "\n")
-        self._stream.flush()
+        left = memoryview(f"{said.line()}\n".encode())
+        while left:
+            left = left[self._stream.write(left) or 0 :]
 
     def close(self) -> None:
         """Nothing waits: each line has gone."""
