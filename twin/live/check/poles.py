@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,8 @@ class Poles:
         # What one frame says is joined with nothing: metres along its sight lie other poles.
         first = [one.measured for one in placed if one.said.state is State.FIRST]
         sure = [one.measured for one in placed if one.said.state is not State.FIRST]
-        poles = observed_poles(_once(sure, self._config), [DRIVE], self._config, seen_from)
+        names = {one.measured.member: one.said.object for one in placed}
+        poles = observed_poles(_once(sure, names, self._config), [DRIVE], self._config, seen_from)
         for one in first:
             poles += observed_poles([one], [DRIVE], self._config, seen_from)
         return [_pole(pole, [said[member] for member in pole.members]) for pole in poles]
@@ -172,19 +174,25 @@ def _about(one: Measured) -> tuple[float, float, float]:
 _GATE_SIGMAS = 4.0
 
 
-def _once(rows: Sequence[Measured], config: MatchConfig) -> list[Measured]:
-    """Join objects that are one pole.
+def _once(rows: Sequence[Measured], names: Mapping[str, str | None], config: MatchConfig) -> list[Measured]:
+    """Join objects that are one pole: those of one name of the source, passed again, and lost tracks.
 
     No picture may show both. Which pictures show an object is not kept; two that were never in view at the
     same time were in no picture together, and others are taken for two.
     """
-    pairs = may_be_one(rows, config) if len(rows) > 1 else []
-    names = {member for pair in pairs for member in pair}
-    some = [one for one in rows if one.member in names]
+
+    def is_again(one: Measured, other: Measured) -> bool:
+        return names[one.member] is not None and names[one.member] == names[other.member]
+
+    again = [(one.member, other.member) for one, other in combinations(rows, 2) if is_again(one, other)]
+    pairs = again + (may_be_one(rows, config) if len(rows) > 1 else [])
+    joined = {member for pair in pairs for member in pair}
+    some = [one for one in rows if one.member in joined]
     pictures = {one.member: {(one.member, 0, "")} for one in some}
     for k, one in enumerate(some):
         for other in some[:k]:
-            if one.first_ns <= other.last_ns and other.first_ns <= one.last_ns:
+            at_once = one.first_ns <= other.last_ns and other.first_ns <= one.last_ns
+            if at_once and not is_again(one, other):
                 both = (f"{one.member} {other.member}", 0, "")
                 pictures[one.member].add(both)
                 pictures[other.member].add(both)

@@ -177,11 +177,12 @@ def estimate(
     sigma: float = 0.2,
     state: State = State.REFINED,
     seen: tuple[int, int] = (SECOND_NS, 2 * SECOND_NS),
+    object: str | None = None,  # noqa: A002 - as the source calls it
 ) -> Estimate:
     """An estimate so far from (E0, N0)."""
     latitude, longitude = geographic_from_utm33(np.array([E0 + east]), np.array([N0 + north]))
     return Estimate(
-        *(name, name, "", ";".join(codes), "", state, float(latitude[0]), float(longitude[0]), 0.0),
+        *(name, object, "", ";".join(codes), "", state, float(latitude[0]), float(longitude[0]), 0.0),
         *(sigma**2 * np.eye(2), 0.3, 5, *seen, 3 * SECOND_NS, ("C1",)),
     )
 
@@ -264,6 +265,9 @@ def test_a_track_that_was_lost_and_begun_anew_is_one_pole(engine: LiveEngine) ->
         ("95:1", None, "unchanged"),
         ("95:1", "unchanged", "unchanged"),
     ]
+    again = estimate("P#2", 1.9, 0, "202", seen=(5 * SECOND_NS, 6 * SECOND_NS), object="P")
+    met = estimate("P", 0.1, 0, "202", state=State.FINAL, object="P")
+    assert [name for name, _, _ in lines(engine, country("202"), met, again)] == ["95:1", "95:1"]
     beside = estimate("Q", 0.9, 0, "202", sigma=0.2)
     assert ("Q", None, "new") in lines(engine, country("202"), first, beside)
 
