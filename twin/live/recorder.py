@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import shutil
@@ -27,6 +28,7 @@ from twin.live.toml_text import toml_text
 from twin.store.atomic_files import replace_file
 from twin.store.folders import make_folder
 
+_log = logging.getLogger("twin.live")
 _TO_DISK_EVERY_S = 1.0
 _OF_RECORDINGS = (
     *("name", "poses", "motion", "timestamps", "frames", "annotations", "annotations_complete"),
@@ -63,7 +65,8 @@ class Recorder:
     ----------
     folder : Path
     failure : str
-        Why nothing more is written, one sentence (a full disk); "" while it works. Sources go on without it.
+        Why nothing more is written, one sentence (a full disk), which is logged once; "" while it works.
+        Sources go on without it.
 
     Raises
     ------
@@ -158,6 +161,7 @@ class Recorder:
                     CURES.get(error.errno or 0, "name another folder") if isinstance(error, OSError) else ""
                 )
                 self.failure = f"{self.folder} takes no more of the drive ({why}){cure and ': ' + cure}."
+                _log.error("%s", self.failure)
 
     def _write(self, name: str, data: bytes) -> None:
         file = self._files.get(name)

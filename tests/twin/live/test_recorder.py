@@ -115,13 +115,16 @@ def test_folder_that_holds_something_is_refused(car: Car, tmp_path: Path) -> Non
         Recorder(tmp_path / "recorded", car)
 
 
-def test_full_disk_ends_the_recording_alone(car: Car, drive: Drive, sample: Path, tmp_path: Path) -> None:
-    """One sentence says so; what is handed over afterwards is dropped without an error."""
+def test_full_disk_ends_the_recording_alone(
+    car: Car, drive: Drive, sample: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """One sentence says so, once; what is handed over afterwards is dropped without an error."""
     with Recorder(tmp_path / "recorded", car) as recorder:
         (recorder.folder / "gnss50_vehicle.nmea").symlink_to("/dev/full")
         record(recorder, drive, sample, seconds=1)
         assert "takes no more of the drive (No space left on device): free space" in recorder.failure
     assert not list(recorder.folder.glob("*.jsonl"))
+    assert caplog.messages == [recorder.failure]
 
 
 def test_settings_that_are_written_are_read_as_they_were() -> None:

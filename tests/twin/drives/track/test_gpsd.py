@@ -39,6 +39,8 @@ def test_gpsd_fix_has_its_time_height_quality_and_sigmas() -> None:
     """UTC of the report, height above the ellipsoid, RTK fixed, sigmas of the GST of the same time."""
     content = HEAD + tpv() + b" 1781078399278000\r\n" + GST + b"\n"
     assert looks_like_gpsd(content)
+    assert looks_like_gpsd(b'S":[]}\n' + content)
+    assert not looks_like_gpsd(b'[{"class": "TPV"}]')
     fixes = read_gpsd(content, "roof", "a.gpsd").fixes
     assert fixes.epoch_ns.tolist() == [EPOCH_NS]
     assert fixes.host_ns.tolist() == [EPOCH_NS + 78_000_000]

@@ -29,7 +29,7 @@ from twin.drives.track.formats.nmea import MOST_WAITING, host_stamp_ns
 from twin.drives.track.formats.nmea_motion import velocity_of
 
 _NAN = math.nan
-_HEAD = re.compile(rb'\{\s*"class"\s*:\s*"(?:VERSION|DEVICES|DEVICE|WATCH|TPV|SKY|GST|ATT|PPS|TOFF)"')
+_REPORT = re.compile(rb'^\{\s*"class"\s*:\s*"(?:VERSION|DEVICES|DEVICE|WATCH|TPV|SKY|GST|ATT)"', re.MULTILINE)
 _QUALITY = {0: 1, 1: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 6, 9: 1}
 """gpsd's status as GGA writes it; surveyed-in and simulated ones are none of a car."""
 _IN_SPACE = 3
@@ -63,8 +63,8 @@ _DECODER = msgspec.json.Decoder(Report)
 
 
 def looks_like_gpsd(head: bytes) -> bool:
-    """Whether the beginning of a file is a report of gpsd."""
-    return _HEAD.match(head.lstrip()) is not None
+    """Whether a line in the beginning of a file is a report of gpsd."""
+    return _REPORT.search(head) is not None
 
 
 def read_gpsd(content: bytes, antenna: str, where: str) -> FixesRead:
