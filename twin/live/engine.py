@@ -142,11 +142,14 @@ class LiveEngine:
         Sightings of objects that never got a position.
     unfollowed : int
         Detections without an id where the car had no pose, or outside the camera's picture.
+    shown : tuple of (str, str)
+        What the last frame showed: each object by its estimates' id, and as what.
     """
 
     def __init__(self, car: LiveCar, settings: LiveSettings | None = None) -> None:
         self.car, self.settings = car, settings or LiveSettings()
         self.frames = self.sightings = self.unplaced = self.unfollowed = 0
+        self.shown: tuple[tuple[str, str], ...] = ()
         self._track = CausalTrajectory(
             {name: car.rig.antennas[name].rig_t_antenna_m for name in car.antennas},
             lags=car.lags,
@@ -273,6 +276,7 @@ class LiveEngine:
         self.frames += 1
         self._seen_ns = max(self._seen_ns, frame.epoch_ns)
         new: list[tuple[_Passed, Detection]] = []
+        shown: list[tuple[str, str]] = []
         for seen, name in zip(frame.detections, self._names(frame), strict=True):
             if name is None:
                 self.unfollowed += 1
@@ -280,11 +284,13 @@ class LiveEngine:
             passed = self._passed(seen, name)
             passed.take(seen, frame.camera, frame.epoch_ns)
             self.sightings += 1
+            shown.append((passed.id, seen.kind))
             self._landmarks.add(
                 Sighting(passed.number, frame.camera, frame.epoch_ns, seen.pixel_px, seen.kind, seen.size_px)
             )
             if passed.estimate is None and seen.kind == Kind.FOOT:
                 new.append((passed, seen))
+        self.shown = tuple(shown)
         return self._first(frame, new) if new else []
 
     def _names(self, frame: Frame) -> list[str | None]:

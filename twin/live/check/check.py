@@ -72,6 +72,7 @@ class LiveCheck:
             if self._engine.unfollowed == self._unfollowed:
                 self._watched.take(what)
             self._unfollowed = self._engine.unfollowed
+            self._poles.see(what, self._engine.shown)
         touched = self._poles.take(estimates)
         if self._now_ns - self._looked_ns < _LOOK_EVERY_S * NANOSECONDS:
             return self._judge(touched)

@@ -16,9 +16,10 @@ from geoloc.earth.geodesy import (
     utm33_from_geographic,
 )
 from twin.live.estimates import Estimate, State
+from twin.live.events import Frame
 from twin.matching.config import MatchConfig
 from twin.matching.poles.poles import ObservedPole, observed_poles
-from twin.matching.poles.same_pole import each_pole_once, may_be_one
+from twin.matching.poles.same_pole import Picture, each_pole_once, may_be_one
 from twin.store.records import Estimate as Measured
 from twin.store.records import split_codes
 
@@ -39,7 +40,7 @@ class Pole(NamedTuple):
     covariance_m2 : float64 (2, 2)
         East and true north.
     of_one_frame : bool
-        Whether its place is what one frame alone says.
+        Whether one frame alone shows it, or its place is what one frame says.
     is_final : bool
         Whether all its objects have left the window.
     """
@@ -69,6 +70,7 @@ class Poles:
         self._config = config
         self._placed: dict[str, _Placed] = {}
         self._lost: list[tuple[int, int]] = []
+        self._pictures: dict[str, set[Picture]] = {}
         # Epoch, easting and northing of the car: longer than any sign is in view.
         self._track: deque[tuple[int, float, float]] = deque(maxlen=_TRACK_POINTS)
 
@@ -78,12 +80,18 @@ class Poles:
         if not self._track or np.hypot(*(place_m - self._track[-1][1:])) > _TRACK_EVERY_M:
             self._track.append((epoch_ns, east_m, north_m))
 
+    def see(self, frame: Frame, shown: Iterable[tuple[str, str]]) -> None:
+        """Take what a frame shows: objects by their estimates' ids, and as what."""
+        for name, kind in shown:
+            self._pictures.setdefault(name, set()).add((frame.camera, frame.number, kind))
+
     def take(self, estimates: Iterable[Estimate]) -> FloatArray:
         """Take estimates; return where they stand, and stood until now: EPSG:25833 and reach (n, 3)."""
         touched: list[tuple[float, float, float]] = []
         for said in estimates:
             if said.state is State.LOST:
                 self._lost.append((said.first_seen_ns, said.last_seen_ns))
+                self._pictures.pop(said.id, None)
                 continue
             before, measured = self._placed.get(said.id), _measured(said)
             placed = _Placed(said, measured, self._seen_from(said, measured, before))
@@ -110,6 +118,7 @@ class Poles:
             stands = one.measured.east_m - place_m[0], one.measured.north_m - place_m[1]
             if np.hypot(*stands) > beyond_m and one.said.state is State.FINAL:
                 del self._placed[name]
+                self._pictures.pop(name, None)
         self._lost = [one for one in self._lost if one[1] >= self._track[0][0]]
 
     def _together(self, placed: Sequence[_Placed]) -> list[Pole]:
@@ -119,10 +128,23 @@ class Poles:
         first = [one.measured for one in placed if one.said.state is State.FIRST]
         sure = [one.measured for one in placed if one.said.state is not State.FIRST]
         names = {one.measured.member: one.said.object for one in placed}
-        poles = observed_poles(_once(sure, names, self._config), [DRIVE], self._config, seen_from)
+        once = each_pole_once(sure, self._one_pole(sure, names), self._shown(sure))
+        poles = observed_poles(once, [DRIVE], self._config, seen_from)
         for one in first:
             poles += observed_poles([one], [DRIVE], self._config, seen_from)
         return [_pole(pole, [said[member] for member in pole.members]) for pole in poles]
+
+    def _one_pole(self, rows: Sequence[Measured], names: Mapping[str, str | None]) -> list[tuple[str, str]]:
+        """Pairs that may be one pole: those of one name of the source, passed again, and tracks lost."""
+        again = [
+            (one.member, other.member)
+            for one, other in combinations(rows, 2)
+            if names[one.member] is not None and names[one.member] == names[other.member]
+        ]
+        return again + (may_be_one(rows, self._config) if len(rows) > 1 else [])
+
+    def _shown(self, rows: Sequence[Measured]) -> dict[str, frozenset[Picture]]:
+        return {one.member: frozenset(self._pictures.get(one.object, ())) for one in rows}
 
     def _seen_from(self, said: Estimate, measured: Measured, before: _Placed | None) -> frozenset[float]:
         """From which directions it was seen: where the car was then, in steps of 30° from true north."""
@@ -142,7 +164,7 @@ def _pole(seen: ObservedPole, said: Sequence[Estimate]) -> Pole:
         id=min(said, key=lambda one: (one.first_seen_ns, one.id)).id,
         seen=seen,
         covariance_m2=best.covariance_m2,
-        of_one_frame=best.state is State.FIRST,
+        of_one_frame=seen.n_sightings == 1 or best.state is State.FIRST,
         is_final=all(one.state is State.FINAL for one in said),
     )
 
@@ -172,28 +194,3 @@ def _about(one: Measured) -> tuple[float, float, float]:
 
 
 _GATE_SIGMAS = 4.0
-
-
-def _once(rows: Sequence[Measured], names: Mapping[str, str | None], config: MatchConfig) -> list[Measured]:
-    """Join objects that are one pole: those of one name of the source, passed again, and lost tracks.
-
-    No picture may show both. Which pictures show an object is not kept; two that were never in view at the
-    same time were in no picture together, and others are taken for two.
-    """
-
-    def is_again(one: Measured, other: Measured) -> bool:
-        return names[one.member] is not None and names[one.member] == names[other.member]
-
-    again = [(one.member, other.member) for one, other in combinations(rows, 2) if is_again(one, other)]
-    pairs = again + (may_be_one(rows, config) if len(rows) > 1 else [])
-    joined = {member for pair in pairs for member in pair}
-    some = [one for one in rows if one.member in joined]
-    pictures = {one.member: {(one.member, 0, "")} for one in some}
-    for k, one in enumerate(some):
-        for other in some[:k]:
-            at_once = one.first_ns <= other.last_ns and other.first_ns <= one.last_ns
-            if at_once and not is_again(one, other):
-                both = (f"{one.member} {other.member}", 0, "")
-                pictures[one.member].add(both)
-                pictures[other.member].add(both)
-    return each_pole_once(rows, pairs, {name: frozenset(shown) for name, shown in pictures.items()})

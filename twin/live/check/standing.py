@@ -244,10 +244,12 @@ def _holds(finding: Finding, pole: Pole | None, config: MatchConfig) -> bool:
     """
     if finding.verdict not in _STANDING:
         return False
-    if pole is None or pole.is_final:
+    if pole is None:
         return True
     if pole.of_one_frame and finding.verdict in (Matched.NEW, Matched.MOVED):
         return False
+    if pole.is_final:
+        return True
     return finding.verdict not in _OF_PLACE or finding.confidence >= config.review_below
 
 
