@@ -24,6 +24,7 @@ from twin.matching.left import KnownDrive, squares_of_drive
 from twin.matching.poles.ahead import NEAR_M, SURELY_M, Ahead, Signs, ahead_of_nvdb
 from twin.matching.poles.many_drives import Driven, headings_at
 from twin.matching.poles.poles import ObservedPole
+from twin.matching.poles.seen_in import bits_of
 from twin.matching.reading import rows_of_drives
 from twin.matching.sites import Site
 from twin.store import schema
@@ -302,6 +303,7 @@ def known_drives(
     drives: Sequence[Drive],
     estimates: Sequence[Estimate],
     clicks: Mapping[str, Mapping[str, str]],
+    directions: Mapping[str, frozenset[float]],
     kept: Kept,
 ) -> dict[str, KnownDrive]:
     """What the next match has to know of drives of which all estimates are there.
@@ -321,6 +323,8 @@ def known_drives(
             digests.update(json.dumps([row[name] for name in _HASHED], sort_keys=True).encode())
         said = clicks.get(drive.drive_id, {})
         place_m = np.array([(one.east_m, one.north_m) for one in of_drive]).reshape(-1, 2)
+        clicked = {one.object: said.get(one.object, "") for one in of_drive}
+        members = [f"{drive.drive_id}:{name}" for name in clicked]
         seen_ns = np.unique(np.array([one.last_ns for one in of_drive], dtype=np.int64))
         has_heading = drive.driven.has_poses and seen_ns.size > 0
         concern = [drive.watcher.cells, cells_of(place_m), clock_cells(kept, drive.drive_id)]
@@ -329,12 +333,13 @@ def known_drives(
             car=drive.driven.car,
             touched=drive.watcher.cells,
             place_m=place_m,
-            clicks={one.object: said.get(one.object, "") for one in of_drive},
+            clicks=clicked,
             ahead=drive.shift,
             estimates_sha256=digests.hexdigest(),
             squares=squares_of_drive(np.concatenate(concern)),
             seen_ns=seen_ns if has_heading else NOWHERE,
             heading_deg=drive.driven.heading_deg(seen_ns) if has_heading else np.zeros(0),
+            directions=np.array([bits_of(directions.get(one, ())) for one in members], dtype=np.int64),
         )
     return found
 

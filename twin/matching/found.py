@@ -95,12 +95,12 @@ def everything(asked: Asked, kept: Kept) -> Found:
     asked.say("grouping estimates into poles")
     drives = drives_of(view, method, config, kept)
     estimates = estimates_of(view, method)
-    once, gathered = gathered_poles(asked, estimates, drives)
+    once, gathered, directions = gathered_poles(asked, estimates, drives, {})
     placed = with_fused_places(gathered, once, [drive.driven for drive in drives], kept=kept).poles
     clicks = clicks_of(view, method)
     marks = marks_of(estimates, clicks)
     poles = with_known_keys(placed, marks, known_marks(view))
-    sites = sites_of(asked, mirror_near(view, _places(drives, poles), config), kept, anew=True)
+    sites = sites_of(asked, mirror_near(view, where_drives_were(drives, poles), config), kept, anew=True)
     drives = beside_nvdb(drives, sites, once, kept)
     tied = ""
     if config.map_aided:
@@ -111,7 +111,7 @@ def everything(asked: Asked, kept: Kept) -> Found:
     passed = np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)]))
     results = compared.results(passed, None)
     put_results(kept, results, None)
-    known = known_drives(drives, estimates, clicks, kept)
+    known = known_drives(drives, estimates, clicks, directions, kept)
     for drive_id, one in known.items():
         one.put(kept, drive_id)
     squares = {drive_id: one.squares for drive_id, one in known.items()}
@@ -207,7 +207,7 @@ def _part(
     )
     estimates = estimates_of(view, method, {drive.drive_id for drive in drives}, scope.read)
     asked.say("grouping estimates into poles")
-    once, gathered = gathered_poles(asked, estimates, drives)
+    once, gathered, directions = gathered_poles(asked, estimates, drives, known)
     held = keys_held(view, [member for pole in gathered for member in pole.members])
     _check_grouping(gathered, held, scope)
     clicks = clicks_of(view, method, scope.drives)
@@ -230,7 +230,7 @@ def _part(
     every = np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)])
     results = compared.results(np.unique(every), scope.results)
     gone, counted = put_results(kept, results, scope.results)
-    fresh = known_drives(came, own, clicks, kept)
+    fresh = known_drives(came, own, clicks, directions, kept)
     for drive_id, one in fresh.items():
         one.put(kept, drive_id)
         state.squares[drive_id] = one.squares
@@ -270,14 +270,20 @@ def _otherwise(
 
 
 def gathered_poles(
-    asked: Asked, estimates: Sequence[Estimate], drives: Sequence[Drive]
-) -> tuple[list[Estimate], list[ObservedPole]]:
-    """Estimates of which each pole has one a drive and camera, and the poles that they are of."""
+    asked: Asked, estimates: Sequence[Estimate], drives: Sequence[Drive], known: Mapping[str, KnownDrive]
+) -> tuple[list[Estimate], list[ObservedPole], dict[str, frozenset[float]]]:
+    """Estimates of which each pole has one a drive and camera, the poles, from where members were seen."""
     config, ids = asked.config, [drive.drive_id for drive in drives]
-    directions = seen_from(asked.view, estimates, asked.method, ids) if asked.has_network else {}
+    directions: dict[str, frozenset[float]] = {}
+    if asked.has_network:
+        fresh = [one for one in ids if one not in known]
+        mine = [one for one in estimates if one.drive_id not in known]
+        directions = seen_from(asked.view, mine, asked.method, fresh)
+        for drive_id, drive in known.items():
+            directions |= drive.seen_from(drive_id)
     pairs = may_be_one(estimates, config)
     once = each_pole_once(estimates, pairs, pictures_of(asked.view, pairs, asked.method))
-    return once, observed_poles(once, ids, config, directions)
+    return once, observed_poles(once, ids, config, directions), directions
 
 
 def _check_grouping(poles: Sequence[ObservedPole], held: Mapping[str, str], scope: Scope) -> None:
@@ -348,7 +354,9 @@ def _sites_about(
     return [site for site, counts in zip(sites, inside, strict=True) if counts], seen
 
 
-def _places(drives: Sequence[Drive], poles: Sequence[ObservedPole]) -> FloatArray:
+def where_drives_were(
+    drives: Sequence[Drive], poles: Sequence[ObservedPole] | Sequence[Estimate]
+) -> FloatArray:
     """Where something was seen, or driven past: EPSG:25833, to some hundred metres."""
     coarse = np.unique(np.concatenate([drive.watcher.coarse for drive in drives]), axis=0) * COARSE_DEG
     east, north = utm33_from_geographic(*coarse.T)

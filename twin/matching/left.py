@@ -15,6 +15,7 @@ from geoloc.arrays import FloatArray, IntArray
 from twin.matching.cells import CELL_M, NOWHERE, are_among, coarser, widened
 from twin.matching.kept import Kept
 from twin.matching.poles.ahead import Ahead
+from twin.matching.poles.seen_in import directions_from
 
 _STATE, _DRIVE, _BLOCK = "state", "drive", "results"
 PER_SQUARE = 16
@@ -23,7 +24,7 @@ PER_BLOCK = 128
 """Cells along a side of the squares whose findings are one row of the store: about 8 km."""
 COUNTED = ("poles", "sites", "in view", "outdated", "alone")
 """Of poles, sites and so on each has its cell in what is left; "alone" are poles that NVDB does not have."""
-LAYOUT = 3
+LAYOUT = 4
 """Of what is left: what another one left is not looked at."""
 
 
@@ -49,6 +50,8 @@ class KnownDrive:
         Epochs at which it saw its estimates last, each once, ascending.
     heading_deg : float64 (j,)
         Of the car, from true north, at these.
+    directions : int64 (i,)
+        From which each object of `clicks` was seen, a bit for each 30° from true north; 0 without a network.
     """
 
     recorded: str
@@ -61,6 +64,7 @@ class KnownDrive:
     squares: IntArray
     seen_ns: IntArray
     heading_deg: FloatArray
+    directions: IntArray
 
     def headings(self, epoch_ns: IntArray) -> FloatArray | None:
         """Heading (n,) of the car at epochs; None where it is not known of each."""
@@ -68,6 +72,13 @@ class KnownDrive:
         if not self.seen_ns.size or (self.seen_ns[np.minimum(at, self.seen_ns.size - 1)] != epoch_ns).any():
             return None
         return np.asarray(self.heading_deg[at])
+
+    def seen_from(self, drive_id: str) -> dict[str, frozenset[float]]:
+        """Directions by member, as :func:`twin.matching.poles.seen_in.seen_from` gives them."""
+        return {
+            f"{drive_id}:{name}": directions_from(bits)
+            for name, bits in zip(self.clicks, self.directions.tolist(), strict=True)
+        }
 
     def put(self, kept: Kept, drive_id: str) -> None:
         """Leave it to the next match."""
@@ -84,6 +95,7 @@ class KnownDrive:
                 "squares": self.squares,
                 "seen_ns": self.seen_ns,
                 "heading_deg": self.heading_deg,
+                "directions": self.directions,
             },
         )
 
@@ -107,6 +119,7 @@ class KnownDrive:
             arrays["squares"],
             arrays["seen_ns"],
             arrays["heading_deg"],
+            arrays["directions"],
         )
 
     @staticmethod

@@ -176,3 +176,13 @@ def seen_from(
 
 
 _STEP_DEG = 30.0
+
+
+def bits_of(directions: Collection[float]) -> int:
+    """Directions as one number."""
+    return sum(1 << round(degrees / _STEP_DEG) for degrees in directions)
+
+
+def directions_from(bits: int) -> frozenset[float]:
+    """Inverse of :func:`bits_of`."""
+    return frozenset(k * _STEP_DEG for k in range(round(360.0 / _STEP_DEG)) if bits >> k & 1)
