@@ -7,9 +7,10 @@ municipality of 5,000 signs, one municipality beside the other. A drive has its 
 says which errors its estimates share, so that drives past one pole are tied together as real ones are. There
 is no road network.
 
-Each store is matched; then one more drive comes, in the first municipality, and it is matched again; last
-`--all` works everything out anew and says whether the kept parts agree. Every match runs in a process of its
-own. Seconds are the processor's, which hold while the machine has other work too; `ratio` is to the store
+Each store is matched; then one more drive comes, in the first municipality, and it is matched again; then
+NVDB has moved ten signs there, and it is matched again; last `--all` works everything out anew and says
+whether the kept parts agree. Municipalities beyond the fifth are copies of four of these. Every match runs
+in a process of its own. Seconds are the processor's, which hold while the machine has other work too; `ratio` is to the store
 with the fewest drives. Run it with OMP_NUM_THREADS=1.
 
 Bars: one more drive costs at most 1.5 times what it costs the smallest store, and takes under 500 MB; the
@@ -57,6 +58,7 @@ from geoloc.simulation.car import simulated_rig
 from geoloc.trajectory.poses import Poses
 from twin.cli.output import console, print_table
 from twin.matching.match_store import match
+from twin.mirror.touched import places_of
 from twin.store import schema
 from twin.store.kinds import Method
 from twin.store.poses import blob_from_poses, poses_from_blob
@@ -68,6 +70,7 @@ DRAWN_TILES = 5
 """Municipalities beyond these are copies of the last four."""
 SIGNS_A_TILE = 5000
 TILE_M = BLOCKS * BLOCK_M + 1000.0
+CHANGED_SIGNS = 10
 STEP_NS = round(STEP_M / 13.0 * 1e9)
 SIGHTINGS = 10
 CAMERA = "C1_front60Single"
@@ -277,6 +280,17 @@ def let_next_come(path: Path) -> None:
         store.touch(connection, come)
 
 
+def let_signs_change(path: Path) -> None:
+    """Let NVDB move signs of the first municipality, as a sync would."""
+    with Store.open(path) as store, store.transaction() as connection:
+        ids = {95: frozenset(range(100, 5000, 5000 // CHANGED_SIGNS)), 96: frozenset[int]()}
+        before = places_of(connection, ids)
+        for table, number in ((schema.skiltpunkt, "nvdb_id"), (schema.skiltplate, "point_id")):
+            moved = sa.update(table).where(table.c[number].in_(ids[95]))
+            connection.execute(moved.values(east_m=table.c.east_m + 2.5))
+        store.touch(connection, places=before | places_of(connection, ids))
+
+
 def measured(path: Path, profile: Path | None = None, *, anew: bool = False) -> Run:
     """Match a store in a process of its own."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
@@ -295,7 +309,7 @@ def _match(path: Path, profile: Path | None, anew: bool) -> Run:
 
 
 def run(folder: Path, n_drives: int, *, profile: bool) -> list[Run]:
-    """The first match of a store, that after one more drive, and one of everything."""
+    """The first match of a store, those after one more drive and a sync, and one of everything."""
     made, path = folder / f"{n_drives}.db", folder / "now.db"
     if not made.exists():
         part = made.with_suffix(".part")
@@ -305,6 +319,8 @@ def run(folder: Path, n_drives: int, *, profile: bool) -> list[Run]:
     runs = [measured(path)]
     let_next_come(path)
     runs.append(measured(path, folder / f"{n_drives}.prof" if profile else None))
+    let_signs_change(path)
+    runs.append(measured(path))
     runs.append(measured(path, anew=True))
     path.unlink()
     return runs
@@ -336,9 +352,10 @@ def main() -> None:
             f"{one.seconds:.1f}",
             f"{one.peak_mb:,.0f}",
             f"{one.seconds / smallest:.2f}",
+            f"{sync.seconds:.1f}",
             "yes" if everything.kept_agree else "NO",
         ]
-        for n, (first, one, everything) in runs.items()
+        for n, (first, one, sync, everything) in runs.items()
     ]
     columns = [
         "drives",
@@ -348,6 +365,7 @@ def main() -> None:
         "one more drive [s]",
         "[MB]",
         "ratio",
+        f"{CHANGED_SIGNS} signs changed [s]",
         "--all agrees",
     ]
     print_table("Matching a fleet's store", columns, rows, right_from=0)
