@@ -10,8 +10,8 @@ is no road network.
 Each store is matched; then one more drive comes, in the first municipality, and it is matched again; then
 NVDB has moved ten signs there, and it is matched again; last `--all` works everything out anew and says
 whether the kept parts agree. Municipalities beyond the fifth are copies of four of these. Every match runs
-in a process of its own. Seconds are the processor's, which hold while the machine has other work too; `ratio` is to the store
-with the fewest drives. Run it with OMP_NUM_THREADS=1.
+in a process of its own. Seconds are the processor's, which hold while the machine has other work too; `ratio`
+is to the store with the fewest drives. Run it with OMP_NUM_THREADS=1.
 
 Bars: one more drive costs at most 1.5 times what it costs the smallest store, and takes under 500 MB; the
 first match of 200 drives takes at most 20 s and 1 GB; `--all` agrees.
