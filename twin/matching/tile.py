@@ -177,7 +177,7 @@ class _Tile:
         estimates = estimates_of(asked.view, asked.method, ids, scope.read)
         edge = Edge(self._corner, TILE_M, self._needed_m, self._read_m)
         check_edge(asked, self._beyond, edge)
-        once, gathered = gathered_poles(asked, estimates, self._drives)
+        once, gathered, _ = gathered_poles(asked, estimates, self._drives, self._known)
         driven = [drive.driven for drive in self._drives]
         placed = with_fused_places(gathered, once, driven, kept=kept, only=scope.squares).poles
         marks = marks_of(estimates, {one: drive.clicks for one, drive in self._known.items()})
@@ -243,7 +243,8 @@ class _Tile:
     def _parts(self) -> dict[tuple[str, str], bytes]:
         """What is kept of this tile alone."""
         column, row = divmod(self._number, _COLUMN)
-        names = (("fused", f"{column}:{row}"), ("results", str(self._number)))
+        names = [("fused", f"{column}:{row}")]
+        names += [(kind, str(self._number)) for kind in ("results", "faces", "along")]
         used = self._kept.used()
         return {name: used[name] for name in names if name in used}
 

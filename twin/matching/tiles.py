@@ -15,21 +15,18 @@ import numpy as np
 import sqlalchemy as sa
 
 from geoloc.arrays import IntArray
-from twin.matching.asked import Asked, choose_method
-from twin.matching.cells import NOWHERE, cells_of, coarser, widened
-from twin.matching.compare import places_of
+from twin.matching.asked import Asked, choose_method, sites_of
+from twin.matching.cells import NOWHERE, coarser, widened
 from twin.matching.config import MatchConfig
 from twin.matching.drives import beside_nvdb, drives_of, known_drives, warnings_of
-from twin.matching.found import Found, since_last
+from twin.matching.found import Found, gathered_poles, since_last, where_drives_were
 from twin.matching.in_view import VIEWS
 from twin.matching.kept import Kept, arrays_of, digest, packed_arrays
 from twin.matching.left import PER_BLOCK, PER_SQUARE, KnownDrive, State
 from twin.matching.likelihood import cost_of_common
-from twin.matching.poles.same_pole import each_pole_once, may_be_one
-from twin.matching.poles.seen_in import clicks_of, pictures_of
+from twin.matching.poles.seen_in import clicks_of
 from twin.matching.reading import estimates_of, rows_of_drives
-from twin.matching.signs import sites_that_judge
-from twin.matching.sites import codes_of_mirror
+from twin.matching.sites import codes_of_mirror, mirror_near
 from twin.matching.tile import WorkedTile, worked_tile
 from twin.store import schema
 from twin.store.address import StoreAddress
@@ -242,18 +239,16 @@ def _worked_drives(asked: Asked, name: str, drive_ids: Sequence[str]) -> Worked:
     kept = Kept(view)
     drives = drives_of(view, method, config, kept, drive_ids)
     estimates = estimates_of(view, method, drive_ids)
-    pairs = may_be_one(estimates, config)
-    once = each_pole_once(estimates, pairs, pictures_of(view, pairs, method))
-    sites = sites_that_judge(asked, kept, drives, once, cells_of(places_of(once)))
-    drives = beside_nvdb(drives, sites, once, kept)
-    known = known_drives(drives, estimates, clicks_of(view, method, drive_ids), kept)
+    once, _, directions = gathered_poles(asked, estimates, drives, {})
+    rows = mirror_near(view, where_drives_were(drives, once), config)
+    drives = beside_nvdb(drives, sites_of(asked, rows, kept), once, kept)
+    known = known_drives(drives, estimates, clicks_of(view, method, drive_ids), directions, kept)
     for drive in drives:
         drive.watcher.leave()
         known[drive.drive_id].put(kept, drive.drive_id)
-    mine = frozenset(drive_ids)
     parts: dict[str, dict[str, bytes]] = {}
     for (kind, drive_id), packed in kept.used().items():
-        if drive_id in mine:
+        if drive_id in known:
             parts.setdefault(drive_id, {})[kind] = packed
     worked = {
         f"{_DRIVE} {one}": packed_arrays({kind: np.frombuffer(p, np.uint8) for kind, p in of_drive.items()})

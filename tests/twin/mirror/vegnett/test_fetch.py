@@ -230,6 +230,7 @@ def test_network_that_did_not_change_leaves_findings_fresh(empty: Store, net: Ne
     assert empty.revision() == before + 1
 
 
+@pytest.mark.file
 def test_network_is_fetched_by_one_process_at_a_time(empty: Store, net: Net) -> None:
     """A second fetch is refused and says who is at work."""
     lock = empty.path.with_name(empty.path.name + ".vegnett-lock")
