@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from twin.store.kinds import Method, Verdict
@@ -288,6 +289,7 @@ class Corrections:
         return asdict(self)
 
 
+@lru_cache(maxsize=10_000)  # a fleet's plates carry few different ones
 def split_codes(text: str) -> tuple[str, ...]:
     """``"362.50;808.1"`` → ``("362.50", "808.1")``."""
     return tuple(code.strip() for code in text.split(";") if code.strip())

@@ -175,7 +175,7 @@ estimate = sa.Table(
     sa.Column("object", TEXT, nullable=False, comment="the annotator's or tracker's id"),
     sa.Column("label", TEXT, nullable=False, comment="as annotated"),
     sa.Column("skiltnummer", TEXT, nullable=False, comment="codes of its plates, top down, joined by ;"),
-    sa.Column("method", TEXT, nullable=False, index=True, comment="adjusted, single-frame or paper"),
+    sa.Column("method", TEXT, nullable=False, comment="adjusted, single-frame or paper"),
     sa.Column("east_m", REAL, nullable=False, comment="easting, EPSG:25833, metres"),
     sa.Column("north_m", REAL, nullable=False, comment="northing, likewise"),
     sa.Column(

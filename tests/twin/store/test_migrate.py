@@ -26,8 +26,11 @@ UNDONE: Mapping[int, Sequence[str]] = {
     16: ["DROP TABLE fleet_job"],
     17: [],  # views, which every upgrade makes anew
     18: [
-        f"DROP INDEX ix_{name}"
-        for name in ("known_mark_pole", "known_mark_east_m", "pole_key_pole", "skiltplate_skiltnummer")
+        "CREATE INDEX ix_estimate_method ON estimate (method)",
+        *(
+            f"DROP INDEX ix_{name}"
+            for name in ("known_mark_pole", "known_mark_east_m", "pole_key_pole", "skiltplate_skiltnummer")
+        ),
     ],
 }
 """Revision → what makes a store of it one of the version before."""

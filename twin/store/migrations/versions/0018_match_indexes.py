@@ -14,6 +14,7 @@ _INDEXES = (
 
 
 def upgrade() -> None:
-    """Make them."""
+    """Make them; one by method, which SQLite takes for the better one, only leads to all estimates."""
+    op.execute("DROP INDEX IF EXISTS ix_estimate_method")
     for table, column in _INDEXES:
-        op.create_index(f"ix_{table}_{column}", table, [column])
+        op.create_index(f"ix_{table}_{column}", table, [column], if_not_exists=True)
