@@ -5,7 +5,9 @@ BIN := $(VENV)/bin
 # A file stays on one core, for what its tests share; the order is that of tests/conftest.py, long files first.
 SPREAD := --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo reference docs test slow coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet bench-live bench-live-faults bench-postgres pictures notebooks soak fuzz clean
+IN_POSTGRES := $(addprefix tests/twin/,belief changesets decisions evidence/test_make.py mirror/test_history.py mirror/vegnett reports/test_finding_list.py reports/test_fleet_status.py review/test_review_api.py)
+
+.PHONY: demo reference docs test slow postgres coverage lint check real sample bench bench-speed bench-mirror bench-export bench-calibration bench-review bench-start bench-fleet bench-live bench-live-faults bench-postgres pictures notebooks soak fuzz clean
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -21,6 +23,9 @@ test: $(VENV)/.installed          ## the whole suite
 
 slow: $(VENV)/.installed          ## what takes many seconds for one fact: kills, full disks, the wheel, calibration from pictures, the paper's notebook, long drives, damaged files
 	TWIN_SLOW=1 $(BIN)/python -m pytest $(SPREAD) -m slow
+
+postgres: $(VENV)/.installed      ## the rooms of a store's user (decisions, changes, evidence, belief, reports, mirror, review) with their stores in PostgreSQL
+	TWIN_TEST_STORES=postgresql $(BIN)/python -m pytest $(SPREAD) $(IN_POSTGRES)
 
 coverage: $(VENV)/.installed      ## the same, and which lines it runs: half as long again
 	$(BIN)/python -m pytest $(SPREAD) --cov --cov-report=term

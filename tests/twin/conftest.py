@@ -12,6 +12,7 @@ import pytest
 import sqlalchemy as sa
 from command_line import Answer, Twin
 from postgres_server import Server, running
+from stores_in_postgres import ASKED, instead_of_files
 from vegnett_links import segment
 
 from nvdb.area import Area
@@ -151,7 +152,14 @@ def postgres() -> Iterator[Server]:
         yield server
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(scope="session", autouse=ASKED)
+def stores_in_postgres(postgres: Server) -> Iterator[None]:
+    """Every store is a database, where that is asked for."""
+    with instead_of_files(postgres):
+        yield
+
+
+@pytest.fixture(params=["postgresql"] if ASKED else ["sqlite", "postgresql"])
 def address(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """Where a store of one test is, or will be: in a file, and in a database."""
     if request.param == "sqlite":

@@ -121,7 +121,7 @@ def test_sign_seen_from_both_sides_gets_no_direction(twin: Twin, road_store: Pat
         f"AND e.object = sighting.object AND e.method = sighting.method) - eye_{axis}_m"
         for axis in ("east", "north")
     )
-    change(road_store, f"UPDATE sighting SET {mirrored} WHERE number % 2 = 0")
+    change(road_store, f"UPDATE sighting SET {mirrored} WHERE number / 2 * 2 = number")
     assert twin("decide", "accept", "--verdict", "new", "--by", "kari", "--store", road_store).code == 0
     made = made_from(road_store)
     assert made.left_out == ()

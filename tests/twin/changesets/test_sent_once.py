@@ -387,6 +387,7 @@ def earlier_version_sends(stack: ExitStack, url: str, out: Path, *, start: bool)
 
 
 @pytest.mark.slow
+@pytest.mark.file
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no SIGKILL here")
 @pytest.mark.parametrize("end", ["/rest/v3/endringssett", "/start"])
 def test_process_that_is_killed_is_finished_by_the_next(sender: Sender, end: str) -> None:

@@ -214,6 +214,7 @@ def test_whole_rerun_with_nothing_new_changes_nothing(
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
 
 
+@pytest.mark.file
 def test_person_is_the_login_name(monkeypatch: pytest.MonkeyPatch, opened: Store) -> None:
     """Without --by and TWIN_USER the system says who it is."""
     monkeypatch.setenv("LOGNAME", "ola")
