@@ -4,7 +4,7 @@ Usage: python benchmarks/figures.py [--out docs/images]
 
 An urban drive at 25 km/h and highways at 35, 45, 60 and 80 km/h, two of each, through the product itself:
 written as recordings, ingested by every method, compared with their truth. The figure of error against the
-number of drives takes 450 drives: `benchmarks/many_drives.py --figure docs/images/many_drives.png`.
+number of drives takes 200 drives: `benchmarks/many_drives.py --figure docs/images/many_drives.png`.
 """
 
 from __future__ import annotations
