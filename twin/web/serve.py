@@ -109,6 +109,8 @@ def server_of(app: ASGIApp, *, websockets: bool = False) -> uvicorn.Server:
         lifespan="off",
         ws="websockets-sansio" if websockets else "none",
         ws_max_size=_LONGEST_MESSAGE,
+        # It would cost a car's processor more than it saves on the way to a browser beside it.
+        ws_per_message_deflate=False,
         timeout_graceful_shutdown=_PATIENCE_S,
     )
     return uvicorn.Server(config)
