@@ -16,8 +16,9 @@ from geoloc.rig.rig import Rig
 from geoloc.trajectory.poses import Poses
 from geoloc.trajectory.smoother.tilt import climb_ahead
 
-# In sigmas: how far an ellipse of 95 % reaches, and the distance that one sight of forty exceeds.
-_ELLIPSE, _SELDOM = float(np.sqrt(-2.0 * np.log(0.05))), 1.96
+# In sigmas: how far an ellipse of 95 % reaches, and a distance that one sight of seventy exceeds. With that
+# the ellipse holds 94 to 97 of 100 feet from 12 to 40 m ahead: inward next to none are outside.
+_ELLIPSE, _SELDOM = float(np.sqrt(-2.0 * np.log(0.05))), 2.2
 # A steel pole of 60 mm is a pixel wide there: nobody sees where it meets the ground.
 _FARTHEST_M = 100.0
 # The climb of a road to the far end decides where that is.
@@ -33,7 +34,7 @@ def placed_by_one_frame(
     single frames (`locate_single_frame`), which is one for signs 15 m away. Over 40 m a road's climb changes
     by more than the ground's slope beside it, by what the trajectory takes it to (`climb_ahead`). And the
     distance is the inverse of an angle: what seems to stand 22 m ahead may well stand at 40, hardly at 10.
-    The ellipse of 95 % therefore reaches as far as only one sight of forty goes beyond, but no farther than
+    The ellipse of 95 % therefore reaches as far as only one sight of seventy goes beyond, but no farther than
     feet can be seen, and is as much wider.
 
     Parameters
