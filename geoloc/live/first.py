@@ -57,11 +57,14 @@ def placed_by_one_frame(
     place = Place(float(located.latitude_deg[0]), float(located.longitude_deg[0]), float(located.height_m[0]))
     sight = _sight(rig, camera, pose, place)
     range_m = float(np.hypot(*sight))
-    covariance, reach = located.covariance_m2[0], 0.0
+    # The variance grows with the square of the slope: by two of them that of all.
+    steeper = replace(budget, ground_slope_deg=budget.ground_slope_deg + 1.0)
+    steep = locate_single_frame(rig, sighting, pose, steeper).covariance_m2[0]
+    own_deg2, covariance, reach = budget.ground_slope_deg**2, located.covariance_m2[0], 0.0
+    by_slope = (steep - covariance) / (steeper.ground_slope_deg**2 - own_deg2)
     for _ in range(_ROUNDS):
-        climb = climb_ahead(np.array([(1.0 + reach) * range_m]))[0]
-        steeper = replace(budget, ground_slope_deg=max(budget.ground_slope_deg, float(np.degrees(climb))))
-        covariance = locate_single_frame(rig, sighting, pose, steeper).covariance_m2[0]
+        climb_deg = float(np.degrees(climb_ahead(np.array([(1.0 + reach) * range_m]))[0]))
+        covariance = located.covariance_m2[0] + max(climb_deg**2 - own_deg2, 0.0) * by_slope
         sigma = float(np.sqrt(sight @ covariance @ sight)) / range_m**2
         reach = _reach(sigma, _FARTHEST_M / range_m - 1.0)
     longer = reach / (_ELLIPSE * sigma)
