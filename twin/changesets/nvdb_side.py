@@ -19,6 +19,7 @@ from twin.matching.sites import SKILTPLATE, SKILTPUNKT, Site, mirror_near, sites
 from twin.mirror.raw import raw_object
 from twin.store import schema
 from twin.store.records import Finding
+from twin.store.sql import from_json
 from twin.store.store import Row, Snapshot
 
 Key = tuple[int, int]
@@ -78,7 +79,7 @@ class Mirrored:
 
     def place(self, key: Key) -> Punkt:
         """Where NVDB has an object on the road network; RequestError where it says no point."""
-        places = self.rows[key]["stedfesting"] if key in self.rows else []
+        places = from_json(self.rows[key]["stedfesting"]) if key in self.rows else []
         for said in places or []:
             sekvens, posisjon = said.get("veglenkesekvensid"), said.get("relativ_posisjon")
             if sekvens is not None and posisjon is not None:

@@ -88,7 +88,7 @@ def _in_force(ctx: Any, setting: Setting, held: Mapping[str, Held]) -> SettingIn
 
 def _told(ctx: Any, setting: Setting, held: Held | None) -> tuple[Any, str]:
     """A setting's value and the parser's name for its source, asked of an option that it stands for."""
-    context = next(each for each in _contexts(ctx) if _option(each, setting) is not None)
+    context = _speaks_for(ctx, setting)
     option = _option(context, setting)
     if held is not None:
         check_value(context, option, setting.key, held)
@@ -103,6 +103,15 @@ def _told(ctx: Any, setting: Setting, held: Held | None) -> tuple[Any, str]:
 
 def _option(context: Any, setting: Setting) -> Any:
     return next((one for one in context.command.params if one.envvar == setting.variable), None)
+
+
+def _speaks_for(ctx: Any, setting: Setting) -> Any:
+    """The command that runs or `twin` itself, where it has the option; else one whose option has a default."""
+    have = [each for each in _contexts(ctx) if _option(each, setting) is not None]
+    return next(
+        (each for each in have if each in (ctx, ctx.parent) or _option(each, setting).default is not None),
+        have[0],
+    )
 
 
 def _contexts(ctx: Any) -> Iterator[Any]:
