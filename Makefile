@@ -83,6 +83,7 @@ bench-calibration: $(VENV)/.installed  ## rendered boards and tags through known
 
 bench-fleet: $(VENV)/.installed   ## matching after one more drive, by how many the store has: time and memory; two workers against one, and 30 kills; twenty minutes
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/fleet.py
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/match_parts.py --drives 200
 	$(BIN)/python benchmarks/fleet_workers.py
 
 bench-live: $(VENV)/.installed    ## the live engine: time a frame, memory, positions against the batch, replay; verdicts against a match; three quarters of an hour
@@ -94,6 +95,7 @@ bench-live-faults: $(VENV)/.installed  ## what fails in a car while it drives, f
 
 bench-postgres: $(VENV)/.installed  ## a store in PostgreSQL against one in SQLite: ingest, match, export; five reviewers at once
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/postgres.py
+	$(BIN)/python benchmarks/partitions.py
 
 bench-review: $(VENV)/.installed  ## the review page's first view at 10,000 findings, the server's time for an answer, in Chromium
 	$(BIN)/python benchmarks/review.py
