@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from geoloc.live.causal import Following
 from geoloc.trajectory.interpolation import NANOSECONDS
 from twin.live.car_state import CarState, Health, SourceState, Where
 from twin.live.engine import LiveEngine
@@ -85,10 +87,14 @@ class Watch:
 
     def state(self, now_ns: int, engine: LiveEngine) -> CarState:
         """Say how things are; what waits and what was lost is for others to add."""
+        where, position = _where(engine, now_ns), engine.following
+        if self._hears_nothing(now_ns) and math.isnan(where.latitude_deg):
+            # The engine knows no time but that of what arrives.
+            position = Following.LOST if engine.trajectory is not None else position
         return CarState(
             at_ns=now_ns,
-            where=_where(engine, now_ns),
-            position=engine.following,
+            where=where,
+            position=position,
             gnss=self._gnss(now_ns),
             cameras=tuple(
                 (name, Health.LOST if _is_silent(at_ns, now_ns) else Health.FINE)
@@ -97,6 +103,10 @@ class Watch:
             sources=tuple(self._sources.values()),
             refused=self.refused,
         )
+
+    def _hears_nothing(self, now_ns: int) -> bool:
+        heard_ns = [*self._frames_ns.values(), *(one.at_ns for one in self._antennas.values())]
+        return _is_silent(max(heard_ns, default=now_ns), now_ns)
 
     def _gnss(self, now_ns: int) -> Health:
         if not self._antennas:

@@ -157,6 +157,8 @@ def test_a_run_that_is_stopped_ends_within_five_seconds(drive: Drive, tmp_path: 
     run = LiveRun(LiveEngine(car_of(drive)), [Feed(endless())], [stuck], keeper=Keeper(path, "a drive"))
     run.start()
     until(lambda: run.last.sinks and run.last.sinks[0].blocked)
+    # Silence is told by the time that passes: nothing arrives that could tell it.
+    until(lambda: (run.last.gnss, run.last.position) == (Health.LOST, Following.LOST))
     run.stop()
     assert run.wait(15.0)
     ended.set()
