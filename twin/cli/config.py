@@ -106,7 +106,7 @@ def _option(context: Any, setting: Setting) -> Any:
 
 
 def _speaks_for(ctx: Any, setting: Setting) -> Any:
-    """The command that runs or `twin` itself, where it has the option; else one whose option has a default."""
+    """The command that runs or `twin` itself, if it has the option; else one whose option has a default."""
     have = [each for each in _contexts(ctx) if _option(each, setting) is not None]
     return next(
         (each for each in have if each in (ctx, ctx.parent) or _option(each, setting).default is not None),
