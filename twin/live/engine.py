@@ -1,8 +1,9 @@
 """The engine of a drive that goes on: what arrives goes in, estimates come out.
 
 It has no clock of its own. When the trajectory and the window of landmarks are solved follows from when
-things arrived, so that a recorded drive gives the same estimates however fast it is played. Of the two
-solutions at most one is worked out for one arrival, so that no frame waits for both.
+things arrived, so that a recorded drive gives the same estimates however fast it is played; where nothing
+arrives any more, who runs it lets time pass. Of the two solutions at most one is worked out for one arrival,
+so that no frame waits for both.
 """
 
 from __future__ import annotations
@@ -208,6 +209,15 @@ class LiveEngine:
         else:
             found = self._frame(what)
         return found + self._due()
+
+    def let_pass(self, now_ns: int) -> list[Estimate]:
+        """Take that it is so late, and nothing has arrived; return the estimates that have changed."""
+        self._now_ns = max(self._now_ns, now_ns)
+        found = self._due()
+        while self._job is not None:
+            # No frame waits.
+            found += self._next_part(self._job)
+        return found
 
     def finish(self) -> list[Estimate]:
         """End the drive: what is known of all objects that are open becomes final."""

@@ -96,6 +96,9 @@ class LiveCheck(Protocol):
     def take(self, arrival: Arrival, estimates: Sequence[Estimate]) -> Sequence[Said]:
         """Take what has arrived, and the estimates that came of it; return verdicts, new or changed."""
 
+    def let_pass(self, now_ns: int, estimates: Sequence[Estimate]) -> Sequence[Said]:
+        """Take that it is so late and nothing has arrived, with the estimates that came of that."""
+
     def finish(self, estimates: Sequence[Estimate]) -> Sequence[Said]:
         """End the drive, with the estimates that its end has made final; return the last verdicts."""
 

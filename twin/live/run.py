@@ -1,9 +1,10 @@
 """A drive that goes on: sources feed one engine through one bounded queue, sinks and a file get what it says.
 
 Each source and each sink has its own thread, and one thread runs the engine, so that nothing that blocks
-holds up the rest. The engine and all that is said follow from the stamps of what arrives. A recorded drive
-goes the same way, with one difference: it waits where a queue is full, so that nothing of it is left out and
-its estimates are the same however fast it is played.
+holds up the rest. The engine and all that is said follow from the stamps of what arrives, and where nothing
+arrives from the time that passes. A recorded drive goes the same way, with two differences: it has no time
+but that of its stamps, and it waits where a queue is full, so that nothing of it is left out and its
+estimates are the same however fast it is played.
 """
 
 from __future__ import annotations
@@ -83,6 +84,8 @@ class LiveRun:
     tell : callable, optional
         Gets what has happened, in a thread of its own: standard error may block too.
     settings : RunSettings
+    clock : callable
+        Seconds that pass where nothing arrives.
 
     Attributes
     ----------
@@ -105,6 +108,7 @@ class LiveRun:
         recording: Recording | None = None,
         tell: Callable[[Notice], None] | None = None,
         settings: RunSettings | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.engine, self.settings = engine, settings or RunSettings()
         self.final = self.lost = 0
@@ -120,6 +124,7 @@ class LiveRun:
         self._outlets = [Outlet(sink, waits=waits, most=lines) for sink in sinks]
         self._watch, self._clocks, self._quieted = Watch(engine.car.antennas), Clocks(), Quieted()
         self._now_ns = self._looked_ns = self._said_ns = 0
+        self._clock, self._now_s = clock, 0.0
         self._faults, self._unchecked = 0, ""
         self._feeding = len(sources)
         self._lock = Lock()
@@ -207,7 +212,6 @@ class LiveRun:
             self._ended.set()
 
     def _take_all(self) -> None:
-        heard_s = time.monotonic()
         # A recorded drive has no time but that of its stamps.
         tick_s = None if self.settings.waits else _TICK_S
         while self._stop_s is None or time.monotonic() < self._stop_s:
@@ -215,17 +219,16 @@ class LiveRun:
             if one is None:
                 if self._queue.is_closed:
                     return
-                silent_ns = round((time.monotonic() - heard_s) * NANOSECONDS)
-                if self._now_ns:
-                    self._look(self._now_ns + silent_ns)
-                continue
-            if isinstance(one, Trouble):
+                self._let_pass()
+            elif isinstance(one, Trouble):
                 self._watch.trouble(one)
+                self._let_pass()
                 self._look(self._now_ns or one.at_ns)
-                continue
-            heard_s = time.monotonic()
-            for arrival in self._clocks.steadied(one):
-                self._take(arrival)
+            else:
+                for arrival in self._clocks.steadied(one):
+                    self._take(arrival)
+                # What has arrived may be held back until its clock is known.
+                self._let_pass()
 
     def _take(self, arrival: Arrival) -> None:
         """Hand on one arrival, and look how things are where it is time."""
@@ -236,17 +239,34 @@ class LiveRun:
             self._watch.take(possible)
         if self._now_ns - self._looked_ns >= _TICK_S * NANOSECONDS:
             self._look(self._now_ns)
+        self._now_s = self._clock()
 
-    def _feed_engine(self, arrival: Arrival) -> None:
-        """Hand on what may be; a fault of twin costs this arrival, not the drive."""
+    def _let_pass(self) -> None:
+        """Let the time pass that has gone by since something was taken, where that is worth a look."""
+        now_s = self._clock()
+        if self.settings.waits or not self._now_ns or now_s - self._now_s < _TICK_S:
+            return
+        self._now_ns += round((now_s - self._now_s) * NANOSECONDS)
+        self._now_s = now_s
+        self._feed_engine(None)
+        self._look(self._now_ns)
+
+    def _feed_engine(self, arrival: Arrival | None) -> None:
+        """Hand on what may be, or that time has passed; a fault of twin costs this arrival, not the drive."""
+        now_ns = self._now_ns
         try:
-            estimates = self.engine.feed(arrival)
-            self._say_all(estimates)
-            self._verdicts(lambda check: check.take(arrival, estimates))
+            if arrival is None:
+                estimates = self.engine.let_pass(now_ns)
+                self._say_all(estimates)
+                self._verdicts(lambda check: check.let_pass(now_ns, estimates))
+            else:
+                estimates = self.engine.feed(arrival)
+                self._say_all(estimates)
+                self._verdicts(lambda check: check.take(arrival, estimates))
         except Exception:
             self._faults += 1
             if self._faults <= _FAULTS_LOGGED:
-                _log.exception("%s", type(arrival.what).__name__)
+                _log.exception("%s", "silence" if arrival is None else type(arrival.what).__name__)
 
     def _verdicts(self, asked: Callable[[LiveCheck], Iterable[Said]]) -> None:
         """Ask the check, which may lose its store: estimates go on without."""
@@ -281,10 +301,10 @@ class LiveRun:
             for outlet in self._outlets:
                 outlet.say(one)
 
-    def _look(self, now_ns: int) -> None:
-        """Say the car's state where it has changed, or was not said for a while."""
+    def _look(self, now_ns: int, *, is_last: bool = False) -> None:
+        """Say the car's state where it has changed, was not said for a while, or is the last."""
         if self._queue.lost[_FRAMES] > self.last.frames_dropped:
-            self._watch.frames_dropped(now_ns)
+            self._watch.frames_dropped(self._looked_ns, now_ns)
         now = self._state(now_ns)
         found = list(self._quieted.let_through(notices(self.last, now), now_ns))
         for notice in found:
@@ -292,7 +312,8 @@ class LiveRun:
             if not (notice.kind is NoticeKind.SINK_ENDED and self.is_unheard):
                 self._told.put(notice, 0)
         since_ns = abs(now_ns - self._said_ns)
-        if found or since_ns >= self.settings.state_every_s * NANOSECONDS:
+        every_ns = 1 if is_last else self.settings.state_every_s * NANOSECONDS
+        if found or since_ns >= every_ns:
             self._said_ns = now_ns
             self._say_all([now])
         self.last, self._looked_ns = now, now_ns
@@ -315,11 +336,12 @@ class LiveRun:
         """End the drive: all that is open becomes final."""
         for arrival in self._clocks.rest():
             self._take(arrival)
+        self._let_pass()
         estimates = self.engine.finish()
         self._say_all(estimates)
         if self._now_ns:
             self._verdicts(lambda check: check.finish(estimates))
-            self._look(self._now_ns)
+            self._look(self._now_ns, is_last=True)
 
     def _close(self) -> None:
         """Write what waits, and let sinks have what waits for them."""

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from geoloc.live.causal import Following
 from geoloc.trajectory.interpolation import NANOSECONDS
 from twin.live.car_state import CarState, Health, SourceState, Where
 from twin.live.engine import LiveEngine
@@ -64,9 +62,11 @@ class Watch:
         elif isinstance(what, Frame):
             self._frames_ns[what.camera] = at_ns
 
-    def frames_dropped(self, now_ns: int) -> None:
-        """Note that frames have come, and were left out: no camera is lost by that."""
-        self._frames_ns = dict.fromkeys(self._frames_ns, now_ns)
+    def frames_dropped(self, since_ns: int, now_ns: int) -> None:
+        """Note that frames have come since, and were left out: no camera is lost by that, or back."""
+        for name, at_ns in self._frames_ns.items():
+            if not _is_silent(at_ns, since_ns):
+                self._frames_ns[name] = now_ns
 
     def trouble(self, trouble: Trouble) -> None:
         """Note what a source says of itself."""
@@ -87,14 +87,10 @@ class Watch:
 
     def state(self, now_ns: int, engine: LiveEngine) -> CarState:
         """Say how things are; what waits and what was lost is for others to add."""
-        where, position = _where(engine, now_ns), engine.following
-        if self._hears_nothing(now_ns) and math.isnan(where.latitude_deg):
-            # The engine knows no time but that of what arrives.
-            position = Following.LOST if engine.trajectory is not None else position
         return CarState(
             at_ns=now_ns,
-            where=where,
-            position=position,
+            where=_where(engine, now_ns),
+            position=engine.following,
             gnss=self._gnss(now_ns),
             cameras=tuple(
                 (name, Health.LOST if _is_silent(at_ns, now_ns) else Health.FINE)
@@ -103,10 +99,6 @@ class Watch:
             sources=tuple(self._sources.values()),
             refused=self.refused,
         )
-
-    def _hears_nothing(self, now_ns: int) -> bool:
-        heard_ns = [*self._frames_ns.values(), *(one.at_ns for one in self._antennas.values())]
-        return _is_silent(max(heard_ns, default=now_ns), now_ns)
 
     def _gnss(self, now_ns: int) -> Health:
         if not self._antennas:

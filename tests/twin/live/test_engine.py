@@ -46,6 +46,31 @@ def fed(drive: Drive, arrivals: list[Arrival]) -> tuple[LiveEngine, list[Estimat
     return engine, found + engine.finish()
 
 
+def test_silence_ends_what_was_in_view_and_the_position(drive: Drive) -> None:
+    """When nothing arrives any more and time passes, poles become final, and the car's place is lost."""
+    engine, found = LiveEngine(car_of(drive)), list[Estimate]()
+    begin_ns = next(arrivals_of(drive)).at_ns
+    for one in arrivals_of(drive):
+        if one.at_ns > begin_ns + 12 * SECOND_NS:
+            break
+        found += engine.feed(one)
+        heard_ns = one.at_ns
+    in_view = {one.id for one in found} - {one.id for one in found if one.lasts}
+    assert in_view
+    assert engine.following is Following.FIXED
+    final, followed = list[Estimate](), list[Following]()
+    for i in range(1, 49):
+        final += [one for one in engine.let_pass(heard_ns + i * SECOND_NS // 4) if one.lasts]
+        followed.append(engine.following)
+    assert [one.id for one in final if one.state is State.FINAL] == sorted(in_view)
+    assert all(one.at_ns <= heard_ns + 9 * SECOND_NS for one in final)
+    assert followed == sorted(followed, key=["fixed", "predicted", "lost"].index)
+    assert 3 <= followed.count(Following.FIXED) <= 5
+    assert 35 <= followed.count(Following.PREDICTED) <= 38
+    assert followed[-1] is Following.LOST
+    assert engine.finish() == []
+
+
 def test_the_sample_live_is_located_to_decimetres(twin: Twin) -> None:
     """Each pole gets a first estimate, refined ones, and a final one whose ellipse holds the truth."""
     answer = twin("live", "--replay", str(TRIP), "--speed", "max")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import takewhile
+from dataclasses import dataclass, field
+from itertools import groupby, takewhile
 from pathlib import Path
 from threading import Event
 
@@ -31,10 +32,10 @@ from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.errors import StoreError
 from twin.live import Arrival, Estimate, Frame, LiveEngine, LiveRun, RunSettings, State, arrivals_of, car_of
-from twin.live.car_state import Health
+from twin.live.car_state import CarState, Health
 from twin.live.keep import Keeper
 from twin.live.notices import Notice, NoticeKind
-from twin.live.ports import Said
+from twin.live.ports import Said, Trouble, TroubleKind
 from twin.live.watch import Watch
 from twin.samples.demo import sample_folder
 
@@ -157,14 +158,105 @@ def test_a_run_that_is_stopped_ends_within_five_seconds(drive: Drive, tmp_path: 
     run = LiveRun(LiveEngine(car_of(drive)), [Feed(endless())], [stuck], keeper=Keeper(path, "a drive"))
     run.start()
     until(lambda: run.last.sinks and run.last.sinks[0].blocked)
-    # Silence is told by the time that passes: nothing arrives that could tell it.
-    until(lambda: (run.last.gnss, run.last.position) == (Health.LOST, Following.LOST))
     run.stop()
     assert run.wait(15.0)
     ended.set()
     assert run.whole
     assert run.last.sinks[0].lost > 0
     assert set(kept_in(path).values()) == {"final"}
+
+
+@dataclass
+class Cars(Heard):
+    """A sink that keeps what is said of the car."""
+
+    states: list[CarState] = field(default_factory=list)
+
+    def write(self, said: Said) -> None:
+        """Take a line."""
+        if isinstance(said, CarState):
+            self.states.append(said)
+
+
+def test_when_all_falls_silent_time_goes_on_and_nothing_comes_again(drive: Drive, tmp_path: Path) -> None:
+    """What was in view is kept, the position is predicted, then lost, until fixes come; no line goes back."""
+    begin_ns = next(arrivals_of(drive)).at_ns
+    every = list(takewhile(lambda one: one.at_ns < begin_ns + 10 * SECOND_NS, arrivals_of(drive)))
+    before = [one for one in every if one.at_ns < begin_ns + 6 * SECOND_NS]
+    silence_ns = 600 * SECOND_NS
+    after = [
+        Arrival(one.at_ns + silence_ns, one.what._replace(epoch_ns=one.what.epoch_ns + silence_ns))
+        for one in every[len(before) :]
+    ]
+    fails, comes, silent = Event(), Event(), Event()
+    clock_s = [0.0]
+
+    def clock() -> float:
+        # Two seconds each time that the loop looks, where nothing is to come.
+        clock_s[0] += 2.0 * silent.is_set()
+        return clock_s[0]
+
+    def heard(some: Sequence[Arrival]) -> bool:
+        return run.engine.frames == sum(isinstance(one.what, Frame) for one in some)
+
+    def port() -> Iterator[Arrival | Trouble]:
+        yield from before
+        fails.wait()
+        yield Trouble(begin_ns, "port", TroubleKind.LOST, detail="refused")
+        comes.wait()
+        yield from after
+        stopped.wait()
+
+    stopped, told, cars, path = Event(), list[Notice](), Cars(), tmp_path / "live.gpkg"
+    run = LiveRun(
+        LiveEngine(car_of(drive)),
+        [Feed(port())],
+        [cars],
+        keeper=Keeper(path, "a drive"),
+        tell=told.append,
+        settings=RunSettings(queue=5000),
+        clock=clock,
+    )
+    run.start()
+
+    def is_lost() -> bool:
+        return (run.last.gnss, run.last.position) == (Health.LOST, Following.LOST)
+
+    until(lambda: heard(before))
+    silent.set()
+    until(is_lost)
+    # As a kill would leave it.
+    until(lambda: path.exists() and run.last.keep is not None and not run.last.keep.waiting)
+    until(lambda: set(kept_in(path).values()) == {"final"})
+    fails.set()
+    until(lambda: NoticeKind.SOURCE_LOST in [one.kind for one in told])
+    assert all(one.is_bad for one in told)
+    silent.clear()
+    comes.set()
+    until(lambda: heard(every))
+    silent.set()
+    until(is_lost)
+    fine = [one.kind for one in told if not one.is_bad]
+    run.stop()
+    assert run.wait(15.0)
+    stopped.set()
+    assert [one.kind for one in told if not one.is_bad] == fine
+    assert fine.count(NoticeKind.POSITION_BACK) == fine.count(NoticeKind.GNSS_BACK) == 1
+    times = [one.at_ns for one in cars.states]
+    assert times == sorted(times)
+    positions = [position.value for position, _ in groupby(one.position for one in cars.states)]
+    assert positions == ["waiting", *["fixed", "predicted", "lost"] * 2]
+    assert cars.states[-1].at_ns == run.last.at_ns
+
+
+def test_a_camera_that_is_lost_is_not_back_by_frames_that_are_left_out(drive: Drive) -> None:
+    """Of the frames that a slow computer leaves out nobody knows the camera."""
+    engine = LiveEngine(car_of(drive))
+    watch = Watch(engine.car.antennas)
+    for camera, at_s in (("gone", 1), ("there", 9)):
+        watch.take(Arrival(at_s * SECOND_NS, Frame(camera, 1, at_s * SECOND_NS, ())))
+    watch.frames_dropped(10 * SECOND_NS, 13 * SECOND_NS)
+    assert watch.state(14 * SECOND_NS, engine).cameras == (("gone", Health.LOST), ("there", Health.FINE))
 
 
 def test_faults_of_parts_cost_no_drive(drive: Drive) -> None:
@@ -184,7 +276,7 @@ def test_faults_of_parts_cost_no_drive(drive: Drive) -> None:
         def take(self, _arrival: Arrival, _estimates: Sequence[Estimate]) -> Sequence[Said]:
             raise StoreError("The store has gone.")
 
-        finish = take
+        finish = let_pass = take
 
     told: list[Notice] = []
     heard = Heard(flows=_flowing())

@@ -65,7 +65,6 @@ class LiveCheck:
     def take(self, arrival: Arrival, estimates: Sequence[Estimate]) -> list[Verdict]:
         """Take what has arrived and the estimates that came of it; return verdicts, new or changed."""
         at_ns, what = arrival
-        self._now_ns = max(self._now_ns, at_ns)
         self._began_ns = self._began_ns or at_ns
         if isinstance(what, Frame):
             # A frame in which something was seen that nobody could follow tells nothing of what is not there.
@@ -73,6 +72,11 @@ class LiveCheck:
                 self._watched.take(what)
             self._unfollowed = self._engine.unfollowed
             self._poles.see(what, self._engine.shown)
+        return self.let_pass(at_ns, estimates)
+
+    def let_pass(self, now_ns: int, estimates: Sequence[Estimate]) -> list[Verdict]:
+        """Take that it is so late, and the estimates that came of it; return verdicts, new or changed."""
+        self._now_ns = max(self._now_ns, now_ns)
         touched = self._poles.take(estimates)
         if self._now_ns - self._looked_ns < _LOOK_EVERY_S * NANOSECONDS:
             return self._judge(touched)
