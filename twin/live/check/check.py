@@ -155,7 +155,8 @@ class LiveCheck:
                 said += self._changed(subject, verdict._replace(at_ns=self._now_ns))
         holds = {subject.id for subject, _ in found.verdicts}
         for name, (subject, before) in list(self._said.items()):
-            if subject.owner in inside - found.leaning and name not in holds:
+            is_open = subject.owner in inside and name not in holds
+            if is_open and not found.keeps(subject, before.standing):
                 why = found.doubts.get(subject.owner)
                 said += self._changed(subject, subject.taken_back(before, why, self._now_ns))
         return said

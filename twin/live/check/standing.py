@@ -132,8 +132,11 @@ class Judged:
     doubts : mapping of owner to Why
         Why nothing can be said of it as a whole.
     leaning : set of owners
-        Poles that are surely NVDB's, of whose place it is not sure enough whether it is NVDB's too: what
-        was said before stays.
+        Poles that are surely NVDB's and not final, of whose place it is not sure enough whether it is NVDB's
+        too: what was said before stays.
+    in_place : set of owners
+        Final ones of that kind that are more surely where NVDB has them than a review asks for: `UNCHANGED`
+        stays, nothing else does.
     paired : set of SiteId
         Signs that a pole surely is.
     """
@@ -141,7 +144,14 @@ class Judged:
     verdicts: list[tuple[Subject, Verdict]] = field(default_factory=list)
     doubts: dict[Owner, Why] = field(default_factory=dict)
     leaning: set[Owner] = field(default_factory=set)
+    in_place: set[Owner] = field(default_factory=set)
     paired: set[SiteId] = field(default_factory=set)
+
+    def keeps(self, subject: Subject, before: Standing) -> bool:
+        """Whether what was said of a subject stays, though nothing is said of it now."""
+        is_whole = subject.site is not None and subject.id == Subject.of_site(subject.site).id
+        stays = is_whole and before is Standing.UNCHANGED and subject.owner in self.in_place
+        return stays or subject.owner in self.leaning
 
 
 def judged(scene: Scene, places_m: FloatArray, within_m: float) -> tuple[Judged, set[Owner]]:
@@ -185,8 +195,11 @@ def judged(scene: Scene, places_m: FloatArray, within_m: float) -> tuple[Judged,
         if _holds(finding, pole, config):
             is_final = pole is None or (pole.is_final and (number < 0 or _is_over(scene, number)))
             found.verdicts.append((subject, _verdict(finding, subject, pole, is_final=is_final)))
-        elif finding.verdict in _OF_PLACE:
-            found.leaning.add(subject.owner)
+        elif finding.verdict in _OF_PLACE and pole is not None:
+            if not pole.is_final:
+                found.leaning.add(subject.owner)
+            elif _p_in_place(finding) >= config.review_below:
+                found.in_place.add(subject.owner)
         if subject.site is None or finding.verdict is not Matched.UNCHANGED:
             found.doubts.setdefault(subject.owner, finding.why)
     return found, _inside(scene, places_m, within_m)
@@ -238,9 +251,9 @@ def _subject(finding: Finding, pole: Pole | None, site: Site | None) -> Subject:
 def _holds(finding: Finding, pole: Pole | None, config: MatchConfig) -> bool:
     """Whether a finding is sure enough to be said now.
 
-    What a match would put up for review is not said. Of a place that may still change, that it is NVDB's or
-    is not is said once that is likely by all that is known; of one that is final, as a match says it. One
-    frame alone shows neither that a sign is new nor that it was moved.
+    What a match would put up for review is not said. That a place is NVDB's or is not is said once that is
+    likely by all that is known, also of one that is final: the drive may end while it is far ahead, known to
+    metres. One frame alone shows neither that a sign is new nor that it was moved.
     """
     if finding.verdict not in _STANDING:
         return False
@@ -248,9 +261,13 @@ def _holds(finding: Finding, pole: Pole | None, config: MatchConfig) -> bool:
         return True
     if pole.of_one_frame and finding.verdict in (Matched.NEW, Matched.MOVED):
         return False
-    if pole.is_final:
-        return True
     return finding.verdict not in _OF_PLACE or finding.confidence >= config.review_below
+
+
+def _p_in_place(finding: Finding) -> float:
+    """Return the probability that a pole is its sign of NVDB, and within the tolerance of its place."""
+    p_beyond = finding.terms["beyond_tolerance"]
+    return 0.0 if p_beyond is None else float(finding.terms["match"] * (1.0 - p_beyond))
 
 
 def _verdict(finding: Finding, subject: Subject, pole: Pole | None, *, is_final: bool) -> Verdict:

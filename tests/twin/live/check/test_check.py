@@ -232,6 +232,19 @@ def test_a_sign_seen_from_afar_is_unchanged_until_it_turns_out_to_stand_elsewher
     assert properties["distance_m"] == pytest.approx(3.0, abs=0.01)
 
 
+def test_a_drive_that_ends_far_from_a_sign_has_no_last_word_that_is_unlikely(engine: LiveEngine) -> None:
+    """What 95 % of a long ellipse says is no verdict; what was said stays if it is likely, else it is not."""
+    near = estimate("P", 0.2, 0, "202", sigma=1.0)
+    ended = estimate("P", 8.1, 0, "202", sigma=3.8, state=State.FINAL)
+    assert lines(engine, country("202"), near, ended) == [("95:1", None, "unchanged")]
+    assert lines(engine, country("202"), ended) == []
+    beyond = estimate("P", 3, 0, "202", sigma=0.3)
+    assert lines(engine, country("202"), beyond, ended) == [
+        ("95:1", None, "moved"),
+        ("95:1", "moved", "expected"),
+    ]
+
+
 def test_a_new_sign_needs_more_than_one_frame(engine: LiveEngine) -> None:
     """What one frame places where NVDB has none is new when others agree, by the engine's id."""
     afar = estimate("P", 60, 0, "202", sigma=1.0, state=State.FIRST)
