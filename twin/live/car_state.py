@@ -65,6 +65,8 @@ class SourceState(NamedTuple):
         Lines or messages of it so far that could not be read.
     dropped : int
         Pictures so far for which its detector was too slow.
+    refused : tuple of str
+        What it said of cameras that the car does not have, for people, each once.
     clock : int
         How often it has said that a time cannot be.
     why : str
@@ -77,6 +79,7 @@ class SourceState(NamedTuple):
     dropped: int = 0
     clock: int = 0
     why: str = ""
+    refused: tuple[str, ...] = ()
 
 
 class KeepState(NamedTuple):

@@ -29,6 +29,7 @@ class NoticeKind(StrEnum):
     SOURCE_BACK = "source_back"
     GARBAGE = "garbage"
     REFUSED = "refused"
+    UNKNOWN_CAMERA = "unknown_camera"
     SINK_BLOCKED = "sink_blocked"
     SINK_BACK = "sink_back"
     SINK_ENDED = "sink_ended"
@@ -58,6 +59,7 @@ _SENTENCES = {
     NoticeKind.GARBAGE: "{what} sends what cannot be read: {number:.0f} lines or messages left out so far.",
     NoticeKind.REFUSED: "{number:.0f} frames of a camera that the car does not have, or detections without"
     " a pixel, were left out so far.",
+    NoticeKind.UNKNOWN_CAMERA: "{what}: {why}. Its frames are left out.",
     NoticeKind.SINK_BLOCKED: "{what} takes no lines: the oldest are left out, final ones last.",
     NoticeKind.SINK_BACK: "{what} takes lines again; {number:.0f} were left out in all.",
     NoticeKind.SINK_ENDED: "{what} has ended and gets no more lines.",
@@ -165,6 +167,8 @@ def _sources(before: CarState, now: CarState) -> Iterator[Notice]:
             yield Notice(kind, one.name, why=one.why)
         if one.garbage > old.garbage:
             yield Notice(NoticeKind.GARBAGE, one.name, one.garbage)
+        for why in one.refused[len(old.refused) :]:
+            yield Notice(NoticeKind.UNKNOWN_CAMERA, one.name, why=why)
         if one.dropped > old.dropped:
             yield Notice(NoticeKind.SOURCE_DROPPED, one.name, one.dropped)
         if one.clock > old.clock:
@@ -194,21 +198,26 @@ def _keep(before: CarState, now: CarState) -> Iterator[Notice]:
 
 
 class Quieted:
-    """Holds back notices that only count on: of one kind and thing at most one in so many seconds."""
+    """Holds back notices that only count on: of one kind and thing one in so many seconds, the newest."""
 
     def __init__(self, every_s: float = 10.0) -> None:
         self._every_ns = round(every_s * 1e9)
         self._said_ns: dict[tuple[NoticeKind, str], int] = {}
+        self._held: dict[tuple[NoticeKind, str], Notice] = {}
 
     def let_through(self, found: Iterator[Notice], at_ns: int) -> Iterator[Notice]:
-        """Hand on what is not held back."""
+        """Hand on what is not held back, and what was when its time has come."""
         for one in found:
             if one.kind in _COUNTS:
-                last_ns = self._said_ns.get((one.kind, one.what))
-                if last_ns is not None and abs(at_ns - last_ns) < self._every_ns:
-                    continue
-                self._said_ns[one.kind, one.what] = at_ns
-            yield one
+                self._held[one.kind, one.what] = one
+            else:
+                yield one
+        for key, one in list(self._held.items()):
+            last_ns = self._said_ns.get(key)
+            if last_ns is None or abs(at_ns - last_ns) >= self._every_ns:
+                self._said_ns[key] = at_ns
+                del self._held[key]
+                yield one
 
 
 _COUNTS = frozenset(

@@ -22,6 +22,8 @@ class TroubleKind(StrEnum):
     """It answers again."""
     GARBAGE = "garbage"
     """What came cannot be read, and was left out."""
+    REFUSED = "refused"
+    """Frames came of a camera that the car does not have, and were left out."""
     CLOCK = "clock"
     """Its time stepped, or stands."""
     DROPPED = "dropped"

@@ -79,6 +79,10 @@ class Watch:
                 one = one._replace(lost=trouble.kind is TroubleKind.LOST)
             case TroubleKind.GARBAGE:
                 one = one._replace(garbage=one.garbage + trouble.count)
+            case TroubleKind.REFUSED:
+                self.refused += trouble.count
+                one = one._replace(refused=(*one.refused, trouble.detail)[:_MOST_NAMES])
+                one = one._replace(refused=tuple(dict.fromkeys(one.refused)))
             case TroubleKind.DROPPED:
                 one = one._replace(dropped=one.dropped + trouble.count)
             case TroubleKind.CLOCK:

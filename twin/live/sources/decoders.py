@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Protocol
 
 from geoloc.live.samples import Fix
@@ -14,10 +16,12 @@ from twin.drives.track.formats.sbp_stream import SbpStream
 from twin.live.events import Frame
 from twin.live.recorder import Recorder
 from twin.live.sources.antenna import Antenna
-from twin.live.sources.frames import FrameReader, UnusableFrameError
+from twin.live.sources.frames import FrameReader, UnknownCameraError, UnusableFrameError
 
 LONGEST_SENTENCE, LONGEST_FRAME = 1024, 1_000_000
 """Bytes of a line. NMEA allows 82; a frame of 5,000 detections stays below a million."""
+_MOST_REASONS = 16
+_NONE: Mapping[str, int] = MappingProxyType({})
 _STAMPED = re.compile(rb"[*}][^*}]*\s\d{16}\s*$")
 """A line behind whose sentence or report a host stamp stands already."""
 
@@ -36,6 +40,10 @@ class Decoder(Protocol):
     @property
     def why(self) -> str:
         """Return why the last one could not, for people."""
+
+    @property
+    def refused(self) -> Mapping[str, int]:
+        """Frames so far of cameras that the car does not have, by what is to be said of it."""
 
     def feed(self, data: bytes, at_ns: int, /) -> Iterable[Fix | Frame]:
         """Take what came when the host's clock showed `at_ns`."""
@@ -89,6 +97,7 @@ class FixLines:
     """Sentences of NMEA, or reports of gpsd."""
 
     why = "no sentence with a sound checksum"
+    refused = _NONE
 
     def __init__(self, stream: LineStream, antenna: Antenna, keep: Callable[[bytes], None]) -> None:
         self._stream, self._antenna, self._keep = stream, antenna, keep
@@ -122,6 +131,7 @@ class FixMessages:
     """Messages of SBP."""
 
     why = "bytes that are no SBP frame"
+    refused = _NONE
 
     def __init__(self, antenna: Antenna, keep: Callable[[bytes], None]) -> None:
         self._stream, self._antenna, self._keep = SbpStream(), antenna, keep
@@ -151,12 +161,13 @@ class FrameLines:
 
     def __init__(self, reader: FrameReader, recorder: Recorder | None) -> None:
         self.readable, self.why = 0, ""
+        self.refused: Counter[str] = Counter()
         self._reader, self._recorder = reader, recorder
         self._cutter, self._unusable = Cutter(LONGEST_FRAME), 0
 
     @property
     def unreadable(self) -> int:
-        """Lines that are no frame of this car."""
+        """Lines that are no frame."""
         return self._unusable + self._cutter.too_long
 
     def feed(self, data: bytes, _at_ns: int) -> list[Frame]:
@@ -168,6 +179,12 @@ class FrameLines:
             try:
                 frames.append(self._frame(text))
                 self.readable += 1
+            except UnknownCameraError as reason:
+                self.readable += 1
+                told = str(reason)
+                # Garbage may name many.
+                is_told = told in self.refused or len(self.refused) < _MOST_REASONS
+                self.refused[told if is_told else next(iter(self.refused))] += 1
             except UnusableFrameError as reason:
                 self._unusable += 1
                 self.why = str(reason)

@@ -26,6 +26,10 @@ class UnusableFrameError(Exception):
     """A frame that is left out; its text says why, for people."""
 
 
+class UnknownCameraError(UnusableFrameError):
+    """A frame of a camera that the car does not have."""
+
+
 class _Of:
     """One camera, whatever the shape."""
 
@@ -57,7 +61,9 @@ class FrameReader:
         Raises
         ------
         UnusableFrameError
-            For a camera that the car does not have, or a frame without a number or a time.
+            For a frame without a number or a time.
+        UnknownCameraError
+            For a camera that the car does not have.
         """
         stamp_ns = line.stamp(self._car.settings.camera_offset_ns)
         if stamp_ns is None:
@@ -92,7 +98,8 @@ class FrameReader:
         try:
             return self._car.rig.camera(name)
         except CalibrationError as error:
-            raise UnusableFrameError(str(error)[:200]) from error
+            known = ", ".join(sorted(self._car.rig.cameras)) or "none"
+            raise UnknownCameraError(f"camera {name:.60} is not in the rig: it has {known}") from error
 
     def _fresh(self) -> FileReading:
         return FileReading(self._car.rig.source, Meanings(self._car.labels), {}, 0, {})

@@ -118,6 +118,8 @@ class PlayedSource:
             last_ns = arrival.at_ns
             yield from self._epochs.checked(arrival)
         count = faults.total() + self._decoder.unreadable
+        for why, number in self._decoder.refused.items():
+            yield Trouble(last_ns, self._name, TroubleKind.REFUSED, number, why)
         if count:
             yield Trouble(
                 last_ns, self._name, TroubleKind.GARBAGE, count, next(iter(faults), self._decoder.why)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from threading import Event
@@ -120,7 +120,7 @@ class StreamSource:
 
 
 class _Garbage:
-    """Counts what cannot be read, and tells it once a second.
+    """Counts what cannot be read or is not the car's, and tells it once a second.
 
     The first line of a sender may be the rest of one that began before twin listened.
     """
@@ -129,6 +129,8 @@ class _Garbage:
         self._name, self._told_s = name, -_TOLD_EVERY_S
         self._told: dict[int, int] = {}
         self._count, self._why = 0, ""
+        self._refused: Counter[str] = Counter()
+        self._told_refused: dict[int, Counter[str]] = {}
 
     def now(self, decoders: Iterable[Decoder]) -> Iterator[Trouble]:
         """Tell what has come since the last time, at most once a second."""
@@ -138,21 +140,30 @@ class _Garbage:
                 self._count += decoder.unreadable - before
                 self._why = decoder.why
                 self._told[id(decoder)] = decoder.unreadable
-        if self._count and time.monotonic() - self._told_s >= _TOLD_EVERY_S:
+            if decoder.refused:
+                told = self._told_refused.setdefault(id(decoder), Counter())
+                self._refused += Counter(decoder.refused) - told
+                told.update(Counter(decoder.refused) - told)
+        if (self._count or self._refused) and time.monotonic() - self._told_s >= _TOLD_EVERY_S:
             yield from self._tell()
 
     def rest(self, decoders: Iterable[Decoder]) -> Iterator[Trouble]:
         """Tell what has not been told."""
         yield from self.now(decoders)
-        if self._count:
+        if self._count or self._refused:
             yield from self._tell()
 
     def forget(self, decoder: Decoder) -> None:
         """Forget a sender that has left."""
         self._told.pop(id(decoder), None)
+        self._told_refused.pop(id(decoder), None)
 
     def _tell(self) -> Iterator[Trouble]:
-        yield Trouble(time.time_ns(), self._name, TroubleKind.GARBAGE, self._count, self._why)
+        if self._count:
+            yield Trouble(time.time_ns(), self._name, TroubleKind.GARBAGE, self._count, self._why)
+        for why, count in self._refused.items():
+            yield Trouble(time.time_ns(), self._name, TroubleKind.REFUSED, count, why)
+        self._refused.clear()
         self._count, self._told_s = 0, time.monotonic()
 
 

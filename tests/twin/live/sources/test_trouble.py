@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,15 @@ from live_senders import WIDE, Listener, MakeCar, Sender, free_port, until
 
 from geoloc.live.samples import Fix
 from twin.live.car import Car
+from twin.live.car_state import CarState
 from twin.live.events import Arrival, Frame
+from twin.live.notices import Notice, NoticeKind, Quieted, notices
 from twin.live.ports import Trouble, TroubleKind
 from twin.live.sources import Gives, open_source, stream
-from twin.live.sources.decoders import LONGEST_SENTENCE, Cutter
+from twin.live.sources.decoders import LONGEST_SENTENCE, Cutter, FrameLines
 from twin.live.sources.epochs import Epochs
+from twin.live.sources.frames import FrameReader
+from twin.live.watch import Watch
 
 S = 1_000_000_000
 HOUR_NS = 1_781_078_400 * S
@@ -118,8 +123,38 @@ def test_frames_of_no_use_say_why(make_car: MakeCar) -> None:
             detector.hang_up()
             until(lambda: listener.troubles(TroubleKind.LOST))
     assert frame == Frame(WIDE, 1, good["time_ns"], ())
-    assert sum(one.count for one in listener.troubles(TroubleKind.GARBAGE)) == 3
-    assert any("rear" in one.detail for one in listener.troubles())
+    assert sum(one.count for one in listener.troubles(TroubleKind.GARBAGE)) == 1
+    refused = listener.troubles(TroubleKind.REFUSED)
+    assert sum(one.count for one in refused) == 2
+    assert {one.detail for one in refused} == {f"camera rear is not in the rig: it has {WIDE}"}
+
+
+def test_cameras_that_the_rig_lacks_are_named_once_and_counted(car: Car) -> None:
+    """Of two detectors' words each is told once, all are counted, and the source is not lost for them."""
+    decoder, watch = FrameLines(FrameReader(car), None), Watch(["roof"])
+    garbage, states = stream._Garbage("tcp://detector"), []
+    for number, camera in enumerate(["front", "rear", "front"]):
+        line = {"camera": camera, "frame": number, "time_ns": HOUR_NS}
+        assert decoder.feed(json.dumps(line).encode() + b"\n", HOUR_NS) == []
+        for one in garbage.rest([decoder]):
+            watch.trouble(one)
+        (source,) = watch._sources.values()
+        states.append(CarState(HOUR_NS, sources=(source,), refused=watch.refused))
+    assert (decoder.readable, decoder.unreadable, watch.refused) == (3, 0, 3)
+    found = [one for before, now in pairwise([CarState(HOUR_NS), *states]) for one in notices(before, now)]
+    named = [one.sentence() for one in found if one.kind is NoticeKind.UNKNOWN_CAMERA]
+    assert [one.split()[2] for one in named] == ["front", "rear"]
+    assert all(WIDE in one for one in named)
+    assert [one.number for one in found if one.kind is NoticeKind.REFUSED] == [1, 2, 3]
+
+
+def test_a_count_that_grew_while_it_was_held_back_is_told_later() -> None:
+    """One sentence at once, none for 10 s, then the newest count, though nothing more has come."""
+    quieted, told = Quieted(), []
+    for at_s, count in ((0, 1), (1, 20), (2, 39), (5, 0), (11, 0), (30, 0)):
+        found = [Notice(NoticeKind.GARBAGE, "tcp://x", count)] if count else []
+        told += [(at_s, one.number) for one in quieted.let_through(iter(found), at_s * S)]
+    assert told == [(0, 1), (11, 39)]
 
 
 def fix(at_ns: int, epoch_ns: int) -> Arrival:
