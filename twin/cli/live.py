@@ -52,8 +52,8 @@ def live(
     gnss: Annotated[
         list[str] | None,
         typer.Option(
-            help="Where fixes come from: serial, TCP, UDP, gpsd, MQTT (twin help live); several times for"
-            " several antennas.",
+            help="Where fixes come from: NMEA over serial, TCP, UDP; SBP; gpsd; MCAP; ROS 2 (twin help live);"
+            " several times for several antennas.",
             metavar="URL",
             show_default=False,
         ),
@@ -117,7 +117,7 @@ def live(
         Path | None,
         typer.Option(
             envvar="TWIN_MATCH_SETTINGS",
-            help="Settings of the check, as twin match has them: the table [matching] of a TOML file.",
+            help="Settings of the check, as twin match has them: the table \\[matching] of a TOML file.",
             metavar="FILE.toml",
             show_default=False,
         ),
@@ -157,9 +157,10 @@ def live(
 
     with ExitStack() as stack:
         if replay is not None:
-            if gnss or detections or car is not None or record is not None:
+            if gnss or detections or car is not None or record is not None or detector is not None:
                 raise ConfigError(
-                    "--replay plays a recorded drive: leave out --gnss, --detections, --car, --record."
+                    "--replay plays a recorded drive with its annotations: leave out --gnss, --detections,"
+                    " --car, --record, --detector."
                 )
             drive = _replayed(replay, speed)
         else:
@@ -170,6 +171,8 @@ def live(
         opened = stack.enter_context(Store.open(store, create=False)) if check else None
         checked = None if opened is None else _check(stack, opened, drive, settings)
         sinks = _sinks(to or [], final=not every)
+        if check and not every:
+            warn("With --final no verdict of --check goes to standard output: --keep FILE keeps them.")
         if serve is not None:
             sinks.append(_pages(serve, drive, opened, lang, base_map=base_map))
         kept = keep or (None if record is None else record / _KEEP)
@@ -222,13 +225,19 @@ def _connected(
     whose = read_car(car)
     for warning in whose.warnings:
         warn(str(warning))
+    if not detections:
+        warn("Nothing looks for signs without --detections: the car alone is followed.")
     engine = LiveEngine(whose.live_car(antennas_of(whose, gnss)))
     recorder = None if record is None else stack.enter_context(Recorder(record, whose))
     asked = [(url, Gives.FIXES) for url in gnss] + [(url, Gives.DETECTIONS) for url in detections]
     sources = [open_source(url, gives, whose, recorder=recorder, detector=detector) for url, gives in asked]
     settings = whose.settings
-    complete = settings.annotations_complete if detector is None else settings.detections_complete
-    return _Drive(str(car), engine, sources, False, complete, recorder)
+    if settings.annotations_complete and not settings.detections_complete:
+        warn(
+            f"{car} says annotations_complete = true, which is of people: what a detector finds counts as"
+            " complete only with detections_complete = true, so no sign is called missing."
+        )
+    return _Drive(str(car), engine, sources, False, settings.detections_complete, recorder)
 
 
 def _check(stack: ExitStack, store: Store, drive: _Drive, settings: Path | None) -> LiveCheck:

@@ -61,6 +61,8 @@ class SourceState(NamedTuple):
     name : str
     lost : bool
         Whether it delivers nothing.
+    ended : bool
+        Whether it never will again.
     garbage : int
         Lines or messages of it so far that could not be read.
     dropped : int
@@ -80,6 +82,7 @@ class SourceState(NamedTuple):
     clock: int = 0
     why: str = ""
     refused: tuple[str, ...] = ()
+    ended: bool = False
 
 
 class KeepState(NamedTuple):

@@ -24,6 +24,7 @@ class NoticeKind(StrEnum):
     FRAMES_DROPPED = "frames_dropped"
     OTHERS_DROPPED = "others_dropped"
     SOURCE_LOST = "source_lost"
+    SOURCE_ENDED = "source_ended"
     SOURCE_CLOCK = "source_clock"
     SOURCE_DROPPED = "source_dropped"
     SOURCE_BACK = "source_back"
@@ -53,6 +54,7 @@ _SENTENCES = {
     NoticeKind.OTHERS_DROPPED: "This computer does not follow: {number:.0f} fixes or samples of motion"
     " were left out so far.",
     NoticeKind.SOURCE_LOST: "{what} does not answer ({why}): twin goes on trying.",
+    NoticeKind.SOURCE_ENDED: "{why} has ended: nothing more comes from there.",
     NoticeKind.SOURCE_CLOCK: "{what}: {why}.",
     NoticeKind.SOURCE_DROPPED: "{what} is too fast for its detector: {number:.0f} pictures left out so far.",
     NoticeKind.SOURCE_BACK: "{what} answers again.",
@@ -162,8 +164,9 @@ def _sources(before: CarState, now: CarState) -> Iterator[Notice]:
     was = {one.name: one for one in before.sources}
     for one in now.sources:
         old = was.get(one.name, SourceState(one.name))
-        if one.lost is not old.lost:
-            kind = NoticeKind.SOURCE_LOST if one.lost else NoticeKind.SOURCE_BACK
+        if (one.lost, one.ended) != (old.lost, old.ended):
+            lost = NoticeKind.SOURCE_ENDED if one.ended else NoticeKind.SOURCE_LOST
+            kind = lost if one.lost else NoticeKind.SOURCE_BACK
             yield Notice(kind, one.name, why=one.why)
         if one.garbage > old.garbage:
             yield Notice(NoticeKind.GARBAGE, one.name, one.garbage)

@@ -18,6 +18,8 @@ class TroubleKind(StrEnum):
 
     LOST = "lost"
     """It ended or does not answer; the source goes on trying."""
+    ENDED = "ended"
+    """It ended for good."""
     BACK = "back"
     """It answers again."""
     GARBAGE = "garbage"

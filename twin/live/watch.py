@@ -75,6 +75,8 @@ class Watch:
             return
         one = self._sources.get(name, SourceState(name))._replace(why=trouble.detail)
         match trouble.kind:
+            case TroubleKind.ENDED:
+                one = one._replace(lost=True, ended=True)
             case TroubleKind.LOST | TroubleKind.BACK:
                 one = one._replace(lost=trouble.kind is TroubleKind.LOST)
             case TroubleKind.GARBAGE:

@@ -43,13 +43,13 @@ def listening(host: str = LOOPBACK, port: int = 0) -> tuple[socket.socket, Addre
     """
     if _is_every_address(host):
         raise ConfigError(
-            f"--host {host} would listen on every network of this machine: name the one address that others "
-            "will write in their browser."
+            f"{host or 'An empty host'} would listen on every network of this machine: name the one address"
+            " that others will write in their browser."
         )
     try:
         resolved = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_STREAM)[0][4]
     except OSError as error:
-        raise ConfigError(f"--host {host} is no address of this machine ({error.strerror}).") from error
+        raise ConfigError(f"{host} is no address of this machine ({error.strerror}).") from error
     # Named as TCP's own, it sends what it has at once: asyncio asks for that only where the protocol is said.
     taken = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
@@ -61,10 +61,10 @@ def listening(host: str = LOOPBACK, port: int = 0) -> tuple[socket.socket, Addre
     except OSError as error:
         taken.close()
         if error.errno == errno.EADDRNOTAVAIL:
-            raise ConfigError(f"--host {host} is no address of this machine ({error.strerror}).") from error
+            raise ConfigError(f"{host} is no address of this machine ({error.strerror}).") from error
         raise RefusedError(
-            f"The port {port} of {host} cannot be used ({error.strerror}): name another --port, "
-            "or none for one that is free."
+            f"The port {port} of {host} cannot be used ({error.strerror}): name another, "
+            "or 0 for one that is free."
         ) from error
     return taken, Address(host, int(taken.getsockname()[1]))
 

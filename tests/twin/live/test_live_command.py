@@ -132,6 +132,7 @@ def test_a_car_on_sockets_is_located_whatever_else_is_sent(tmp_path: Path) -> No
         ((), "twin live needs a drive"),
         (("--gnss", "tcp://127.0.0.1:1"), "twin live needs a drive"),
         (("--replay", "x", "--car", "y"), "leave out --gnss"),
+        (("--replay", str(TRIP), "--detector", "nope.onnx"), "--record, --detector"),
         (("--replay", str(TRIP), "--to", "http://broker/topic"), "http:// is no address"),
         (("--replay", str(TRIP), "--to", "mqtt://broker/#"), "names no topic"),
         (("--replay", str(TRIP), "--serve", "nowhere"), "write HOST:PORT"),

@@ -174,14 +174,14 @@ def test_session_of_the_log_does_not_open_the_door(page: Browser, opened: Store)
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "no.such.host.invalid", "192.0.2.7"])
 def test_no_network_is_listened_to_by_accident(host: str) -> None:
     """Every address at once is refused, and so is a name that is none."""
-    with pytest.raises(ConfigError, match="--host"):
+    with pytest.raises(ConfigError, match=r"no address of this machine|every network"):
         listening(host)
 
 
 def test_port_that_is_taken_is_told() -> None:
     """With the cure."""
     taken, address = listening()
-    with taken, pytest.raises(RefusedError, match="another --port"):
+    with taken, pytest.raises(RefusedError, match="name another, or 0"):
         listening(port=address.port)
 
 

@@ -44,7 +44,9 @@ class MqttLink:
         try:
             import paho.mqtt.client  # noqa: F401
         except ImportError as error:
-            raise MissingExtraError(f"The topic {self.topic}", "paho-mqtt", "live") from error
+            raise MissingExtraError(
+                f"The source mqtt://{self.host}/{self.topic}", "paho-mqtt", "live"
+            ) from error
 
     def open(self, _stopped: Event) -> Connection:
         """Connect and subscribe."""

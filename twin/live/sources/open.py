@@ -87,6 +87,11 @@ def open_source(
     DriveError
         If a recording, or the detector's network, cannot be used.
     """
+    if gives is Gives.DETECTIONS and detector is None and url.partition("://")[0] in PICTURE_SCHEMES:
+        name = address_of(url, PICTURE_SCHEMES).name
+        raise ConfigError(
+            f"{name} gives pictures: name the network that finds signs in them, --detector MODEL.onnx."
+        )
     if gives is Gives.FIXES:
         return _fixes(address_of(url, FIX_SCHEMES), car, recorder)
     if detector is not None:

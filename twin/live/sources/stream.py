@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
@@ -79,7 +80,7 @@ class StreamSource:
             except (OSError, EOFError) as error:
                 yield from self._arrived(decoder.pause() for decoder in decoders.values())
                 yield from garbage.rest(decoders.values())
-                yield from self._lost(_reason(error))
+                yield from self._gone(error)
                 return
             at_ns = time.time_ns()
             readable = sum(decoder.readable for decoder in decoders.values())
@@ -112,6 +113,12 @@ class StreamSource:
         if self._is_lost:
             self._is_lost = False
             yield Trouble(time.time_ns(), self._name, TroubleKind.BACK)
+
+    def _gone(self, error: OSError | EOFError) -> Iterator[Trouble]:
+        if self._link.ends:
+            yield Trouble(time.time_ns(), self._name, TroubleKind.ENDED, detail="Standard input")
+        else:
+            yield from self._lost(_reason(error))
 
     def _lost(self, why: str) -> Iterator[Trouble]:
         if not self._is_lost and not self._stopped.is_set():
@@ -171,6 +178,8 @@ def _reason(error: OSError | EOFError | ValueError) -> str:
     """Why a link was lost; never the address, which may hold a password."""
     if isinstance(error, EOFError):
         return "the other end has hung up"
+    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+        return "another program has this port: end it, or name another port"
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     return str(error) if isinstance(error, ConnectionError | TimeoutError) else type(error).__name__

@@ -27,6 +27,7 @@ from twin.live.sources.address import PICTURE_SCHEMES, address_of
         ("udp://:9000?antena=roof", Gives.FIXES, "does not know the option antena: it knows antenna"),
         ("tcp://host:9000?antenna=left", Gives.FIXES, f"has no antenna left: it has {ROOF}"),
         ("mqtt://broker", Gives.DETECTIONS, "names no topic"),
+        ("rtsp://car:secret@x/y", Gives.DETECTIONS, "^rtsp://x:554/y gives pictures: .* --detector"),
         ("mcap:///nowhere/a.mcap?speed=quick", Gives.DETECTIONS, "speed takes a number above 0, or max"),
         ("ros2:///fix", Gives.FIXES, r"needs rclpy, .* set up \(source /opt/ros"),
     ],

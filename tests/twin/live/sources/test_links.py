@@ -126,6 +126,8 @@ def test_detectors_connect_send_datagrams_write_pipes_and_publish(car: Car) -> N
     with Listener(StreamSource("-", StdinLink(out), lambda: FrameLines(reader, None))) as listener:
         until(listener.ended)
         assert [seen.number for seen in listener.frames()] == [1, 2]
+        # It is not lost: nobody goes on trying.
+        assert [one.kind for one in listener.troubles()] == [TroubleKind.ENDED]
     os.close(out)
 
 
