@@ -89,6 +89,7 @@ def test_exact_corners_give_the_exact_camera(camera: CameraModel, model: str) ->
     assert len(made.fit.adjusted.inlier) == len(corners.view)
 
 
+@pytest.mark.slow
 def test_auto_takes_the_simplest_of_the_models_that_are_best(wide: Intrinsics) -> None:
     """A four-term f-theta lens is found to be one, although a fifth term fits as well."""
     assert wide.fit.label == "ftheta, degree 4"

@@ -189,6 +189,7 @@ def test_rig_that_does_not_fit_is_refused(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_mirrored_pictures_are_named(example: Path, tmp_path: Path) -> None:
     """A camera that mirrors its pictures is found out by the markers."""
     pictures = copied(example, tmp_path / "pictures", lambda _n, picture: picture[:, ::-1], n=3)
@@ -289,6 +290,7 @@ def test_bent_board_is_named(tmp_path: Path) -> None:
     assert "mm before its middle" in sentence
 
 
+@pytest.mark.slow
 def test_film_is_calibrated_from_its_frames(example: Path, tmp_path: Path) -> None:
     """A film of the board gives a camera; `every` says which frames are looked at."""
     path = tmp_path / "board.avi"
@@ -323,6 +325,7 @@ def test_wrong_options_are_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_board_of_another_dictionary_is_not_found(twin: Twin, example: Path, tmp_path: Path) -> None:
     """However hard it is looked for: two pictures are enough to say so."""
     (tmp_path / "two").mkdir()

@@ -305,6 +305,7 @@ def test_mirrored_board_is_named(tmp_path: Path, twin: Twin) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_rig_without_poses_is_a_start(yard: Path, tmp_path: Path, twin: Twin) -> None:
     """Cameras of a rig file that says nothing of where they sit are found from the tags alone."""
     document = json.loads((yard / "drawn_rig.json").read_text())

@@ -131,6 +131,7 @@ def stood(rig: Rig, size_m: float) -> tuple[Yard, dict[str, set[int]]]:
     return Yard(tags, poses), seen
 
 
+@pytest.mark.slow
 def test_every_tag_of_a_planned_yard_is_seen_by_the_cameras_it_is_for() -> None:
     """In rendered pictures of the yard each camera's tags are found, at least eight, none behind another."""
     rig = example_rig()

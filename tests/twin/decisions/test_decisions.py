@@ -32,6 +32,9 @@ EAST, NORTH = 270_000.0, 7_041_000.0
 DAY_NS = 86_400 * 10**9
 
 
+PATH = shapely.to_wkb(shapely.LineString([(0.0, 0.0), (1.0, 1.0)]))
+
+
 def change(change_id: str, verdict: str = "wrong_type", **values: Any) -> dict[str, Any]:
     """Make a finding about Skiltplate 7, measured to 10 cm."""
     usual = {
@@ -81,7 +84,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
     """Return a store with a plate of NVDB, two drives ten days apart and no finding."""
     with Store.open(tmp_path / "small.db") as opened:
         drives = [
-            row(schema.drive, drive_id=f"d{k}", name=f"trip {k}", started_ns=t, ended_ns=t, line=b"x")
+            row(schema.drive, drive_id=f"d{k}", name=f"trip {k}", started_ns=t, ended_ns=t, line=PATH)
             for k, t in ((1, 0), (2, 10 * DAY_NS))
         ]
         plate = row(schema.skiltplate, nvdb_id=7, version=1, east_m=EAST, north_m=NORTH + 0.3)

@@ -292,6 +292,7 @@ def test_decisions_in_a_file_that_is_open_in_qgis_are_waited_for(store: Store, o
     assert _decisions(out)["c-1"] == "accept"
 
 
+@pytest.mark.slow
 def test_decision_made_while_the_export_runs_is_not_lost(store: Store, out: Path) -> None:
     """An edit saved after the decisions were read stops this export; the next one brings it home."""
     export_findings(store, out)

@@ -112,6 +112,7 @@ def test_whoever_is_killed_every_drive_is_in_once_and_whole(
         assert {job.state for job in Queue(store).jobs()} == {JobState.DONE}
 
 
+@pytest.mark.slow
 def test_worker_that_is_told_to_end_gives_back_what_it_has(
     made: list[str], twin: Twin, tmp_path: Path
 ) -> None:

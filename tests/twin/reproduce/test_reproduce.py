@@ -43,6 +43,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_trips_past_the_same_pole_are_slow_and_fast(twin: Twin, trips: Path, tmp_path: Path) -> None:
     """Every table and figure is written; a trend line is the least-squares line of the errors written."""
     out, asked = tmp_path / "out", ("reproduce", trips / "slow", trips / "fast", "--truth")

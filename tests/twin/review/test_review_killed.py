@@ -86,6 +86,7 @@ def test_no_answer_is_lost_or_doubled_when_the_server_is_killed(store: Path) -> 
     assert [entry["change_id"] for entry in entries] == changes
 
 
+@pytest.mark.slow
 def test_answers_that_come_at_once_are_all_kept(store: Path) -> None:
     """Four reviewers at one server, each key sent twice at the same time."""
     changes = many_findings(store)

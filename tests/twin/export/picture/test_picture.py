@@ -50,6 +50,7 @@ def test_picture_is_drawn_from_whatever_is_there(layers: ExportLayers, tmp_path:
     assert len(_colours(render_map(some, tmp_path / "map.png", dpi=40))) > 10
 
 
+@pytest.mark.slow
 def test_picture_lies_tall_roads_beside_their_close_ups(layers: ExportLayers, tmp_path: Path) -> None:
     """A road that runs north is drawn, too: the four close-ups stand beside it and show all colours."""
     turned = {}
@@ -76,6 +77,7 @@ def test_picture_enlarges_an_ellipse_that_its_mark_hides(layers: ExportLayers, t
     assert sum(none.get(colour, 0) for colour in fill) < 300
 
 
+@pytest.mark.slow
 def test_picture_leaves_an_ellipse_that_shows_where_it_is(layers: ExportLayers, tmp_path: Path) -> None:
     """One of several metres is wider than its mark: it is drawn once, to scale."""
     wide = dataclasses.replace(layers, estimates=layers.estimates.assign(sigma_major_m=1.0))

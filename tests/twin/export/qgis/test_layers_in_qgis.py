@@ -141,6 +141,7 @@ def test_qgis_map_tips_tell_the_finding(opened: dict[tuple[str, str], dict[str, 
     assert "<b>Moved</b> &nbsp; 0.25 m ± 0.4 m from NVDB's position" in opened[file, "moves"]["map_tips"][1]
 
 
+@pytest.mark.slow
 def test_qgis_draws_error_ellipses_to_scale_and_turned(layers: ExportLayers, tmp_path: Path) -> None:
     """An ellipse of 20 m by 5 m sigma at azimuth 30° covers what it should on the map, to a pixel or two.
 
@@ -176,6 +177,7 @@ def test_qgis_draws_error_ellipses_to_scale_and_turned(layers: ExportLayers, tmp
     assert azimuth_deg == pytest.approx(30.0 - convergence, abs=0.5)
 
 
+@pytest.mark.slow
 def test_qgis_draws_surer_findings_larger(layers: ExportLayers, tmp_path: Path) -> None:
     """Of two findings for review, squares of 3.2 mm, the one with confidence 0 is drawn at 0.8, 1 at 1.2.
 
