@@ -254,7 +254,7 @@ def _sinks(to: Sequence[str], *, final: bool) -> list[Sink]:
     from twin.live.sinks import Lines, Mqtt
 
     sinks: list[Sink] = [Lines(unbuffered_output(), final=final)]
-    return sinks + [Mqtt.of(url) for url in to]
+    return sinks + [Mqtt(url) for url in to]
 
 
 def _pages(serve: str, drive: _Drive, store: Store | None, lang: Lang | None, *, base_map: bool) -> Pages:

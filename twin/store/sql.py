@@ -15,54 +15,44 @@ Insert = sqlite.Insert | postgresql.Insert
 Values = Sequence[object]
 
 
-class _Each(FunctionElement[Any]):
+class _Written(FunctionElement[Any]):
+    """What each database writes its own way: ``{}`` stands for what it is about."""
+
+    inherit_cache = True
+    sqlite: str
+    postgresql: str
+
+
+@compiles(_Written)
+def _written(element: _Written, compiler: Any, **how: Any) -> str:
+    words: str = getattr(element, compiler.dialect.name)
+    return words.format(compiler.process(element.clauses, **how))
+
+
+class _Each(_Written):
     """The elements of a JSON list as rows, in a column ``value``."""
 
     inherit_cache = True
+    sqlite = "json_each({})"
+    postgresql = "json_array_elements_text(CAST({} AS JSON))"
 
 
-class _Cut(FunctionElement[int]):
+class _Cut(_Written):
     """A number without its fraction: SQLite's CAST cuts, that of PostgreSQL rounds."""
 
     inherit_cache = True
     type = sa.BigInteger()
+    sqlite = "CAST({} AS INTEGER)"
+    postgresql = "CAST(trunc({}) AS BIGINT)"
 
 
-class _Size(FunctionElement[int]):
+class _Size(_Written):
     """Bytes that a value takes, about."""
 
     inherit_cache = True
     type = sa.BigInteger()
-
-
-@compiles(_Each, "sqlite")
-def _each_sqlite(element: _Each, compiler: Any, **how: Any) -> str:
-    return f"json_each({compiler.process(element.clauses, **how)})"
-
-
-@compiles(_Each, "postgresql")
-def _each_postgresql(element: _Each, compiler: Any, **how: Any) -> str:
-    return f"json_array_elements_text(CAST({compiler.process(element.clauses, **how)} AS JSON))"
-
-
-@compiles(_Cut, "sqlite")
-def _cut_sqlite(element: _Cut, compiler: Any, **how: Any) -> str:
-    return f"CAST({compiler.process(element.clauses, **how)} AS INTEGER)"
-
-
-@compiles(_Cut, "postgresql")
-def _cut_postgresql(element: _Cut, compiler: Any, **how: Any) -> str:
-    return f"CAST(trunc({compiler.process(element.clauses, **how)}) AS BIGINT)"
-
-
-@compiles(_Size, "sqlite")
-def _size_sqlite(element: _Size, compiler: Any, **how: Any) -> str:
-    return f"coalesce(length(CAST({compiler.process(element.clauses, **how)} AS BLOB)), 0)"
-
-
-@compiles(_Size, "postgresql")
-def _size_postgresql(element: _Size, compiler: Any, **how: Any) -> str:
-    return f"coalesce(pg_column_size({compiler.process(element.clauses, **how)}), 0)"
+    sqlite = "coalesce(length(CAST({} AS BLOB)), 0)"
+    postgresql = "coalesce(pg_column_size({}), 0)"
 
 
 def from_json(document: Any) -> Any:

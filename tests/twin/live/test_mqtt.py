@@ -33,7 +33,7 @@ def until(what: Callable[[], object], patience_s: float = 30.0) -> None:
 def test_what_lasts_survives_a_broker_that_is_restarted() -> None:
     """Sent until the broker has it: while there is none it waits, and lines of the past are replaced."""
     with Broker() as first:
-        sink = Outlet(Mqtt("127.0.0.1", first.port, "car/7"))
+        sink = Outlet(Mqtt(f"mqtt://127.0.0.1:{first.port}/car/7"))
         for i in range(20):
             sink.say(estimate(f"P{i}", State.FINAL))
         until(lambda: len(first.published) == 20)
@@ -50,7 +50,7 @@ def test_what_lasts_survives_a_broker_that_is_restarted() -> None:
 def test_a_broker_that_reads_nothing_costs_lines_and_no_memory() -> None:
     """The queue is bounded: the oldest of what is replaced is lost, and counted; nothing that lasts."""
     with Broker() as broker:
-        sink = Outlet(Mqtt("127.0.0.1", broker.port, "car"), most=50)
+        sink = Outlet(Mqtt(f"mqtt://127.0.0.1:{broker.port}/car"), most=50)
         sink.say(estimate("first", State.FINAL))
         until(lambda: broker.published)
         broker.reads.clear()
@@ -73,4 +73,4 @@ def test_a_broker_that_reads_nothing_costs_lines_and_no_memory() -> None:
 def test_a_topic_with_wildcards_is_refused() -> None:
     """Nobody can send to many topics at once."""
     with pytest.raises(ConfigError, match="no topic to send to"):
-        Mqtt("127.0.0.1", 1, "car/#")
+        Mqtt("mqtt://127.0.0.1:1/car/#")

@@ -6,17 +6,16 @@ import time
 from threading import Condition
 from typing import TYPE_CHECKING
 
-from twin.errors import ConfigError, MissingExtraError
+from twin.errors import ConfigError
 from twin.live.ports import Said
-from twin.live.sources.address import Scheme, address_of
+from twin.live.sources.address import MQTT_SCHEMES, address_of
+from twin.live.sources.mqtt_client import check_paho, client_of, topic_of
 
 if TYPE_CHECKING:
-    from paho.mqtt.client import Client, ConnectFlags, DisconnectFlags
+    from paho.mqtt.client import Client, DisconnectFlags
     from paho.mqtt.properties import Properties
     from paho.mqtt.reasoncodes import ReasonCode
 
-PORT, TLS_PORT = 1883, 8883
-_ALIVE_S = 10
 _MOST_UNDER_WAY = 100
 _LAST_S = 2.0
 _OF_TOPICS = frozenset("#+")
@@ -27,39 +26,24 @@ class Mqtt:
 
     Parameters
     ----------
-    host : str
-    port : int
-    topic : str
-    user, password : str, optional
-    tls : bool
+    url : str
+        ``mqtt://USER:PASSWORD@HOST:PORT/TOPIC``, or ``mqtts://``.
 
     Raises
     ------
     ConfigError
-        If the topic is none to send to.
+        If it is no such address, or its topic is none to send to.
     MissingExtraError
         If Paho is not installed.
     """
 
     must_arrive = False
 
-    def __init__(
-        self,
-        host: str,
-        port: int,
-        topic: str,
-        *,
-        user: str | None = None,
-        password: str | None = None,
-        tls: bool = False,
-    ) -> None:
-        try:
-            from paho.mqtt.client import Client
-            from paho.mqtt.enums import CallbackAPIVersion
-        except ImportError as error:
-            raise MissingExtraError(f"--to mqtt://{host}", "paho-mqtt", "live") from error
-        self._name, self._topic = f"mqtt{'s' * tls}://{host}:{port}/{topic}", topic
-        if not topic or _OF_TOPICS & set(topic):
+    def __init__(self, url: str) -> None:
+        address = address_of(url, MQTT_SCHEMES)
+        self._name, self._topic = address.name, topic_of(address)
+        check_paho(f"--to {self._name}")
+        if not self._topic or _OF_TOPICS & set(self._topic):
             raise ConfigError(
                 f"{self._name} names no topic to send to: write one, as in mqtt://HOST/twin/live."
             )
@@ -68,35 +52,10 @@ class Mqtt:
         self._under_way: dict[int, bool] = {}
         # Arrived before whoever sent it has noted that it was under way.
         self._early: set[int] = set()
-        self._client = Client(CallbackAPIVersion.VERSION2)
-        if user is not None:
-            self._client.username_pw_set(user, password)
-        if tls:
-            self._client.tls_set()
-        self._client.on_connect, self._client.on_disconnect = self._connected, self._disconnected
-        self._client.on_publish = self._published
+        self._client = client_of(address, self._connected)
+        self._client.on_disconnect, self._client.on_publish = self._disconnected, self._published
         self._client.reconnect_delay_set(1, 10)
-        self._client.connect_async(host, port, keepalive=_ALIVE_S)
         self._client.loop_start()
-
-    @classmethod
-    def of(cls, url: str) -> Mqtt:
-        """Take an address apart: ``mqtt://USER:PASSWORD@HOST:PORT/TOPIC``, or ``mqtts://``.
-
-        Raises
-        ------
-        ConfigError
-            If it is none, or as `Mqtt`.
-        """
-        place = address_of(url, {"mqtt": Scheme(PORT), "mqtts": Scheme(TLS_PORT)})
-        return cls(
-            place.host,
-            place.port,
-            place.path.removeprefix("/"),
-            user=place.user,
-            password=place.password,
-            tls=place.scheme == "mqtts",
-        )
 
     @property
     def name(self) -> str:
@@ -135,14 +94,7 @@ class Mqtt:
                 self._early.add(message)
             self._changed.notify_all()
 
-    def _connected(
-        self,
-        _client: Client,
-        _data: object,
-        _flags: ConnectFlags,
-        reason: ReasonCode,
-        _more: Properties | None,
-    ) -> None:
+    def _connected(self, reason: ReasonCode) -> None:
         with self._changed:
             self._is_connected = not reason.is_failure
             self._changed.notify_all()

@@ -48,11 +48,11 @@ FIX_SCHEMES: Mapping[str, Scheme] = {
     "mcap": Scheme(options=(*_ANTENNA, "topic", "speed"), is_path=True),
     "ros2": Scheme(options=_ANTENNA, is_path=True),
 }
+MQTT_SCHEMES: Mapping[str, Scheme] = {"mqtt": Scheme(_MQTT_PORT), "mqtts": Scheme(_MQTTS_PORT)}
 DETECTION_SCHEMES: Mapping[str, Scheme] = {
     "tcp": Scheme(options=("listen",), listens=True),
     "udp": Scheme(listens=True),
-    "mqtt": Scheme(_MQTT_PORT),
-    "mqtts": Scheme(_MQTTS_PORT),
+    **MQTT_SCHEMES,
     "mcap": Scheme(options=("topic", "speed"), is_path=True),
     "ros2": Scheme(is_path=True),
     STDIN: Scheme(),
@@ -99,7 +99,7 @@ class Address:
 
     def without(self, option: str) -> str:
         """Return the address as given, but for one of its options."""
-        parts = urlsplit(self.url)
+        parts = urlsplit(self.url, allow_fragments=False)
         kept = [pair for pair in parts.query.split("&") if pair.partition("=")[0] != option]
         return urlunsplit(parts._replace(query="&".join(kept)))
 
@@ -136,7 +136,8 @@ def address_of(url: str, schemes: Mapping[str, Scheme]) -> Address:
     if url == STDIN and STDIN in schemes:
         return Address(STDIN, STDIN)
     try:
-        parts = urlsplit(url)
+        # In a topic # is a wildcard, in a file's name a letter.
+        parts = urlsplit(url, allow_fragments=False)
         port = parts.port
         pairs = parse_qsl(parts.query, keep_blank_values=True)
     except ValueError:

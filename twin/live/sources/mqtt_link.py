@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from threading import Event
 from typing import TYPE_CHECKING
 
-from twin.errors import MissingExtraError
+from twin.live.sources.address import Address
 from twin.live.sources.links import Connection, Piece
+from twin.live.sources.mqtt_client import check_paho, client_of, topic_of
 
 if TYPE_CHECKING:
-    from paho.mqtt.client import Client, ConnectFlags, MQTTMessage
-    from paho.mqtt.properties import Properties
+    from paho.mqtt.client import Client, MQTTMessage
     from paho.mqtt.reasoncodes import ReasonCode
 
 _ONLY = 0
-_CONNECT_S, _HANG_UP_S, _LOOK_S = 5.0, 0.5, 0.05
-_ALIVE_S = 10
-"""A broker that says nothing for half again as long is gone."""
+_HANG_UP_S, _LOOK_S = 0.5, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,46 +29,26 @@ class MqttLink:
         If Paho is not installed.
     """
 
-    host: str
-    port: int
-    topic: str
-    user: str | None = None
-    password: str | None = field(default=None, repr=False)
-    tls: bool = False
+    address: Address
     ends: bool = False
     asks_again: bool = False
 
     def __post_init__(self) -> None:
-        try:
-            import paho.mqtt.client  # noqa: F401
-        except ImportError as error:
-            raise MissingExtraError(
-                f"The source mqtt://{self.host}/{self.topic}", "paho-mqtt", "live"
-            ) from error
+        check_paho(f"The source {self.address.name}")
 
     def open(self, _stopped: Event) -> Connection:
         """Connect and subscribe."""
-        from paho.mqtt.client import Client
-        from paho.mqtt.enums import CallbackAPIVersion
-
-        client = Client(CallbackAPIVersion.VERSION2)
-        client.connect_timeout = _CONNECT_S
-        if self.user is not None:
-            client.username_pw_set(self.user, self.password)
-        if self.tls:
-            client.tls_set()
-        subscribed = _Subscribed(client, self.topic)
-        client.connect(self.host, self.port, keepalive=_ALIVE_S)
-        return subscribed
+        return _Subscribed(self.address)
 
 
 class _Subscribed:
-    def __init__(self, client: Client, topic: str) -> None:
-        self._client, self._topic = client, topic
+    def __init__(self, address: Address) -> None:
+        self._topic = topic_of(address)
         self._pieces: list[Piece] = []
         self._refused = ""
-        client.on_connect = self._connected
-        client.on_message = self._take
+        self._client = client_of(address, self._connected)
+        self._client.on_message = self._take
+        self._client.reconnect()
 
     def read(self, patience_s: float) -> list[Piece]:
         code = self._client.loop(patience_s)
@@ -86,14 +64,7 @@ class _Subscribed:
         while self._client.loop(_LOOK_S) == 0 and time.monotonic() < until_s:
             pass
 
-    def _connected(
-        self,
-        _client: Client,
-        _data: object,
-        _flags: ConnectFlags,
-        reason: ReasonCode,
-        _more: Properties | None,
-    ) -> None:
+    def _connected(self, reason: ReasonCode) -> None:
         if reason.is_failure:
             self._refused = f"the broker refuses: {reason}"
         else:

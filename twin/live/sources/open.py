@@ -21,7 +21,7 @@ from twin.errors import ConfigError
 from twin.live.car import Car, antenna_of
 from twin.live.ports import Source
 from twin.live.recorder import Form, Recorder
-from twin.live.sources import mqtt_link, serial_link
+from twin.live.sources import serial_link
 from twin.live.sources.address import (
     DETECTION_SCHEMES,
     FIX_SCHEMES,
@@ -34,6 +34,8 @@ from twin.live.sources.camera import CameraSource, PictureAddress
 from twin.live.sources.decoders import Decoder, FixLines, FixMessages, FrameLines
 from twin.live.sources.frames import FrameReader
 from twin.live.sources.links import Link, ListeningLink, StdinLink, TcpLink, UdpLink
+from twin.live.sources.mqtt_client import topic_of
+from twin.live.sources.mqtt_link import MqttLink
 from twin.live.sources.ros import TEXT_TYPE, PlayedSource, Ros2Link, ToLines, fix_lines, text_lines
 from twin.live.sources.stream import StreamSource
 
@@ -153,11 +155,9 @@ def _detection_link(address: Address) -> Link:
         case "udp":
             return UdpLink(address.host, address.port)
         case "mqtt" | "mqtts":
-            topic = address.path.removeprefix("/")
-            if not topic:
+            if not topic_of(address):
                 raise ConfigError(f"{address.name} names no topic: write it behind the host.")
-            tls = address.scheme == "mqtts"
-            return mqtt_link.MqttLink(address.host, address.port, topic, address.user, address.password, tls)
+            return MqttLink(address)
         case "ros2":
             return Ros2Link(address.path, is_position=False)
         case "tcp" if address.host and "listen" not in address.options:
