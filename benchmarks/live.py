@@ -48,6 +48,7 @@ from geoloc.trajectory.poses import GnssFixes
 from twin.cli.output import console
 from twin.drives.read import read_drive
 from twin.live import Arrival, Detection, Estimate, Frame, LiveCar, LiveEngine, State, arrivals_of, car_of
+from twin.live.features import line_of
 from twin.live.replay import played
 from twin.samples.demo import sample_folder
 
@@ -305,9 +306,9 @@ def replay(*, real_time: bool) -> bool:
         engine, found = LiveEngine(car_of(drive)), list[str]()
         began, last_ns, first_ns = time.process_time(), 0, 0
         for one in played(arrivals_of(drive), speed):
-            found += [estimate.line() for estimate in engine.feed(one)]
+            found += [line_of(estimate) for estimate in engine.feed(one)]
             first_ns, last_ns = first_ns or one.at_ns, one.at_ns
-        found += [estimate.line() for estimate in engine.finish()]
+        found += [line_of(estimate) for estimate in engine.finish()]
         lines.append(found)
         spent_s = spent_s or time.process_time() - began
     lasted_s = (last_ns - first_ns) / 1e9

@@ -122,8 +122,6 @@ class CausalTrajectory:
         """Fixes of antennas without a lever arm, or that are no positions."""
         self.restarts = 0
         """Times that it began anew: after an outage, or a jump of all fixes."""
-        self.why_not = ""
-        """Why the last solution failed; "" if it did not."""
         self.trajectory: Trajectory | None = None
         self._arms = {name: np.asarray(arm, dtype=np.float64) for name, arm in rig_antennas.items()}
         self._fixes: dict[str, list[Fix]] = {name: [] for name in rig_antennas}
@@ -172,7 +170,7 @@ class CausalTrajectory:
     def solve(self, now_ns: int) -> None:
         """Bring the trajectory up to an epoch, with all that has arrived.
 
-        `trajectory` is None afterwards where nothing can be said: `why_not` says why.
+        `trajectory` is None afterwards where nothing can be said.
         """
         motion = self._motion.motion()
         self._restart_if_lost(now_ns, motion)
@@ -188,11 +186,9 @@ class CausalTrajectory:
                 self._begin(fixes, now_ns, motion)
             else:
                 self._go_on(fixes, now_ns, motion, self._solved)
-        except (TrajectoryError, np.linalg.LinAlgError) as error:
-            self.why_not = str(error)
+        except (TrajectoryError, np.linalg.LinAlgError):
             self._restart()
             return
-        self.why_not = ""
 
     def _ready(self, kept: Mapping[str, list[Fix]]) -> bool:
         if self._solved is not None:

@@ -166,11 +166,6 @@ class Landmarks:
         """What was added to the clock of the cameras, beyond what an adjustment takes for small."""
         return self._shift_ns
 
-    @property
-    def in_window(self) -> int:
-        """Sightings in the window."""
-        return len(self._rows)
-
     def add(self, sighting: Sighting) -> bool:
         """Take a sighting; False where it comes too soon after the one before, or too late."""
         if self._cut_ns is not None and sighting.epoch_ns < self._cut_ns:

@@ -47,21 +47,6 @@ class RemoteFile:
     stamp: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class FetchedDrive:
-    """A drive that can be read on this machine.
-
-    Attributes
-    ----------
-    folder : Path
-    fingerprint : str
-        The same as long as no file of it changes; "" where the storage does not tell.
-    """
-
-    folder: Path
-    fingerprint: str
-
-
 def is_remote(address: str) -> bool:
     """Whether an address names storage rather than a folder of this machine."""
     return "://" in address

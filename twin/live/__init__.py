@@ -6,7 +6,7 @@
 - :class:`LiveRun`: sources, engine and sinks, each in a thread of its own, until they end or are stopped
 """
 
-from twin.live.engine import LiveCar, LiveEngine, LiveSettings
+from twin.live.engine import LiveCar, LiveEngine
 from twin.live.estimates import Estimate, State
 from twin.live.events import Arrival, Detection, Frame
 from twin.live.replay import Replay, arrivals_of, car_of, played
@@ -20,7 +20,6 @@ __all__ = [
     "LiveCar",
     "LiveEngine",
     "LiveRun",
-    "LiveSettings",
     "Replay",
     "RunSettings",
     "State",

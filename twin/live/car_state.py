@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.live.causal import Following
-from twin.live.features import ellipse_of, point, rounded, utc
+from twin.live.features import ellipse_of, grid_m, point, rounded, utc
 
 
 class Health(StrEnum):
@@ -203,18 +201,12 @@ class CarState(NamedTuple):
             },
         }
 
-    def line(self) -> str:
-        """Return the feature as one line of JSON."""
-        return json.dumps(self.feature(), ensure_ascii=False, allow_nan=False)
-
     def _place(self) -> dict[str, float | None]:
         where = self.where
-        easting, northing = utm33_from_geographic(
-            np.array([where.latitude_deg]), np.array([where.longitude_deg])
-        )
+        easting, northing = grid_m(where.latitude_deg, where.longitude_deg)
         own = {
-            "easting": float(easting[0]),
-            "northing": float(northing[0]),
+            "easting": easting,
+            "northing": northing,
             "height_m": where.height_m,
             "heading_deg": where.heading_deg,
             "sigma_heading_deg": where.sigma_heading_deg,

@@ -16,13 +16,12 @@ import numpy as np
 
 from geoloc.adjustment.build_model import Place
 from geoloc.arrays import FloatArray
-from geoloc.live.causal import CausalSettings, CausalTrajectory, Following
+from geoloc.live.causal import CausalTrajectory, Following
 from geoloc.live.first import placed_by_one_frame
 from geoloc.live.followed import NOWHERE, Followed
 from geoloc.live.landmarks import (
     Landmark,
     Landmarks,
-    LandmarkSettings,
     Sighting,
     Solving,
     run,
@@ -39,6 +38,11 @@ from geoloc.trajectory.trajectory import Trajectory
 from twin.live.estimates import Estimate, State
 from twin.live.events import Arrival, Detection, Frame
 
+_TRACK_EVERY_S = _LANDMARKS_EVERY_S = 0.5
+"""How often each is solved, by the time of arrivals."""
+_BLIND_S = 3.0
+"""Frames may arrive so late. With none for longer objects leave the window all the same, as where a camera is
+lost."""
 _NOWHERE = Place(float("nan"), float("nan"), float("nan"))
 
 
@@ -71,27 +75,6 @@ class LiveCar:
     readout_ms: float | None = None
     pole_radius_m: float = 0.03
     track_sigma_m: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class LiveSettings:
-    """How often things are worked out, by the time of arrivals.
-
-    Attributes
-    ----------
-    track_every_s, landmarks_every_s : float
-    blind_s : float
-        Frames may arrive so late. With none for longer objects leave the window all the same, as where a
-        camera is lost.
-    causal : CausalSettings
-    landmarks : LandmarkSettings
-    """
-
-    track_every_s: float = 0.5
-    landmarks_every_s: float = 0.5
-    blind_s: float = 3.0
-    causal: CausalSettings = field(default_factory=CausalSettings)
-    landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
 
 
 @dataclass(slots=True)
@@ -133,29 +116,25 @@ class LiveEngine:
     Parameters
     ----------
     car : LiveCar
-    settings : LiveSettings
 
     Attributes
     ----------
     frames, sightings : int
         Taken so far.
-    unplaced : int
-        Sightings of objects that never got a position.
     unfollowed : int
         Detections without an id where the car had no pose, or outside the camera's picture.
     shown : tuple of (str, str)
         What the last frame showed: each object by its estimates' id, and as what.
     """
 
-    def __init__(self, car: LiveCar, settings: LiveSettings | None = None) -> None:
-        self.car, self.settings = car, settings or LiveSettings()
-        self.frames = self.sightings = self.unplaced = self.unfollowed = 0
+    def __init__(self, car: LiveCar) -> None:
+        self.car = car
+        self.frames = self.sightings = self.unfollowed = 0
         self.shown: tuple[tuple[str, str], ...] = ()
         self._track = CausalTrajectory(
             {name: car.rig.antennas[name].rig_t_antenna_m for name in car.antennas},
             lags=car.lags,
             wheelbase_m=car.wheelbase_m,
-            settings=self.settings.causal,
         )
         self._landmarks = Landmarks(
             car.rig,
@@ -163,7 +142,6 @@ class LiveEngine:
             readout_ms=car.readout_ms,
             pole_radius_m=car.pole_radius_m,
             track_sigma_m=car.track_sigma_m,
-            settings=self.settings.landmarks,
         )
         self._open: dict[int, _Passed] = {}
         self._by_name: dict[str, int] = {}
@@ -223,22 +201,20 @@ class LiveEngine:
         """End the drive: what is known of all objects that are open becomes final."""
         found = self._done(run(self._job.solving), self._job) if self._job is not None else []
         self._solve_track()
-        job = self._begun(self._seen_ns + round((self.settings.landmarks.window_s + 2.0) * NANOSECONDS))
+        job = self._begun(self._seen_ns + round((self._landmarks.settings.window_s + 2.0) * NANOSECONDS))
         return found + self._done(run(job.solving), job)
 
     def _due(self) -> list[Estimate]:
         """Work out what is due, one thing at a time: a part of the window, or the trajectory."""
         if self._job is not None:
             return self._next_part(self._job)
-        if self._now_ns - self._track_ns >= self.settings.track_every_s * NANOSECONDS and (
+        if self._now_ns - self._track_ns >= _TRACK_EVERY_S * NANOSECONDS and (
             self._fresh or self._runs_out()
         ):
             self._solve_track()
-        elif self._open and (
-            self._now_ns - self._landmarks_ns >= self.settings.landmarks_every_s * NANOSECONDS
-        ):
+        elif self._open and (self._now_ns - self._landmarks_ns >= _LANDMARKS_EVERY_S * NANOSECONDS):
             self._landmarks_ns = self._now_ns
-            blind_ns = self._now_ns - round(self.settings.blind_s * NANOSECONDS)
+            blind_ns = self._now_ns - round(_BLIND_S * NANOSECONDS)
             self._job = self._begun(max(self._seen_ns, blind_ns))
             return self._next_part(self._job)
         return []
@@ -271,9 +247,7 @@ class LiveEngine:
     def _runs_out(self) -> bool:
         """Whether the trajectory ends soon, without a fix to make it longer."""
         known = self._track.trajectory
-        return known is not None and known.span_ns[1] < self._now_ns + round(
-            self.settings.track_every_s * NANOSECONDS
-        )
+        return known is not None and known.span_ns[1] < self._now_ns + round(_TRACK_EVERY_S * NANOSECONDS)
 
     def _solve_track(self) -> None:
         before = self._track.restarts
@@ -354,7 +328,7 @@ class LiveEngine:
 
     def _unseen(self, until_ns: int) -> set[int]:
         """Objects of which no sighting is in the window, as where all came too late."""
-        since_ns = until_ns - round((self.settings.landmarks.window_s + 1.0) * NANOSECONDS)
+        since_ns = until_ns - round((self._landmarks.settings.window_s + 1.0) * NANOSECONDS)
         return {number for number, one in self._open.items() if one.last_ns < since_ns}
 
     def _refined(self, one: Landmark, *, is_last: bool) -> Estimate:
@@ -371,7 +345,6 @@ class LiveEngine:
             del self._by_name[passed.name]
             last = passed.estimate
             if last is None:
-                self.unplaced += passed.sightings
                 ended.append(self._said(passed, State.LOST, _NOWHERE, np.full((2, 2), np.nan)))
             elif last.state is not State.FINAL:
                 ended.append(last._replace(state=State.FINAL, at_ns=self._now_ns, sightings=passed.sightings))

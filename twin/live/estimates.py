@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from geoloc.arrays import FloatArray
-from geoloc.earth.geodesy import utm33_from_geographic
-from twin.live.features import ellipse_of, point, rounded, utc
+from twin.live.features import ellipse_of, grid_m, point, rounded, utc
 
 
 class State(StrEnum):
@@ -98,17 +94,11 @@ class Estimate(NamedTuple):
             },
         }
 
-    def line(self) -> str:
-        """Return the feature as one line of JSON."""
-        return json.dumps(self.feature(), ensure_ascii=False, allow_nan=False)
-
     def _place(self) -> dict[str, float | None]:
-        easting, northing = utm33_from_geographic(
-            np.array([self.latitude_deg]), np.array([self.longitude_deg])
-        )
+        easting, northing = grid_m(self.latitude_deg, self.longitude_deg)
         return {
-            "easting": rounded(float(easting[0])),
-            "northing": rounded(float(northing[0])),
+            "easting": rounded(easting),
+            "northing": rounded(northing),
             "height_m": rounded(self.height_m),
             **ellipse_of(self.covariance_m2),
             "sigma_height_m": rounded(self.sigma_height_m),

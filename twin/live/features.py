@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import math
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from geoloc.arrays import FloatArray
+from geoloc.earth.geodesy import utm33_from_geographic
 from geoloc.locate.combine import SIGMAS_95, ellipse
 
+if TYPE_CHECKING:
+    from twin.live.ports import Said
+
 _DECIMALS_DEG, _DECIMALS_M = 9, 4
+
+
+def line_of(said: Said) -> str:
+    """Write what is said as one line of JSON."""
+    return json.dumps(said.feature(), ensure_ascii=False, allow_nan=False)
 
 
 def point(longitude_deg: float, latitude_deg: float) -> dict[str, Any]:
@@ -20,6 +30,12 @@ def point(longitude_deg: float, latitude_deg: float) -> dict[str, Any]:
         "type": "Point",
         "coordinates": [round(longitude_deg, _DECIMALS_DEG), round(latitude_deg, _DECIMALS_DEG)],
     }
+
+
+def grid_m(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """Easting and northing of a place, EPSG:25833."""
+    east, north = utm33_from_geographic(np.array([latitude_deg]), np.array([longitude_deg]))
+    return float(east[0]), float(north[0])
 
 
 def ellipse_of(covariance_m2: FloatArray) -> dict[str, float | None]:

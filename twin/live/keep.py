@@ -19,13 +19,11 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from geoloc.earth.geodesy import utm33_from_geographic
 from twin._version import __version__
 from twin.errors import FileError, RefusedError
 from twin.live.car_state import KeepState
 from twin.live.estimates import Estimate
+from twin.live.features import grid_m
 from twin.live.lanes import Lanes
 from twin.live.ports import Said
 
@@ -297,8 +295,7 @@ def _blob(geometry: dict[str, Any] | None) -> bytes | None:
     if geometry is None:
         return None
     longitude, latitude = geometry["coordinates"][:2]
-    easting, northing = utm33_from_geographic(np.array([latitude]), np.array([longitude]))
-    point = struct.pack("<BIdd", 1, 1, float(easting[0]), float(northing[0]))
+    point = struct.pack("<BIdd", 1, 1, *grid_m(latitude, longitude))
     return struct.pack("<2sBBi", b"GP", 0, 1, _EPSG) + point
 
 

@@ -8,7 +8,10 @@ from collections.abc import Callable, Iterator
 from threading import Condition
 from typing import Generic, TypeVar
 
+from twin.live.ports import Said
+
 T = TypeVar("T")
+_LASTING, _REPLACED = 0, 1
 
 
 class Lanes(Generic[T]):
@@ -123,6 +126,26 @@ class Lanes(Generic[T]):
         self._lanes[number].popleft()
         self.lost[number] += 1
         self._held -= 1
+
+
+class Unsaid(Lanes[Said]):
+    """Lines that wait for whoever takes them: those that last matter most, and replace what they supersede.
+
+    Parameters
+    ----------
+    most : int
+    overtakes : bool
+    """
+
+    def __init__(self, most: int, *, overtakes: bool) -> None:
+        super().__init__(2, most, overtakes=overtakes)
+
+    def say(self, said: Said, *, waits: bool = False) -> None:
+        """Take a line; what it replaces and still waits need not go, unless all are waited for."""
+        if said.lasts and not waits:
+            kind = type(said)
+            self.drop(lambda old: old.id == said.id and type(old) is kind, _REPLACED)
+        self.put(said, _LASTING if said.lasts else _REPLACED, waits=waits)
 
 
 def _first(lane: deque[tuple[int, T]]) -> int:

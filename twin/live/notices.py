@@ -200,11 +200,13 @@ def _keep(before: CarState, now: CarState) -> Iterator[Notice]:
         yield Notice(NoticeKind.KEEP_BACK, now.keep.name, now.keep.lost)
 
 
-class Quieted:
-    """Holds back notices that only count on: of one kind and thing one in so many seconds, the newest."""
+_QUIET_NS = 10_000_000_000
 
-    def __init__(self, every_s: float = 10.0) -> None:
-        self._every_ns = round(every_s * 1e9)
+
+class Quieted:
+    """Holds back notices that only count on: of one kind and thing one in ten seconds, the newest."""
+
+    def __init__(self) -> None:
         self._said_ns: dict[tuple[NoticeKind, str], int] = {}
         self._held: dict[tuple[NoticeKind, str], Notice] = {}
 
@@ -217,7 +219,7 @@ class Quieted:
                 yield one
         for key, one in list(self._held.items()):
             last_ns = self._said_ns.get(key)
-            if last_ns is None or abs(at_ns - last_ns) >= self._every_ns:
+            if last_ns is None or abs(at_ns - last_ns) >= _QUIET_NS:
                 self._said_ns[key] = at_ns
                 del self._held[key]
                 yield one

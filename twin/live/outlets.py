@@ -7,13 +7,12 @@ import time
 from threading import Thread
 
 from twin.live.car_state import SinkState
-from twin.live.lanes import Lanes
+from twin.live.lanes import Unsaid
 from twin.live.ports import Said, Sink
 
 _MOST = 2000
 BLOCKED_S = 1.0
 """A sink that takes so long for a line is blocked."""
-_LASTING, _REPLACED = 0, 1
 _log = logging.getLogger("twin.live")
 
 
@@ -33,7 +32,7 @@ class Outlet:
     def __init__(self, sink: Sink, *, waits: bool = False, most: int = _MOST) -> None:
         self.sink, self._waits = sink, waits and sink.must_arrive
         self.error: Exception | None = None
-        self._lines: Lanes[Said] = Lanes(2, most, overtakes=not self._waits)
+        self._lines = Unsaid(most, overtakes=not self._waits)
         self._since_s = 0.0
         self._lost = 0
         self._thread = Thread(target=self._write_all, name=f"sink {sink.name}", daemon=True)
@@ -49,12 +48,8 @@ class Outlet:
 
     def say(self, said: Said) -> None:
         """Take a line; what it replaces and has not gone yet need not go."""
-        if self.error is not None:
-            return
-        if said.lasts and not self._waits:
-            kind = type(said)
-            self._lines.drop(lambda old: old.id == said.id and type(old) is kind, _REPLACED)
-        self._lines.put(said, _LASTING if said.lasts else _REPLACED, waits=self._waits)
+        if self.error is None:
+            self._lines.say(said, waits=self._waits)
 
     @property
     def waits(self) -> bool:

@@ -83,9 +83,6 @@ class Said(Protocol):
     def feature(self) -> dict[str, Any]:
         """Return it as a GeoJSON feature."""
 
-    def line(self) -> str:
-        """Return it as one line of JSON."""
-
 
 class Recording(Protocol):
     """What sources record what they receive into."""

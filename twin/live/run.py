@@ -34,6 +34,10 @@ _TICK_S = 0.25
 _AGAIN_S = 1.0
 """So long after a source has failed by a fault of twin it is asked again."""
 _TOLD_S = 0.5
+_BACKLOG_S = 2.0
+"""How long what waits is still worked out after the end was asked for."""
+_FLUSH_S = 2.0
+"""How long sinks may then take for what waits for them."""
 _FIXES, _MOTION, _FRAMES = range(3)
 _FAULTS_LOGGED = 20
 _log = logging.getLogger("twin.live")
@@ -54,18 +58,12 @@ class RunSettings:
         What waits for a sink at most.
     state_every_s : float
         The car's state is said so often, and at once when it changes.
-    backlog_s : float
-        How long what waits is still worked out after the end was asked for.
-    flush_s : float
-        How long sinks may then take for what waits for them.
     """
 
     waits: bool = False
     queue: int = 400
     lines: int = 2000
     state_every_s: float = 1.0
-    backlog_s: float = 2.0
-    flush_s: float = 2.0
 
 
 class LiveRun:
@@ -168,7 +166,7 @@ class LiveRun:
         """Ask for the end: what is open becomes final, is written and handed on, within five seconds."""
         if self._stop_s is not None:
             return
-        self._stop_s = time.monotonic() + self.settings.backlog_s
+        self._stop_s = time.monotonic() + _BACKLOG_S
         for outlet in self._outlets:
             outlet.hurry()
         # Of a recorded drive the rest is as far away as its end.
@@ -345,9 +343,9 @@ class LiveRun:
 
     def _close(self) -> None:
         """Write what waits, and let sinks have what waits for them."""
-        until_s = time.monotonic() + self.settings.flush_s
+        until_s = time.monotonic() + _FLUSH_S
         if self._keeper is not None:
-            self.whole = self._keeper.close(self.settings.flush_s)
+            self.whole = self._keeper.close(_FLUSH_S)
         for outlet in self._outlets:
             outlet.close(None if outlet.waits else max(until_s - time.monotonic(), 0.1))
         self.last = self._state(self._now_ns)

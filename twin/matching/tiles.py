@@ -60,14 +60,12 @@ class Parts:
     names: tuple[str, ...]
 
 
-def parts_to_do(store: Store, method: str | None = None, *, least: int) -> Parts | None:
+def parts_to_do(store: Store, *, least: int) -> Parts | None:
     """Say which parts of the next match can be worked out now.
 
     Parameters
     ----------
     store : Store
-    method : str, optional
-        As :func:`twin.matching.match_store.match` takes it.
     least : int
         With fewer drives a match is not taken apart.
 
@@ -77,7 +75,7 @@ def parts_to_do(store: Store, method: str | None = None, *, least: int) -> Parts
         None where only the match itself is left: all parts are there, it is one of what was touched alone, or
         a small one.
     """
-    method = choose_method(store, method)
+    method = choose_method(store, None)
     with store.snapshot() as view:
         asked = _asked(store, view, method)
         plan = _Plan(asked)

@@ -18,6 +18,7 @@ from twin.drives.drive import Drive
 from twin.drives.read import read_drive
 from twin.errors import DriveError
 from twin.live import Arrival, Estimate, Frame, LiveEngine, State, arrivals_of, car_of, played
+from twin.live.features import line_of
 from twin.samples.demo import sample_folder
 
 TRIP = sample_folder() / "trip_trondheim"
@@ -117,7 +118,7 @@ def test_only_what_arrives_decides(drive: Drive) -> None:
     again = list(played(some, 1.0, clock_s=lambda: at_s[0], sleep=sleep))
     assert again == some
     assert sum(slept) == pytest.approx((some[-1].at_ns - some[0].at_ns) / 1e9, abs=1e-3)
-    lines = [[one.line() for one in fed(drive, one)[1]] for one in (some, again)]
+    lines = [[line_of(one) for one in fed(drive, one)[1]] for one in (some, again)]
     assert lines[0] == lines[1]
     assert len(lines[0]) > 20
 

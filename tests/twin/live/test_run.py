@@ -33,6 +33,7 @@ from twin.drives.read import read_drive
 from twin.errors import StoreError
 from twin.live import Arrival, Estimate, Frame, LiveEngine, LiveRun, RunSettings, State, arrivals_of, car_of
 from twin.live.car_state import CarState, Health
+from twin.live.features import line_of
 from twin.live.keep import Keeper
 from twin.live.notices import Notice, NoticeKind
 from twin.live.ports import Said, Trouble, TroubleKind
@@ -118,13 +119,13 @@ def test_the_run_says_what_the_engine_says(drive: Drive, tmp_path: Path) -> None
     some = list(takewhile(lambda one: one.at_ns < until_ns, arrivals_of(drive)))
     engine, lines = LiveEngine(car_of(drive)), list[str]()
     for one in some:
-        lines += [estimate.line() for estimate in engine.feed(one)]
-    lines += [estimate.line() for estimate in engine.finish()]
+        lines += [line_of(estimate) for estimate in engine.feed(one)]
+    lines += [line_of(estimate) for estimate in engine.finish()]
 
     class Every(Heard):
         def write(self, said: object) -> None:
             if isinstance(said, Estimate):
-                heard.append(said.line())
+                heard.append(line_of(said))
 
     heard: list[str] = []
     settings = RunSettings(waits=True, queue=2, lines=2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from enum import StrEnum
 from typing import Any, NamedTuple
 
@@ -115,10 +114,6 @@ class Verdict(NamedTuple):
                 **({} if self.covariance_m2 is None else ellipse_of(self.covariance_m2)),
             },
         }
-
-    def line(self) -> str:
-        """Return the feature as one line of JSON."""
-        return json.dumps(self.feature(), ensure_ascii=False, allow_nan=False)
 
 
 def _point(east_m: float, north_m: float) -> dict[str, Any]:

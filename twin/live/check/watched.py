@@ -96,10 +96,6 @@ class Watched:
         """Whether a sign that was in view is so no longer."""
         return seen.views > 0 and self._newest_ns - seen.last_ns > _GONE_S * NANOSECONDS
 
-    def passed(self) -> list[InView]:
-        """Return the signs that were in view, and are so no longer."""
-        return [seen for seen in self._seen.values() if self.has_passed(seen)]
-
     def forget(self, far: list[SiteId]) -> None:
         """Forget signs."""
         for one in far:

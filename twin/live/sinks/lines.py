@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from twin.live.estimates import Estimate
+from twin.live.features import line_of
 from twin.live.ports import Said
 
 
@@ -22,26 +23,25 @@ class Lines:
     ----------
     stream : Unbuffered
         One with a buffer would keep its lock while nobody reads, and the process could not end.
-    name : str
     final : bool
         Whether only estimates that are final go there, and nothing else.
     """
 
     must_arrive = True
 
-    def __init__(self, stream: Unbuffered, *, name: str = "Standard output", final: bool = False) -> None:
-        self._stream, self._name, self._final = stream, name, final
+    def __init__(self, stream: Unbuffered, *, final: bool = False) -> None:
+        self._stream, self._final = stream, final
 
     @property
     def name(self) -> str:
         """Return what it is called."""
-        return self._name
+        return "Standard output"
 
     def write(self, said: Said) -> None:
         """Write a line, at once."""
         if self._final and not (isinstance(said, Estimate) and said.lasts):
             return
-        left = memoryview(f"{said.line()}\n".encode())
+        left = memoryview(f"{line_of(said)}\n".encode())
         while left:
             left = left[self._stream.write(left) or 0 :]
 

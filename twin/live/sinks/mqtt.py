@@ -7,6 +7,7 @@ from threading import Condition
 from typing import TYPE_CHECKING
 
 from twin.errors import ConfigError
+from twin.live.features import line_of
 from twin.live.ports import Said
 from twin.live.sources.address import MQTT_SCHEMES, address_of
 from twin.live.sources.mqtt_client import check_paho, client_of, topic_of
@@ -70,7 +71,7 @@ class Mqtt:
             while not self._is_connected or len(self._under_way) >= _MOST_UNDER_WAY:
                 self._changed.wait()
         # Without the lock: Paho's thread has locks of its own when it says that a message has arrived.
-        sent = self._client.publish(self._topic, said.line(), qos=int(said.lasts))
+        sent = self._client.publish(self._topic, line_of(said), qos=int(said.lasts))
         with self._changed:
             # What is sent once is lost without a connection; the rest Paho keeps until there is one.
             if sent.mid not in self._early and (said.lasts or sent.rc == MQTTErrorCode.MQTT_ERR_SUCCESS):

@@ -18,7 +18,8 @@ from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocketDisconnect
 
 from twin.errors import MissingExtraError
-from twin.live.lanes import Lanes
+from twin.live.features import line_of
+from twin.live.lanes import Unsaid
 from twin.live.ports import Said
 from twin.web import Address, Outside, Sessions, web_app
 from twin.web.serve import server_of
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 PAGE = Path(__file__).parent.parent / "page"
 """Files of the page that shows a drive on a map."""
 NAME = "live"
-_LASTING, _REPLACED = 0, 1
 _MOST_PRESENT, _MOST_WAITING, _MOST_CLIENTS = 2000, 3000, 32
 _TRY_LATER = 1013
 """Close code of a server that has too many clients."""
@@ -41,18 +41,16 @@ class _Client:
 
     def __init__(self, present: list[Said]) -> None:
         self._loop = asyncio.get_running_loop()
-        self._waiting: Lanes[Said] = Lanes(2, _MOST_WAITING, overtakes=True)
+        self._waiting = Unsaid(_MOST_WAITING, overtakes=True)
         self._awake = asyncio.Event()
         self.is_over = False
         for said in present:
-            self._waiting.put(said, _LASTING)
+            # What holds goes first, in the order in which it was said.
+            self._waiting.put(said, 0)
 
     def say(self, said: Said) -> None:
         """Take a line, from any thread."""
-        if said.lasts:
-            kind = type(said)
-            self._waiting.drop(lambda old: old.id == said.id and type(old) is kind, _REPLACED)
-        self._waiting.put(said, _LASTING if said.lasts else _REPLACED)
+        self._waiting.say(said)
         self._wake()
 
     def end(self) -> None:
@@ -68,12 +66,14 @@ class _Client:
         """Send what is said, as fast as the browser takes it, until the end."""
         while not self.is_over:
             self._awake.clear()
-            for said in self._waiting.drained():
-                await websocket.send_text(said.line())
+            await self._send_waiting(websocket)
             if not self.is_over:
                 await self._awake.wait()
+        await self._send_waiting(websocket)
+
+    async def _send_waiting(self, websocket: WebSocket) -> None:
         for said in self._waiting.drained():
-            await websocket.send_text(said.line())
+            await websocket.send_text(line_of(said))
 
 
 class Hub:
