@@ -10,7 +10,8 @@ from twin.errors import StoreError
 from twin.matching.config import MatchConfig
 from twin.matching.kept import Kept, digest
 from twin.matching.left import LAYOUT
-from twin.matching.sites import Site, sites_from_mirror
+from twin.matching.likelihood import cost_of_common
+from twin.matching.sites import Site, codes_of_mirror, sites_from_mirror
 from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import FACT as VEGNETT
 from twin.store.kinds import Method
@@ -39,6 +40,10 @@ class Asked:
         network = [self.view.fact(KATALOG_FACT)] if self.has_network else []
         said = json.dumps([LAYOUT, self.method, asdict(self.config), network], sort_keys=True)
         return digest(said.encode())
+
+    def codes(self) -> dict[str, float]:
+        """What it costs each code of the mirror to be common."""
+        return cost_of_common(codes_of_mirror(self.view), self.config)
 
 
 def choose_method(store: Store, method: str | None) -> str:

@@ -344,6 +344,11 @@ def known_drives(
     return found
 
 
+def cells_passed(drives: Sequence[Drive]) -> IntArray:
+    """Cells that any of the drives came past, each once."""
+    return np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)]))
+
+
 def warnings_of(drives: Sequence[Drive]) -> dict[str, tuple[int, list[str]]]:
     """When drives began and what is to be known of their findings, where there is something."""
     told = {drive.drive_id: (drive.started_ns, list(drive.warnings())) for drive in drives}

@@ -15,6 +15,7 @@ from twin.matching.compare import compare, places_of
 from twin.matching.drives import (
     Drive,
     beside_nvdb,
+    cells_passed,
     drives_of,
     forget,
     known_drives,
@@ -23,7 +24,6 @@ from twin.matching.drives import (
 from twin.matching.in_view import COARSE_DEG
 from twin.matching.kept import Kept, NotSure
 from twin.matching.left import KnownDrive, State, put_results
-from twin.matching.likelihood import cost_of_common
 from twin.matching.poles.kept_places import KeptPlaces
 from twin.matching.poles.keys import Mark, with_known_keys
 from twin.matching.poles.many_drives import with_fused_places
@@ -44,7 +44,7 @@ from twin.matching.poles.seen_in import (
 from twin.matching.reading import estimates_of
 from twin.matching.scope import NEAR_M, Scope, scope_about
 from twin.matching.signs import cells_of_signs, drives_judged_anew, sites_that_judge
-from twin.matching.sites import Site, codes_of_mirror, mirror_near
+from twin.matching.sites import Site, mirror_near
 from twin.store.records import Estimate, Finding
 from twin.store.touched import FACT as TOUCHED
 from twin.store.touched import Touched, touched_since
@@ -106,10 +106,9 @@ def everything(asked: Asked, kept: Kept) -> Found:
     if config.map_aided:
         asked.say("tying drives to measured signs")
         poles, tied = map_aided(poles, sites, once, [drive.driven for drive in drives], config, kept)
-    codes = cost_of_common(codes_of_mirror(view), config)
+    codes = asked.codes()
     compared = compare(asked, poles, sites, drives, codes)
-    passed = np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)]))
-    results = compared.results(passed, None)
+    results = compared.results(cells_passed(drives), None)
     put_results(kept, results, None)
     known = known_drives(drives, estimates, clicks, directions, kept)
     for drive_id, one in known.items():
@@ -135,12 +134,12 @@ def everything(asked: Asked, kept: Kept) -> Found:
 
 def since_last(asked: Asked, kept: Kept) -> tuple[State, Touched] | None:
     """What the last match left, and what was touched since; None where everything has to be matched."""
-    view, config = asked.view, asked.config
-    state = None if config.map_aided else State.of(kept)
+    view = asked.view
+    state = None if asked.config.map_aided else State.of(kept)
     if state is None or state.rests_on != asked.rests_on():
         return None
     told = touched_since(view.fact(TOUCHED), state.revision, view.revision())
-    if told is None or (told.places and cost_of_common(codes_of_mirror(view), config) != state.codes):
+    if told is None or (told.places and asked.codes() != state.codes):
         return None
     return state, told
 
@@ -227,8 +226,7 @@ def _part(
     poles = sorted([*named, *beside], key=lambda pole: pole.key)
     sites, drives = _sites_about(asked, scope, kept, drives, once)
     compared = compare(asked, poles, sites, drives, state.codes, scope)
-    every = np.concatenate([NOWHERE, *(drive.watcher.cells for drive in drives)])
-    results = compared.results(np.unique(every), scope.results)
+    results = compared.results(cells_passed(drives), scope.results)
     gone, counted = put_results(kept, results, scope.results)
     fresh = known_drives(came, own, clicks, directions, kept)
     for drive_id, one in fresh.items():

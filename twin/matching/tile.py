@@ -15,13 +15,12 @@ from geoloc.arrays import IntArray
 from twin.matching.asked import Asked, sites_of
 from twin.matching.cells import CELL_M, NOWHERE, are_among, cells_of, cells_within, coarser
 from twin.matching.compare import compare, places_of
-from twin.matching.drives import drives_of
+from twin.matching.drives import cells_passed, drives_of
 from twin.matching.edges import BEYOND_M, Edge, check_edge
 from twin.matching.found import gathered_poles, named_in_part
 from twin.matching.in_view import VIEWS
 from twin.matching.kept import Kept, NotSure, arrays_of, packed_arrays
 from twin.matching.left import PER_BLOCK, PER_SQUARE, KnownDrive, put_results
-from twin.matching.likelihood import cost_of_common
 from twin.matching.poles.keys import Mark
 from twin.matching.poles.many_drives import with_fused_places
 from twin.matching.poles.poles import ObservedPole
@@ -29,7 +28,7 @@ from twin.matching.poles.seen_in import keys_held, marks_of
 from twin.matching.poles.windows import MARGINS_M, SQUARE_M, squares_within
 from twin.matching.reading import estimates_of
 from twin.matching.scope import NEAR_M, Scope
-from twin.matching.sites import Site, codes_of_mirror, mirror_near
+from twin.matching.sites import Site, mirror_near
 from twin.store import schema
 from twin.store.store import Row
 
@@ -182,9 +181,8 @@ class _Tile:
         placed = with_fused_places(gathered, once, driven, kept=kept, only=scope.squares).poles
         marks = marks_of(estimates, {one: drive.clicks for one, drive in self._known.items()})
         mine, poles = self._with_keys(gathered, placed, marks)
-        compared = compare(asked, poles, self._sites(), self._drives, self._codes(), scope, forgets=True)
-        passed = np.unique(np.concatenate([NOWHERE, *(drive.watcher.cells for drive in self._drives)]))
-        results = compared.results(passed, scope.results)
+        compared = compare(asked, poles, self._sites(), self._drives, asked.codes(), scope, forgets=True)
+        results = compared.results(cells_passed(self._drives), scope.results)
         put_results(kept, results, None)
         there = are_among(cells_of(places_of(compared.findings)), scope.results)
         keys = {member: pole.key for pole in mine for member in pole.members}
@@ -230,9 +228,6 @@ class _Tile:
         place_m = np.array([(site.east_m, site.north_m) for site in sites]).reshape(-1, 2)
         inside = are_among(cells_of(place_m), self._scope.about).tolist()
         return [site for site, counts in zip(sites, inside, strict=True) if counts]
-
-    def _codes(self) -> dict[str, float]:
-        return cost_of_common(codes_of_mirror(self._asked.view), self._asked.config)
 
     def _views(self, drive_id: str) -> dict[str, NDArray[Any]]:
         """What a drive had in view of places in the tile."""

@@ -23,10 +23,9 @@ from twin.matching.found import Found, gathered_poles, since_last, where_drives_
 from twin.matching.in_view import VIEWS
 from twin.matching.kept import Kept, arrays_of, digest, packed_arrays
 from twin.matching.left import PER_BLOCK, PER_SQUARE, KnownDrive, State
-from twin.matching.likelihood import cost_of_common
 from twin.matching.poles.seen_in import clicks_of
 from twin.matching.reading import estimates_of, rows_of_drives
-from twin.matching.sites import codes_of_mirror, mirror_near
+from twin.matching.sites import mirror_near
 from twin.matching.tile import WorkedTile, worked_tile
 from twin.store import schema
 from twin.store.address import StoreAddress
@@ -143,8 +142,8 @@ def put_together(asked: Asked, kept: Kept) -> Found | None:
         kept.take(tile.parts)
     squares = {drive.drive_id: known[drive.drive_id].squares for drive in drives}
     totals = np.stack([tile.totals for tile in tiles]).sum(axis=0)
-    revision, codes = asked.view.revision(), codes_of(asked)
-    state = State(asked.rests_on(), revision, totals, codes, squares, warnings_of(drives))
+    revision = asked.view.revision()
+    state = State(asked.rests_on(), revision, totals, asked.codes(), squares, warnings_of(drives))
     state.put(kept)
     marks = {member: mark for tile in tiles for member, mark in tile.marks.items()}
     return Found(
@@ -224,11 +223,6 @@ class _Plan:
 
 def _asked(store: Store, view: Snapshot, method: str) -> Asked:
     return Asked(store, view, method, MatchConfig(), lambda _text: None)
-
-
-def codes_of(asked: Asked) -> dict[str, float]:
-    """What it costs each code of the mirror to be common."""
-    return cost_of_common(codes_of_mirror(asked.view), asked.config)
 
 
 def _worked_drives(asked: Asked, name: str, drive_ids: Sequence[str]) -> Worked:
