@@ -11,6 +11,7 @@ import requests
 from playwright.sync_api import expect
 from review_page import LAPTOP, chromium, open_page
 
+from geoloc.earth.geodesy import geographic_from_utm33
 from geoloc.live.causal import Following
 from twin.drives.read import read_drive
 from twin.live import Estimate, State, car_of
@@ -42,16 +43,16 @@ def verdict(name: str, standing: Standing, was: Standing | None) -> Verdict:
     )
 
 
-def told(state: State, sigma_m: float) -> Estimate:
+def told(state: State, sigma_m: float, east_m: float = EAST) -> Estimate:
     """An estimate of the pole P1."""
     covariance = sigma_m**2 * np.eye(2)
-    return Estimate(
-        *("P1", "P1", "", "202", "", state, 63.4108, 10.4512, 100.0, covariance, 0.1, 3, AT_NS, AT_NS, AT_NS),
-    )
+    latitude, longitude = geographic_from_utm33(np.array([east_m]), np.array([NORTH]))
+    place = float(latitude[0]), float(longitude[0]), 100.0
+    return Estimate(*("P1", "P1", "", "202", "", state, *place, covariance, 0.1, 3, AT_NS, AT_NS, AT_NS))
 
 
 def test_the_map_shows_what_is_said(pages: Pages) -> None:
-    """The car's state in one line, each sign once with its last verdict; what is withdrawn goes away."""
+    """The car's state in one line, each sign once with what was said last; what is withdrawn goes away."""
     where = Where(63.4106, 10.451, 100.0, 30.0, 10.0, 0.05, 0.1)
     cameras = (("C2_tricam60", Health.FINE), ("C3_tricam120", Health.LOST))
     pages.write(CarState(AT_NS, where, Following.FIXED, Health.FINE, cameras))
@@ -72,7 +73,9 @@ def test_the_map_shows_what_is_said(pages: Pages) -> None:
         pages.write(verdict("P2", Standing.WITHDRAWN, Standing.NEW))
         expect(entries).to_have_count(1)
         expect(entries).to_contain_text("202 – Vikeplikt")
-        expect(entries).to_contain_text("Flyttet · 2,0 m unna")
+        expect(entries).to_contain_text("Flyttet · 2,0 m unna · ± 0,5 m")
+        pages.write(told(State.FINAL, 0.1, EAST + 0.5))
+        expect(entries).to_contain_text("Flyttet · 1,5 m unna · ± 0,2 m")
         expect(page.locator("#map")).to_have_attribute("data-shown", "1")
         assert page.evaluate("twinLive.map.map.getStyle().sources.wedge.data.features.length") == 2
         assert not errors

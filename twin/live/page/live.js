@@ -4,6 +4,7 @@ import { get } from "./api.js";
 import { byId, fill, h } from "./dom.js";
 import { codeOf, DriveMap } from "./drivemap.js";
 import { mark } from "./marks.js";
+import { apart } from "./shapes.js";
 import { has, number, percent, say, speak } from "./words.js";
 
 const MOST_OBJECTS = 400;
@@ -39,6 +40,7 @@ class Live {
       this.tell(line);
     } else if (properties.state) {
       keep(this.estimates, line);
+      this.refine(line);
     }
     this.draw();
   }
@@ -57,7 +59,14 @@ class Live {
     this.said = this.said.filter(({ id }) => id !== line.id);
     if (verdict !== "expected" && verdict !== "withdrawn") this.said.unshift(line);
     this.said.length = Math.min(this.said.length, MOST_SAID);
-    fill(byId("said"), this.said.map((one) => entry(one, this.session.names)));
+    fill(byId("said"), this.said.map((one) => entry(one, this.session.names, this.estimates.get(one.properties.pole))));
+  }
+
+  /** A verdict is said anew where it changes; of how its place is known better since, the list tells too. */
+  refine(estimate) {
+    this.said.forEach((one, at) => {
+      if (one.properties.pole === estimate.id) byId("said").children[at].querySelector("p span").textContent = factsOf(one, estimate);
+    });
   }
 }
 
@@ -68,19 +77,31 @@ function keep(lines, line) {
   if (lines.size > MOST_OBJECTS) lines.delete(lines.keys().next().value);
 }
 
-function entry(line, names) {
-  const { verdict, distance_m, major95_m, confidence } = line.properties;
-  const code = codeOf(line);
+/** What is known of a sign, by the newest estimate of its pole where it may still change. */
+function factsOf({ properties }, estimate) {
+  const { verdict, confidence, nvdb, final } = properties;
+  const isNewer = !final && estimate?.geometry;
+  const { major95_m } = isNewer ? estimate.properties : properties;
   const facts = [say(`page.verdict.${verdict}`)];
-  if (distance_m !== null) facts.push(say("live.distance", { distance: number(distance_m, 1) }));
+  if (properties.distance_m !== null) {
+    const distance = isNewer ? apart(estimate.geometry.coordinates, nvdb) : properties.distance_m;
+    facts.push(say("live.distance", { distance: number(distance, 1) }));
+  }
   if (major95_m !== undefined) facts.push(`± ${number(major95_m, 1)} m`);
   if (confidence !== null && verdict !== "unchanged") facts.push(percent(confidence));
+  return facts.join(" · ");
+}
+
+function entry(line, names, estimate) {
+  const { verdict } = line.properties;
+  const code = codeOf(line);
   return h(
     "li",
     { "data-verdict": verdict },
     code ? h("img", { src: `sign/${encodeURIComponent(code)}.svg`, alt: "" }) : h("span"),
     h("strong", {}, [code, names[code]].filter(Boolean).join(" – ") || line.id),
-    h("p", {}, mark(verdict), facts.join(" · ")),
+    // Numbers that change twice a second are not read out.
+    h("p", {}, mark(verdict), h("span", { "aria-live": "off" }, factsOf(line, estimate))),
   );
 }
 

@@ -8,6 +8,12 @@ export function beside([longitude, latitude], east, north) {
   return [longitude + east / perLongitude, latitude + north / PER_LATITUDE_M];
 }
 
+/** How many metres lie between two places near to each other. */
+export function apart([longitude, latitude], [otherLongitude, otherLatitude]) {
+  const perLongitude = PER_LATITUDE_M * Math.cos((latitude * Math.PI) / 180);
+  return Math.hypot((otherLongitude - longitude) * perLongitude, (otherLatitude - latitude) * PER_LATITUDE_M);
+}
+
 /** An ellipse; its long axis points to `azimuth` degrees from north. */
 export function ellipse(place, major, minor, azimuth, corners = 48) {
   const turn = (azimuth * Math.PI) / 180;
