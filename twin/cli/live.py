@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -18,7 +19,7 @@ from twin.cli.streams import unbuffered_output
 from twin.errors import ConfigError, FileError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from twin.drives.detection.run import DetectorOptions
     from twin.live import LiveEngine
@@ -155,19 +156,18 @@ def live(
     from twin.drives.detection.run import DetectorOptions
     from twin.store.store import Store
 
+    network = None if detector is None else DetectorOptions(detector, detector_every, detector_threshold)
+    _check_all(
+        partial(_check_kind, replay, gnss, detections, car, record, detector),
+        *_checks_of_addresses(gnss or [], detections or [], to or [], has_detector=detector is not None),
+        partial(_factor, speed),
+        *([] if serve is None else [partial(_host_and_port, serve)]),
+    )
     with ExitStack() as stack:
         if replay is not None:
-            if gnss or detections or car is not None or record is not None or detector is not None:
-                raise ConfigError(
-                    "--replay plays a recorded drive with its annotations: leave out --gnss, --detections,"
-                    " --car, --record, --detector."
-                )
             drive = _replayed(replay, speed)
         else:
-            network = (
-                None if detector is None else DetectorOptions(detector, detector_every, detector_threshold)
-            )
-            drive = _connected(stack, gnss or [], detections or [], car, record, network)
+            drive = _connected(gnss or [], detections or [], car, record, network)
         opened = stack.enter_context(Store.open(store, create=False)) if check else None
         checked = None if opened is None else _check(stack, opened, drive, settings)
         sinks = _sinks(to or [], final=not every)
@@ -176,7 +176,54 @@ def live(
         if serve is not None:
             sinks.append(_pages(serve, drive, opened, lang, base_map=base_map))
         kept = keep or (None if record is None else record / _KEEP)
+        if drive.recorder is not None:
+            stack.enter_context(drive.recorder)
         _run(drive, sinks, kept, checked, is_shown=serve is not None)
+
+
+def _check_all(*checks: Callable[[], object]) -> None:
+    """Look at all that can be known by the command line alone, and tell every mistake at once."""
+    mistakes = []
+    for check in checks:
+        try:
+            check()
+        except ConfigError as error:
+            mistakes.append(str(error))
+    if mistakes:
+        raise ConfigError(" ".join(mistakes))
+
+
+def _check_kind(
+    replay: Path | None,
+    gnss: Sequence[str] | None,
+    detections: Sequence[str] | None,
+    car: Path | None,
+    record: Path | None,
+    detector: Path | None,
+) -> None:
+    """A recorded drive, or a car's sources, and not both."""
+    if replay is None and (not gnss or car is None):
+        raise ConfigError(
+            "twin live needs a drive: a recorded one (--replay DRIVE), or what a car delivers now (--gnss"
+            " URL, --detections URL and --car FOLDER)."
+        )
+    if replay is not None and any((gnss, detections, car, record, detector)):
+        raise ConfigError(
+            "--replay plays a recorded drive with its annotations: leave out --gnss, --detections, --car,"
+            " --record, --detector."
+        )
+
+
+def _checks_of_addresses(
+    gnss: Sequence[str], detections: Sequence[str], to: Sequence[str], *, has_detector: bool
+) -> list[Callable[[], object]]:
+    from twin.live.sources.address import MQTT_SCHEMES, Gives, address_for, address_of
+
+    return [
+        *(partial(address_for, url, Gives.FIXES, has_detector=has_detector) for url in gnss),
+        *(partial(address_for, url, Gives.DETECTIONS, has_detector=has_detector) for url in detections),
+        *(partial(address_of, url, MQTT_SCHEMES) for url in to),
+    ]
 
 
 class _Drive(NamedTuple):
@@ -205,7 +252,6 @@ def _replayed(path: Path, speed: str) -> _Drive:
 
 
 def _connected(
-    stack: ExitStack,
     gnss: Sequence[str],
     detections: Sequence[str],
     car: Path | None,
@@ -217,18 +263,14 @@ def _connected(
     from twin.live.recorder import Recorder
     from twin.live.sources import Gives, open_source
 
-    if not gnss or car is None:
-        raise ConfigError(
-            "twin live needs a drive: a recorded one (--replay DRIVE), or what a car delivers now (--gnss"
-            " URL, --detections URL and --car FOLDER)."
-        )
+    assert car is not None  # noqa: S101 - looked at before
     whose = read_car(car)
     for warning in whose.warnings:
         warn(str(warning))
     if not detections:
         warn("Nothing looks for signs without --detections: the car alone is followed.")
     engine = LiveEngine(whose.live_car(antennas_of(whose, gnss)))
-    recorder = None if record is None else stack.enter_context(Recorder(record, whose))
+    recorder = None if record is None else Recorder(record, whose)
     asked = [(url, Gives.FIXES) for url in gnss] + [(url, Gives.DETECTIONS) for url in detections]
     sources = [open_source(url, gives, whose, recorder=recorder, detector=detector) for url, gives in asked]
     settings = whose.settings

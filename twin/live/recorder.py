@@ -52,7 +52,7 @@ class Recorder:
 
     The folder is readable at any moment: every line is handed to the system as it comes, and to the disk
     every second, so that a kill loses nothing that has come and a power cut a second at most. Any number of
-    threads may write.
+    threads may write. It is empty until ``with`` begins: a run that cannot begin leaves it to the next one.
 
     Parameters
     ----------
@@ -86,10 +86,8 @@ class Recorder:
         self._files: dict[str, FileIO] = {}
         self._gnss: dict[str, str] = {}
         self._cameras: dict[str, _Camera] = {}
-        _copy(car, self.folder)
-        replace_file(self.folder / SETTINGS_FILE, self._settings())
+        self._car = car
         self._syncing = Thread(target=self._sync, name="recorder", daemon=True)
-        self._syncing.start()
 
     def fixes(self, antenna: str, form: Form) -> Callable[[bytes], None]:
         """Return what writes the bytes of a receiver: whole lines, or what has come of messages."""
@@ -132,6 +130,9 @@ class Recorder:
             self._files.clear()
 
     def __enter__(self) -> Self:
+        _copy(self._car, self.folder)
+        replace_file(self.folder / SETTINGS_FILE, self._settings())
+        self._syncing.start()
         return self
 
     def __exit__(

@@ -1,2 +1,2 @@
-from .open import Gives as Gives
+from .address import Gives as Gives
 from .open import open_source as open_source

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import NamedTuple
 from urllib.parse import parse_qsl, unquote, urlsplit, urlunsplit
 
@@ -11,6 +12,13 @@ from twin.errors import ConfigError
 
 STDIN = "-"
 _HELP = "twin help live lists them."
+
+
+class Gives(StrEnum):
+    """What an address is asked for."""
+
+    FIXES = "fixes"
+    DETECTIONS = "detections"
 
 
 class Scheme(NamedTuple):
@@ -163,6 +171,26 @@ def address_of(url: str, schemes: Mapping[str, Scheme]) -> Address:
         dict(pairs),
         url,
     )
+
+
+def address_for(url: str, gives: Gives, *, has_detector: bool) -> Address:
+    """Take the address of a source apart.
+
+    Raises
+    ------
+    ConfigError
+        For one that is none, or gives something else.
+    """
+    if gives is Gives.FIXES:
+        return address_of(url, FIX_SCHEMES)
+    if has_detector:
+        return address_of(url, PICTURE_SCHEMES)
+    if url.partition("://")[0] in PICTURE_SCHEMES:
+        name = address_of(url, PICTURE_SCHEMES).name
+        raise ConfigError(
+            f"{name} gives pictures: name the network that finds signs in them, --detector MODEL.onnx."
+        )
+    return address_of(url, DETECTION_SCHEMES)
 
 
 def _place(host: str, port: int | None, path: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 
@@ -22,13 +21,7 @@ from twin.live.car import Car, antenna_of
 from twin.live.ports import Source
 from twin.live.recorder import Form, Recorder
 from twin.live.sources import serial_link
-from twin.live.sources.address import (
-    DETECTION_SCHEMES,
-    FIX_SCHEMES,
-    PICTURE_SCHEMES,
-    Address,
-    address_of,
-)
+from twin.live.sources.address import Address, Gives, address_for
 from twin.live.sources.antenna import Antenna
 from twin.live.sources.camera import CameraSource, PictureAddress
 from twin.live.sources.decoders import Decoder, FixLines, FixMessages, FrameLines
@@ -40,13 +33,6 @@ from twin.live.sources.ros import TEXT_TYPE, PlayedSource, Ros2Link, ToLines, fi
 from twin.live.sources.stream import StreamSource
 
 _FASTEST = "max"
-
-
-class Gives(StrEnum):
-    """What an address is asked for."""
-
-    FIXES = "fixes"
-    DETECTIONS = "detections"
 
 
 def open_source(
@@ -89,16 +75,12 @@ def open_source(
     DriveError
         If a recording, or the detector's network, cannot be used.
     """
-    if gives is Gives.DETECTIONS and detector is None and url.partition("://")[0] in PICTURE_SCHEMES:
-        name = address_of(url, PICTURE_SCHEMES).name
-        raise ConfigError(
-            f"{name} gives pictures: name the network that finds signs in them, --detector MODEL.onnx."
-        )
+    address = address_for(url, gives, has_detector=detector is not None)
     if gives is Gives.FIXES:
-        return _fixes(address_of(url, FIX_SCHEMES), car, recorder)
+        return _fixes(address, car, recorder)
     if detector is not None:
-        return _pictures(address_of(url, PICTURE_SCHEMES), car, recorder, detector)
-    return _detections(address_of(url, DETECTION_SCHEMES), car, recorder)
+        return _pictures(address, car, recorder, detector)
+    return _detections(address, car, recorder)
 
 
 def _fixes(address: Address, car: Car, recorder: Recorder | None) -> Source:
