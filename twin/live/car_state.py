@@ -69,8 +69,10 @@ class SourceState(NamedTuple):
         What it said of cameras that the car does not have, for people, each once.
     clock : int
         How often it has said that a time cannot be.
+    spoilt : str
+        Why the last of these could not, for people.
     why : str
-        What it said last, for people.
+        What else it said last, for people.
     """
 
     name: str
@@ -78,6 +80,7 @@ class SourceState(NamedTuple):
     garbage: int = 0
     dropped: int = 0
     clock: int = 0
+    spoilt: str = ""
     why: str = ""
     refused: tuple[str, ...] = ()
     ended: bool = False

@@ -58,7 +58,7 @@ _SENTENCES = {
     NoticeKind.SOURCE_CLOCK: "{what}: {why}.",
     NoticeKind.SOURCE_DROPPED: "{what} is too fast for its detector: {number:.0f} pictures left out so far.",
     NoticeKind.SOURCE_BACK: "{what} answers again.",
-    NoticeKind.GARBAGE: "{what} sends what cannot be read: {number:.0f} lines or messages left out so far.",
+    NoticeKind.GARBAGE: "{what} sends what cannot be read ({why}): {number:.0f} left out so far.",
     NoticeKind.REFUSED: "{number:.0f} frames of a camera that the car does not have, or detections without"
     " a pixel, were left out so far.",
     NoticeKind.UNKNOWN_CAMERA: "{what}: {why}. Its frames are left out.",
@@ -169,7 +169,7 @@ def _sources(before: CarState, now: CarState) -> Iterator[Notice]:
             kind = lost if one.lost else NoticeKind.SOURCE_BACK
             yield Notice(kind, one.name, why=one.why)
         if one.garbage > old.garbage:
-            yield Notice(NoticeKind.GARBAGE, one.name, one.garbage)
+            yield Notice(NoticeKind.GARBAGE, one.name, one.garbage, one.spoilt)
         for why in one.refused[len(old.refused) :]:
             yield Notice(NoticeKind.UNKNOWN_CAMERA, one.name, why=why)
         if one.dropped > old.dropped:

@@ -73,14 +73,16 @@ class Watch:
         name = trouble.source
         if name not in self._sources and len(self._sources) >= _MOST_NAMES:
             return
-        one = self._sources.get(name, SourceState(name))._replace(why=trouble.detail)
+        one = self._sources.get(name, SourceState(name))
+        if trouble.kind is not TroubleKind.GARBAGE:
+            one = one._replace(why=trouble.detail)
         match trouble.kind:
             case TroubleKind.ENDED:
                 one = one._replace(lost=True, ended=True)
             case TroubleKind.LOST | TroubleKind.BACK:
                 one = one._replace(lost=trouble.kind is TroubleKind.LOST)
             case TroubleKind.GARBAGE:
-                one = one._replace(garbage=one.garbage + trouble.count)
+                one = one._replace(garbage=one.garbage + trouble.count, spoilt=trouble.detail)
             case TroubleKind.REFUSED:
                 self.refused += trouble.count
                 one = one._replace(refused=(*one.refused, trouble.detail)[:_MOST_NAMES])

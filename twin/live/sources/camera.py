@@ -203,7 +203,8 @@ class CameraSource:
         )
         if self._recorder is not None:
             self._recorder.frame(line, line_of_frame(line).rstrip(b"\n"), picture.stamp_ns)
-        return Arrival(time.time_ns(), self._reader.frame(line, picture.stamp_ns))
+        frame, _ = self._reader.frame(line, picture.stamp_ns)
+        return Arrival(time.time_ns(), frame)
 
     def _grab(self) -> None:
         """Decode pictures as they come, again where the camera was lost; in a thread of its own."""

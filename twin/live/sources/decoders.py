@@ -160,14 +160,14 @@ class FrameLines:
     """Frames of a detector, a line each."""
 
     def __init__(self, reader: FrameReader, recorder: Recorder | None) -> None:
-        self.readable, self.why = 0, ""
+        self.readable, self.why = 0, f"a line of more than {LONGEST_FRAME:,} bytes"
         self.refused: Counter[str] = Counter()
         self._reader, self._recorder = reader, recorder
         self._cutter, self._unusable = Cutter(LONGEST_FRAME), 0
 
     @property
     def unreadable(self) -> int:
-        """Lines that are no frame."""
+        """Lines that are no frame, and detections that are nowhere."""
         return self._unusable + self._cutter.too_long
 
     def feed(self, data: bytes, _at_ns: int) -> list[Frame]:
@@ -201,7 +201,11 @@ class FrameLines:
         stamp_ns = self._reader.stamp_ns(line)
         if self._recorder is not None:
             self._recorder.frame(line, text, stamp_ns)
-        return self._reader.frame(line, stamp_ns)
+        frame, left_out = self._reader.frame(line, stamp_ns)
+        for why, count in left_out.items():
+            self._unusable += count
+            self.why = f"a detection: {why}"
+        return frame
 
 
 def stamped(line: bytes, at_ns: int) -> bytes:

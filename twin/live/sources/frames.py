@@ -41,16 +41,9 @@ class _Of:
 
 
 class FrameReader:
-    """What a car makes of a detector's frames.
-
-    Attributes
-    ----------
-    left_out : Counter of str
-        Detections that are none, by reason; for people.
-    """
+    """What a car makes of a detector's frames."""
 
     def __init__(self, car: Car) -> None:
-        self.left_out: Counter[str] = Counter()
         self._car = car
         self._reading = self._fresh()
         self._frames = 0
@@ -73,26 +66,28 @@ class FrameReader:
         self._camera(line.camera)
         return stamp_ns
 
-    def frame(self, line: FrameLine, stamp_ns: int) -> Frame:
-        """Return a frame, with what can be used of its detections."""
+    def frame(self, line: FrameLine, stamp_ns: int) -> tuple[Frame, Counter[str]]:
+        """Return a frame with what can be used of its detections; how many cannot, by reason, for people."""
         camera = self._camera(line.camera)
+        left_out = Counter[str]()
         shapes: list[Shape] = []
         for shape in shapes_of(line):
             if isinstance(shape, Shape):
                 shapes.append(shape)
             else:
-                self.left_out[str(shape)] += 1
+                left_out[str(shape)] += 1
         rows = annotations_of(AnnotationFile(TOOL, TOOL, shapes), _Of(camera), self._reading)
         alone = len(self._car.rig.cameras) == 1
         found = tuple(_detection(row, track, alone=alone) for row, track in rows if row.kind in _POSITIONS)
         for reasons in self._reading.faults.values():
-            self.left_out += reasons
+            left_out += reasons
         self._reading.faults.clear()
         self._frames += 1
         if self._frames % _REMEMBERED == 0:
             # It remembers every label that it was asked for: garbage may have many.
             self._reading = self._fresh()
-        return Frame(line.camera, line.frame, stamp_ns + self._car.settings.camera_offset_ns, found)
+        epoch_ns = stamp_ns + self._car.settings.camera_offset_ns
+        return Frame(line.camera, line.frame, epoch_ns, found), left_out
 
     def _camera(self, name: str) -> RigCamera:
         try:

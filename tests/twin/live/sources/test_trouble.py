@@ -123,7 +123,9 @@ def test_frames_of_no_use_say_why(make_car: MakeCar) -> None:
             detector.hang_up()
             until(lambda: listener.troubles(TroubleKind.LOST))
     assert frame == Frame(WIDE, 1, good["time_ns"], ())
-    assert sum(one.count for one in listener.troubles(TroubleKind.GARBAGE)) == 1
+    garbage = listener.troubles(TroubleKind.GARBAGE)
+    assert sum(one.count for one in garbage) == 2
+    assert "outside" in garbage[-1].detail
     refused = listener.troubles(TroubleKind.REFUSED)
     assert sum(one.count for one in refused) == 2
     assert {one.detail for one in refused} == {f"camera rear is not in the rig: it has {WIDE}"}
