@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -46,8 +45,8 @@ class Assignment:
         What else it may be, where that has a probability worth naming.
     together : Pairs
         All that were weighed against one another.
-    reach_m : float
-        The longest distance in a pair within the gate.
+    gated : Pairs
+        All within the gate.
     """
 
     site_of_pole: NDArray[np.int64]
@@ -58,16 +57,19 @@ class Assignment:
     alternatives_of_pole: dict[int, Alternatives]
     alternatives_of_site: dict[int, Alternatives]
     together: Pairs
-    reach_m: float
+    gated: Pairs
+
+    def ends(self, pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Numbers of the pole and the site of each pair, sites counted on behind the poles."""
+        return pairs.pole, len(self.site_of_pole) + pairs.site
 
     def groups(self) -> NDArray[np.int64]:
         """Group of each pole, then of each site: those that pairs hold together have the same."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
-        n = len(self.site_of_pole)
-        size = n + len(self.confidence_of_site)
-        ends = self.together.pole, n + self.together.site
+        size = len(self.site_of_pole) + len(self.confidence_of_site)
+        ends = self.ends(self.together)
         graph = coo_array((np.ones(ends[0].size), ends), shape=(size, size))
         return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
@@ -106,7 +108,7 @@ def assign(
         alternatives_of_pole={},
         alternatives_of_site={},
         together=pairs,
-        reach_m=_longest(poles, sites, gated),
+        gated=gated,
     )
     single = lonely_pairs(pairs.pole, pairs.site)
     _settle_single(pairs.part(single), result)
@@ -114,14 +116,6 @@ def assign(
     for cluster in clusters(rest.pole, rest.site, rest.cost):
         _settle_cluster(cluster, rest, result)
     return result
-
-
-def _longest(poles: Sequence[ObservedPole], sites: Sequence[Site], pairs: Pairs) -> float:
-    ends = zip(pairs.pole.tolist(), pairs.site.tolist(), strict=True)
-    apart = (
-        math.hypot(poles[i].east_m - sites[j].east_m, poles[i].north_m - sites[j].north_m) for i, j in ends
-    )
-    return max(apart, default=0.0)
 
 
 def _that_matter(pairs: Pairs, n_poles: int, n_sites: int) -> Pairs:

@@ -84,7 +84,7 @@ def compare(
     assignment = assign(current, sites, seen.p_unannotated, config, codes)
     if scope is not None:
         ends = np.concatenate([places_of(current), places_of(sites)])
-        scope.check(ends, assignment.groups(), assignment.reach_m)
+        scope.check(ends, assignment.groups(), assignment.ends(assignment.gated), config)
     findings = judge(
         current,
         sites,

@@ -62,6 +62,11 @@ def gated_pairs(
     return Pairs(i, j, score(poles, sites, p_unannotated, i, j, config, common))
 
 
+def widest_gap_m(variance_m2: ArrayLike, config: MatchConfig) -> FloatArray:
+    """How far apart a pole and a site may be, by the variance of both together."""
+    return np.maximum(config.gate_m, _GATE_SIGMAS * np.sqrt(variance_m2))
+
+
 def _near(
     poles: Sequence[ObservedPole], sites: Sequence[Site], config: MatchConfig
 ) -> tuple[IntArray, IntArray]:
@@ -74,7 +79,7 @@ def _near(
     place = np.array([(s.east_m, s.north_m) for s in sites])
     ours = max(float(np.trace(p.covariance_m2)) for p in poles) / 2
     sigma = np.array([s.sigma_m for s in sites])
-    reach = np.maximum(config.gate_m, _GATE_SIGMAS * np.sqrt(sigma**2 + ours))
+    reach = widest_gap_m(sigma**2 + ours, config)
     # A country has a million sites, and a drive passes a few of them.
     distance, _ = tree.query(place, distance_upper_bound=float(reach.max()))
     some = np.flatnonzero(distance <= reach)
@@ -84,7 +89,7 @@ def _near(
     order = np.lexsort((j, i))
     i, j = i[order], j[order]
     spread = np.array([float(np.trace(p.covariance_m2)) for p in poles])[i] / 2 + sigma[j] ** 2
-    gate = np.maximum(config.gate_m, _GATE_SIGMAS * np.sqrt(spread))
+    gate = widest_gap_m(spread, config)
     east = np.array([p.east_m for p in poles])[i] - place[j, 0]
     north = np.array([p.north_m for p in poles])[i] - place[j, 1]
     inside = np.hypot(east, north) <= gate

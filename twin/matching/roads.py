@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -13,7 +13,7 @@ import numpy as np
 from geoloc.arrays import FloatArray
 from nvdb.vegnett import Vegnett
 from twin.matching.cells import cells_of, coarser
-from twin.matching.kept import Kept, digest
+from twin.matching.kept import Kept, arrays_of, digest, packed_arrays
 from twin.matching.sites import Site, along_the_road
 from twin.mirror.names import KATALOG_FACT
 from twin.mirror.vegnett.network import FACT as VEGNETT
@@ -24,6 +24,8 @@ Faces = dict[int, tuple[float, float]]
 _PER_BLOCK = 128
 """Cells along a side of the squares of which one row is kept: about 8 km."""
 _NOWHERE = ""
+PLACELESS = ("faces", _NOWHERE)
+"""Kind and key under which plates without a place are kept."""
 
 
 class Roads:
@@ -116,6 +118,21 @@ class Roads:
         if arrays is None or arrays["rests_on"].item() != self._rests_on:
             return {}
         return dict(zip((name.decode() for name in arrays["name"].tolist()), arrays["numbers"], strict=True))
+
+
+def joined(parts: Iterable[bytes]) -> bytes:
+    """What several processes kept of roads under one name, as one part."""
+    kept = [arrays_of(part) for part in parts]
+    found = {
+        name: row for one in kept for name, row in zip(one["name"].tolist(), one["numbers"], strict=True)
+    }
+    return packed_arrays(
+        {
+            "rests_on": kept[0]["rests_on"],
+            "name": np.array(list(found), dtype=np.bytes_),
+            "numbers": np.array(list(found.values())),
+        }
+    )
 
 
 _RESTS_ON = ("nvdb_id", "ansiktsside", "own_geometry", "east_m", "north_m", "stedfesting")

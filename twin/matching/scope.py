@@ -8,16 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoloc.arrays import BoolArray, FloatArray, IntArray
-from twin.matching.cells import NOWHERE, are_among, cells_of, cells_within, widened
+from twin.matching.cells import CELL_M, NOWHERE, are_among, cells_of, cells_within, widened
+from twin.matching.config import MatchConfig
 from twin.matching.kept import NotSure
+from twin.matching.likelihood import widest_gap_m
 from twin.matching.poles.kept_places import KeptPlaces
 from twin.matching.poles.windows import ENOUGH, MARGINS_M, SQUARE_M, corner_of, ring_of, squares_of
 
 NEAR_M = 16.0
 """A pole whose estimates changed stands this near to one of them, before and after."""
 _CELL_MARGIN_M = 64.0
-_HOP_M = 32.0
-"""So far what changed at one place changes pairs; farther only where pairs hang together."""
+_USUAL_SIGMA_M = 4.0
+"""Poles that are known worse than this reach farther than others."""
+_FARTHEST_CELLS = 4
+"""What reaches farther than so many cells is at every edge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +49,14 @@ class Scope:
     about: IntArray
     read: IntArray
 
-    def check(self, place_m: FloatArray, group: IntArray, reach_m: float) -> None:
+    def check(
+        self, place_m: FloatArray, group: IntArray, pairs: tuple[IntArray, IntArray], config: MatchConfig
+    ) -> None:
         """Make sure that nothing of what was found hangs on something beyond.
+
+        Whether a pair is weighed depends on the other pairs of its pole and of its site. So what may be a
+        pair with something beyond the edge is not sure; and what came or went changes its own pairs, and
+        those of all that may be a pair with what it may be a pair with.
 
         Parameters
         ----------
@@ -54,8 +64,9 @@ class Scope:
             Of poles and sites.
         group : int64 (n,)
             The same for those whose pairs hang together.
-        reach_m : float
-            How far apart a pole and a site are at most that may be a pair.
+        pairs : (int64 (k,), int64 (k,))
+            Rows of all that may be a pair.
+        config : MatchConfig
 
         Raises
         ------
@@ -63,11 +74,11 @@ class Scope:
         """
         if not len(place_m):
             return
-        if 2 * reach_m > _HOP_M:
-            raise NotSure
         cells = cells_of(place_m)
-        changed = _touches(place_m, self.core, some=True)
-        at_edge = ~_touches(place_m, self.about, some=False)
+        usual_m = float(widest_gap_m(config.centre_line_sigma_m**2 + _USUAL_SIGMA_M**2, config))
+        one, two = _reaches(place_m, pairs, usual_m)
+        changed = _touches(place_m, two, self.core, some=True)
+        at_edge = ~_touches(place_m, one, self.about, some=False)
         wanted = are_among(cells, self.results)
         n = int(group.max()) + 1
 
@@ -78,12 +89,27 @@ class Scope:
             raise NotSure
 
 
-def _touches(place_m: FloatArray, cells: IntArray, *, some: bool) -> BoolArray:
-    """Whether the square of one hop about each place touches some of the cells, or lies in them."""
-    steps = np.array([(a, b) for a in (-_HOP_M, 0.0, _HOP_M) for b in (-_HOP_M, 0.0, _HOP_M)])
-    corners = cells_of((place_m[:, None] + steps).reshape(-1, 2))
-    among = are_among(corners, cells).reshape(len(place_m), len(steps))
-    return np.asarray(among.any(axis=1) if some else among.all(axis=1))
+def _reaches(
+    place_m: FloatArray, pairs: tuple[IntArray, IntArray], usual_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """How far from each place its pairs reach at most (n,), and theirs again."""
+    first, second = np.concatenate(pairs), np.concatenate(pairs[::-1])
+    apart = np.hypot(*(place_m[first] - place_m[second]).T)
+    one = np.zeros(len(place_m))
+    np.maximum.at(one, first, apart)
+    two = np.full(len(place_m), usual_m)
+    np.maximum.at(two, first, apart + one[second])
+    return np.maximum(one, usual_m), two
+
+
+def _touches(place_m: FloatArray, reach_m: FloatArray, cells: IntArray, *, some: bool) -> BoolArray:
+    """Whether the square about each place touches some of the cells, or lies in them."""
+    steps = np.linspace(-1.0, 1.0, 2 * _FARTHEST_CELLS + 1)
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    corners = cells_of((place_m[:, None] + reach_m[:, None, None] * grid).reshape(-1, 2))
+    among = are_among(corners, cells).reshape(len(place_m), len(grid))
+    too_far = reach_m > _FARTHEST_CELLS * CELL_M
+    return np.asarray(among.any(axis=1) | too_far if some else among.all(axis=1) & ~too_far)
 
 
 def scope_about(
@@ -113,7 +139,8 @@ def scope_about(
         squares[square] = margin_m if margin_m and not fewer else _margin_m(square, kept, fewer)
     of_squares = [cells_within(corner_of(square), SQUARE_M, 0.0) for square in squares]
     core = np.unique(np.concatenate([passed, *of_squares]))
-    results = widened(core, 1) if core.size else NOWHERE
+    # What reaches two pairs far, on a centre line, is to lie within.
+    results = widened(core, 2) if core.size else NOWHERE
     about = widened(results, 1) if core.size else NOWHERE
     wider = [cells_within(corner_of(s), SQUARE_M, m + _CELL_MARGIN_M) for s, m in squares.items()]
     read = np.unique(np.concatenate([widened(about, 1) if core.size else NOWHERE, *wider]))

@@ -27,6 +27,7 @@ from twin.matching.poles.poles import ObservedPole
 from twin.matching.poles.seen_in import keys_held, marks_of
 from twin.matching.poles.windows import MARGINS_M, SQUARE_M, squares_within
 from twin.matching.reading import estimates_of
+from twin.matching.roads import PLACELESS
 from twin.matching.scope import NEAR_M, Scope
 from twin.matching.sites import Site, mirror_near
 from twin.store import schema
@@ -63,7 +64,7 @@ class WorkedTile:
     views : mapping of a drive's id to arrays
         What it had in view of places in the tile.
     parts : mapping of (kind, key) to bytes
-        Parts for the next match that are this tile's alone.
+        Parts for the next match: this tile's alone, and of plates without a place.
     """
 
     is_sure: bool
@@ -236,9 +237,9 @@ class _Tile:
         return {name: arrays[name][mine] for name in _COUNTS}
 
     def _parts(self) -> dict[tuple[str, str], bytes]:
-        """What is kept of this tile alone."""
+        """What is kept of this tile alone, and of the plates without a place that belong there."""
         column, row = divmod(self._number, _COLUMN)
-        names = [("fused", f"{column}:{row}")]
+        names = [("fused", f"{column}:{row}"), PLACELESS]
         names += [(kind, str(self._number)) for kind in ("results", "faces", "along")]
         used = self._kept.used()
         return {name: used[name] for name in names if name in used}

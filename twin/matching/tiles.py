@@ -25,6 +25,7 @@ from twin.matching.kept import Kept, arrays_of, digest, packed_arrays
 from twin.matching.left import PER_BLOCK, PER_SQUARE, KnownDrive, State
 from twin.matching.poles.seen_in import clicks_of
 from twin.matching.reading import estimates_of, rows_of_drives
+from twin.matching.roads import PLACELESS, joined
 from twin.matching.sites import mirror_near
 from twin.matching.tile import WorkedTile, worked_tile
 from twin.store import schema
@@ -140,6 +141,8 @@ def put_together(asked: Asked, kept: Kept) -> Found | None:
     _join_views(kept, tiles)
     for tile in tiles:
         kept.take(tile.parts)
+    if placeless := [tile.parts[PLACELESS] for tile in tiles if PLACELESS in tile.parts]:
+        kept.take({PLACELESS: joined(placeless)})
     squares = {drive.drive_id: known[drive.drive_id].squares for drive in drives}
     totals = np.stack([tile.totals for tile in tiles]).sum(axis=0)
     revision = asked.view.revision()

@@ -9,14 +9,18 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 from fleet import fill, let_next_come
+from municipality_world import ORIGIN
+from one_road import with_streets
 
 from twin.matching import match, tiles
+from twin.matching.kept import arrays_of
 from twin.matching.match_store import MatchReport
 from twin.store import schema
 from twin.store.address import StoreAddress
 from twin.store.store import Store
 
 METHOD = "adjusted"
+OF_ROADS = ("along", "faces")
 AT_A_CORNER_M = (-2200.0, 2600.0)
 """So far moved the world has a corner of four tiles in its middle."""
 
@@ -29,15 +33,42 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(params=["no network", "streets"])
+def both(request: pytest.FixtureRequest, filled: Path, tmp_path: Path) -> Path:
+    """The same without and with a road network."""
+    path = Path(shutil.copy(filled, tmp_path / "a.db"))
+    if request.param == "streets":
+        with Store.open(path) as store:
+            with_streets(store, *(ORIGIN + AT_A_CORNER_M).tolist(), fetched_at="2026-06-01")
+    return path
+
+
 def all_that_is_left(store: Store) -> list[object]:
     """What a match says, and what it leaves to the next one."""
+    part = schema.kept_part
     tables = [
         sa.select(schema.change).order_by(schema.change.c.change_id),
         sa.select(schema.pole_key).order_by(schema.pole_key.c.member),
         sa.select(schema.known_mark).order_by(schema.known_mark.c.id),
-        sa.select(schema.kept_part).order_by(schema.kept_part.c.kind, schema.kept_part.c.key),
+        sa.select(part).where(part.c.kind.not_in(OF_ROADS)).order_by(part.c.kind, part.c.key),
     ]
     return [store.rows(asked) for asked in tables]
+
+
+def roads_beside_signs(store: Store) -> dict[tuple[str, str, bytes], bytes]:
+    """What a match leaves of the roads beside signs: of each sign two numbers."""
+    found = {}
+    for row in store.rows(sa.select(schema.kept_part).where(schema.kept_part.c.kind.in_(OF_ROADS))):
+        arrays = arrays_of(row["arrays"])
+        for name, numbers in zip(arrays["name"].tolist(), arrays["numbers"], strict=True):
+            found[row["kind"], row["key"], name] = numbers.tobytes()
+    return found
+
+
+def assert_same_is_left(store: Store, whole: Store) -> None:
+    """By both; a tile knows the roads of its signs where no drive came, too."""
+    assert all_that_is_left(store) == all_that_is_left(whole)
+    assert roads_beside_signs(whole).items() <= roads_beside_signs(store).items()
 
 
 def work_off(store: Store) -> int:
@@ -52,9 +83,9 @@ def work_off(store: Store) -> int:
     return n
 
 
-def at_once(store: Store) -> MatchReport:
+def at_once(store: Store, said: list[str] | None = None) -> MatchReport:
     """Match, and leave out when the last match was."""
-    report = match(store)
+    report = match(store, progress=None if said is None else said.append)
     return replace(report, news=report.news and replace(report.news, since=""))
 
 
@@ -66,20 +97,21 @@ def in_parts(store: Store, monkeypatch: pytest.MonkeyPatch) -> MatchReport:
 
 
 def test_match_in_parts_is_that_in_one_piece(
-    filled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    both: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The first one, the one after a drive of what that touches, and another one of everything."""
-    path, other = Path(shutil.copy(filled, tmp_path / "a.db")), tmp_path / "b.db"
-    shutil.copy(filled, other)
+    path, other = both, Path(shutil.copy(both, tmp_path / "b.db"))
     with Store.open(path) as store, Store.open(other) as whole:
         assert work_off(store) > 4
         assert in_parts(store, monkeypatch) == at_once(whole)
-        assert all_that_is_left(store) == all_that_is_left(whole)
+        assert_same_is_left(store, whole)
         for each in (path, other):
             let_next_come(each)
         assert tiles.parts_to_do(store, least=1) is None
-        assert at_once(store) == at_once(whole)
-        assert all_that_is_left(store) == all_that_is_left(whole)
+        said: list[str] = []
+        assert at_once(store, said) == at_once(whole)
+        assert "matching everything" not in " ".join(said)
+        assert_same_is_left(store, whole)
         for one in (store, whole):
             with one.transaction() as connection:
                 # As if another version had written it: names of poles, and no more, are known.
@@ -88,7 +120,8 @@ def test_match_in_parts_is_that_in_one_piece(
                 one.touch(connection)
         assert work_off(store) > 4
         assert in_parts(store, monkeypatch) == at_once(whole)
-        assert all_that_is_left(store) == all_that_is_left(whole)
+        assert_same_is_left(store, whole)
+        assert match(store, anew=True).kept_agree is True
 
 
 def test_parts_of_an_earlier_store_are_worth_nothing(filled: Path, tmp_path: Path) -> None:
