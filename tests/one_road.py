@@ -13,6 +13,7 @@ from twin.store import schema
 from twin.store.store import Row, Store
 
 _BLOCK_M, _BLOCKS = 500.0, 10
+_WIDTH_M = _BLOCK_M * (_BLOCKS + 1)
 _ALONG, _AGAINST = "Trafikk i metreringsretning", "Trafikk mot metreringsretning"
 
 
@@ -37,11 +38,12 @@ def with_streets(store: Store, west_m: float, south_m: float, **known: str) -> N
         for row in points:
             side = _side(row, west_m, south_m)
             loose = {"own_geometry": False, **side["foot"]} if draw.random() < 0.2 else {}
-            away_m = 9_000.0 if draw.random() < 0.1 else 0.0
-            place = {name: (loose | row | loose)[name] + away_m for name in ("east_m", "north_m")}
+            away_m = _WIDTH_M if draw.random() < 0.1 else 0.0
+            place = {"east_m": (row | loose)["east_m"] + away_m, "north_m": (row | loose)["north_m"]}
             _update(connection, schema.skiltpunkt, row["nvdb_id"], loose | place)
             for plate_id in row["plate_ids"]:
-                of_plate = loose | place | {"ansiktsside": draw.choices(*_FACES)[0] or side["face"]}
+                (face,) = draw.choices(*_FACES)
+                of_plate = loose | place | {"ansiktsside": side["face"] if face == _RIGHT else face}
                 if draw.random() < 0.1:
                     of_plate["stedfesting"] = [{"veglenkesekvensid": side["link"], "relativ_posisjon": 0.3}]
                 elif draw.random() < 0.1:
@@ -50,7 +52,8 @@ def with_streets(store: Store, west_m: float, south_m: float, **known: str) -> N
         store.touch(connection)
 
 
-_FACES = (["", _ALONG, _AGAINST, "Tosidig", "Parallelt mot veg", None], [75, 5, 5, 5, 5, 5])
+_RIGHT = "as the traffic on its side has to see it"
+_FACES = ([_RIGHT, _ALONG, _AGAINST, "Tosidig", "Parallelt mot veg", None], [75, 5, 5, 5, 5, 5])
 
 
 def _beside(place: dict[str, float], draw: random.Random) -> dict[str, float]:
