@@ -11,7 +11,7 @@ from geoloc.association.tracking import costs, may_join, one_to_one
 from geoloc.locate.observations import Observations
 from geoloc.trajectory.interpolation import NANOSECONDS
 
-_DEFAULT_RULES = AssociationRules()
+_RULES = AssociationRules()
 NOWHERE = -1
 """A sighting that has no ray or no pose."""
 
@@ -20,14 +20,9 @@ class Followed:
     """Objects as points with a covariance in inverse depth (`geoloc.association.tracking`).
 
     All cameras look at the same points, so that what one of them lost another goes on with.
-
-    Parameters
-    ----------
-    rules : AssociationRules
     """
 
-    def __init__(self, rules: AssociationRules = _DEFAULT_RULES) -> None:
-        self.rules = rules
+    def __init__(self) -> None:
         self._about_m: FloatArray | None = None
         self._points: Points | None = None
         self._number = np.empty(0, dtype=np.int64)
@@ -58,7 +53,7 @@ class Followed:
         if self._about_m is None:
             place = poses.latitude_deg, poses.longitude_deg, poses.height_m
             self._about_m = geocentric_m(*place)[np.argmax(poses.valid)]
-        seen, _ = bearings_from_sightings(picture, poses, label, self.rules, self._about_m)
+        seen, _ = bearings_from_sightings(picture, poses, label, _RULES, self._about_m)
         if not seen.row.size:
             return result
         epoch_ns = int(picture.epoch_ns[0])
@@ -74,7 +69,7 @@ class Followed:
             i, j = np.repeat(np.arange(n), k), np.tile(np.arange(k), n)
             found = innovations(seen, i, self._points, j)
             may = may_join(seen.face[i], seen.label[i], self._face[j], self._label[j])
-            partner = one_to_one(costs(found, self._points.covariance[j], may, self.rules).reshape(n, k))
+            partner = one_to_one(costs(found, self._points.covariance[j], may, _RULES).reshape(n, k))
             rows = np.flatnonzero(partner >= 0)
             mine = partner[rows]
             update(self._points, mine, found.take(rows * k + mine))
@@ -100,7 +95,7 @@ class Followed:
         self._last_ns = np.append(self._last_ns, np.full(number.size, epoch_ns))
 
     def _forget(self, epoch_ns: int) -> None:
-        keep = epoch_ns - self._last_ns <= self.rules.memory_s * NANOSECONDS
+        keep = epoch_ns - self._last_ns <= _RULES.memory_s * NANOSECONDS
         if keep.all() or self._points is None:
             return
         self._points = self._points.take(keep)

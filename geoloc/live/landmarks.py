@@ -166,18 +166,17 @@ class Landmarks:
         """What was added to the clock of the cameras, beyond what an adjustment takes for small."""
         return self._shift_ns
 
-    def add(self, sighting: Sighting) -> bool:
-        """Take a sighting; False where it comes too soon after the one before, or too late."""
+    def add(self, sighting: Sighting) -> None:
+        """Take a sighting, unless it comes too soon after the one before, or too late."""
         if self._cut_ns is not None and sighting.epoch_ns < self._cut_ns:
-            return False
+            return
         key = sighting.object, sighting.camera, sighting.kind
         last_ns = self._last.get(key)
         apart_s = max(self.settings.every_s, len(self._last) * self.settings.window_s / self.settings.most)
         if last_ns is not None and abs(sighting.epoch_ns - last_ns) < apart_s * NANOSECONDS:
-            return False
+            return
         self._last[key] = sighting.epoch_ns
         self._rows.append(sighting)
-        return True
 
     def begin_track(self) -> None:
         """Take note that the trajectory has begun anew: what it takes its lasting roll for is another's."""

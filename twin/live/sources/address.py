@@ -149,12 +149,12 @@ def address_of(url: str, schemes: Mapping[str, Scheme]) -> Address:
         port = parts.port
         pairs = parse_qsl(parts.query, keep_blank_values=True)
     except ValueError:
-        raise ConfigError(f"An address of a source is no address: correct it; {_HELP}") from None
+        raise ConfigError(f"One of the addresses is no address: correct it; {_HELP}") from None
     scheme = schemes.get(parts.scheme)
     if scheme is None:
         known = ", ".join(name if name == STDIN else f"{name}://" for name in sorted(schemes))
         told = f"{parts.scheme}://" if parts.scheme else f"{url.partition('@')[2] or url:.40}"
-        raise ConfigError(f"{told} is no address of such a source: it begins with one of {known}. {_HELP}")
+        raise ConfigError(f"{told} is no address that fits here: it begins with one of {known}. {_HELP}")
     host = parts.hostname or ""
     path = unquote(f"{parts.netloc}{parts.path}" if scheme.is_path else parts.path)
     number = port if port is not None else scheme.port

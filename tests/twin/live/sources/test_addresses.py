@@ -17,8 +17,8 @@ from twin.live.sources.address import PICTURE_SCHEMES, address_of
 @pytest.mark.parametrize(
     ("url", "gives", "message"),
     [
-        ("com3", Gives.FIXES, r"com3 is no address of such a source: it begins with one of gpsd://, mcap://"),
-        ("mqtt://broker/car", Gives.FIXES, "mqtt:// is no address of such a source"),
+        ("com3", Gives.FIXES, r"com3 is no address that fits here: it begins with one of gpsd://, mcap://"),
+        ("mqtt://broker/car", Gives.FIXES, "mqtt:// is no address that fits here"),
         ("tcp://host", Gives.FIXES, r"tcp://host has no port: .* as in tcp://host:9000"),
         ("tcp://:9000", Gives.FIXES, "names no host"),
         ("tcp://host:99999", Gives.FIXES, "no address: correct it"),
