@@ -34,10 +34,9 @@ What it is
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import PurePosixPath
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,7 +145,7 @@ def gather(
         images = [shape.image for shape in file.shapes]
         pictures = {c: PictureNames(of, images) for c, of in (image_frames or {}).items() if of}
         context = FileReading(rig.source, meanings, pictures, first_frame, numbered)
-        rows += annotations_of(file, chooser, context)
+        rows += annotations_of(file, chooser.of, context)
         warnings += all_left_out(file, declared, chooser, context)
         unsized |= check_reach(file, chooser, rig.source)
         skipped += left_out(context, file.where)
@@ -218,21 +217,14 @@ def only(annotations: Annotations, keep: NDArray[np.bool_]) -> Annotations:
     return Annotations(**{f.name: getattr(annotations, f.name)[keep] for f in fields(Annotations)})
 
 
-class ChoosesCamera(Protocol):
-    """Says which camera a shape belongs to."""
-
-    def of(self, shape: Shape, /) -> RigCamera:
-        """Return it."""
-
-
 def annotations_of(
-    file: AnnotationFile, chooser: ChoosesCamera, context: FileReading
+    file: AnnotationFile, camera_of: Callable[[Shape], RigCamera], context: FileReading
 ) -> Iterator[tuple[Annotation, str]]:
     """Yield annotations, named only by their attribute ``object``, and their tracks, unique in the file."""
     inherited = _track_attributes(file.shapes)
     singles: Counter[tuple[str, int]] = Counter()
     for drawn in file.shapes:
-        camera = chooser.of(drawn)
+        camera = camera_of(drawn)
         check_size(drawn, camera, file.where, context.rig_source)
         shape = drawn.in_pixels(camera.model.width_px, camera.model.height_px)
         frame = _frame(shape, camera.name, file.tool, context)

@@ -30,16 +30,6 @@ class UnknownCameraError(UnusableFrameError):
     """A frame of a camera that the car does not have."""
 
 
-class _Of:
-    """One camera, whatever the shape."""
-
-    def __init__(self, camera: RigCamera) -> None:
-        self._camera = camera
-
-    def of(self, _shape: Shape) -> RigCamera:
-        return self._camera
-
-
 class FrameReader:
     """What a car makes of a detector's frames."""
 
@@ -76,7 +66,7 @@ class FrameReader:
                 shapes.append(shape)
             else:
                 left_out[str(shape)] += 1
-        rows = annotations_of(AnnotationFile(TOOL, TOOL, shapes), _Of(camera), self._reading)
+        rows = annotations_of(AnnotationFile(TOOL, TOOL, shapes), lambda _shape: camera, self._reading)
         alone = len(self._car.rig.cameras) == 1
         found = tuple(_detection(row, track, alone=alone) for row, track in rows if row.kind in _POSITIONS)
         for reasons in self._reading.faults.values():
