@@ -91,6 +91,8 @@ def solve(
     ground under a foot is weighed as sightings are: rays that cross well place a foot on a wall, and the road
     beside says nothing of it.
 
+    Last, all but the bounces of the body moves to where these do not bias it (`Equations.pull_of_bounces`).
+
     Parameters
     ----------
     stated_noise : float, optional
@@ -124,15 +126,16 @@ def solve(
         before = taken.inlier
     last = equations.system(at.x, taken.share / noise**2)
     repeated = repeated_share(scene, last, model.ray_residuals(at.x), taken.agreeing)
-    if repeated > 1.0:
-        noise *= np.sqrt(repeated)
-        for _ in range(_FINAL_ROUNDS):
-            at = _step(equations, at, taken.share / noise**2)
-            if at.moved_m < _CONVERGED_M:
-                break
-        last = equations.system(at.x, taken.share / noise**2)
+    noise *= float(np.sqrt(max(repeated, 1.0)))
+    weight = taken.share / noise**2
+    pull = equations.pull_of_bounces(at.x, weight)
+    for _ in range(_FINAL_ROUNDS):
+        at = _step(equations, at, weight, pull=pull)
+        if at.moved_m < _CONVERGED_M:
+            break
+    last = equations.system(at.x, weight)
     residual = model.ray_residuals(at.x) * scene.sigma_px[:, None]
-    return Solution(at.x, taken.inlier, taken.share / noise**2, noise, residual, equations, last)
+    return Solution(at.x, taken.inlier, weight, noise, residual, equations, last)
 
 
 def _cauchy(square: FloatArray, scale: float) -> FloatArray:
@@ -181,20 +184,28 @@ def noise_at(solution: Solution) -> float:
     return noise * float(np.sqrt(max(repeated, 1.0)))
 
 
-def _step(equations: Equations, at: _At, weight: FloatArray, system: System | None = None) -> _At:
-    """One step of Levenberg and Marquardt.
+def _step(
+    equations: Equations,
+    at: _At,
+    weight: FloatArray,
+    system: System | None = None,
+    pull: FloatArray | None = None,
+) -> _At:
+    """One step of Levenberg and Marquardt, with a `pull` (u,) added to the gradient.
 
     Undamped as long as every step lowers the cost, which is what bearings with parallax give.
     """
-    system = system or equations.system(at.x, weight)
+    system, place = system or equations.system(at.x, weight), equations.place
+    pull = np.zeros_like(at.x) if pull is None else pull
     cost = float(weight @ at.square) + equations.other_cost(at.x)
     damping = at.damping
     for _ in range(_TRIES):
         factor = system.damped(damping) if damping > 0.0 else system.factor
-        step = -factor.solve(system.gradient)[equations.place]
+        step = -factor.solve(system.gradient + pull)[place]
         x, moved = _limited(equations.model, at.x, step)
         square = equations.squares(x)
-        if float(weight @ square) + equations.other_cost(x) <= cost * (1.0 + 1e-9):
+        rises = 2.0 * float(pull[place] @ (x - at.x))
+        if float(weight @ square) + equations.other_cost(x) + rises <= cost * (1.0 + 1e-9):
             return _At(x, square, 0.0 if damping < _LEAST_DAMPING else damping / 10.0, moved)
         damping = max(10.0 * damping, _LEAST_DAMPING)
     return _At(at.x, at.square, 0.0, 0.0)

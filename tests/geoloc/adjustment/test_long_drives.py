@@ -70,3 +70,18 @@ def test_ground_that_rises_under_all_feet_is_no_pitch() -> None:
     for camera, (pitch, _, _) in adjusted.boresight_deg.items():
         true = recording.drive.rig.camera(camera).rig_R_camera.T @ recording.drive.drawn.boresight_deg[camera]
         assert abs(pitch.value - true[0]) < 3.0 * pitch.sigma
+
+
+def test_a_body_that_bounces_rolls_no_camera() -> None:
+    """Thousands of bounces, each free, rolled all cameras by 0.13 degrees in these five minutes."""
+    recording = recorded(
+        "urban",
+        seed=2,
+        minutes=5.0,
+        pitch_jitter_deg=0.6,
+        roll_jitter_deg=0.6,
+        boresight_deg=0.0,
+    )
+    for camera, corrections in recording.adjusted().boresight_deg.items():
+        in_rig = recording.drive.rig.camera(camera).rig_R_camera @ [one.value for one in corrections]
+        assert abs(in_rig[0]) < 0.05
