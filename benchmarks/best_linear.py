@@ -54,14 +54,10 @@ def best_linear(errors: ConsumerErrors, spec: ConsumerSpec, at_s: float, ahead_m
     drawn = errors.axis_m, errors.lasts_s
     inverse = np.linalg.inv(_covariance(mean_s - time_s[now], spec, drawn, spec.white_m**2 / count))
     weight = inverse.sum(axis=0)
-    later_m = (errors.late_s - float(np.mean(spec.late_s))) * ahead_mps
-    late_m2 = lateness_sigma_s(spec) ** 2 * np.outer(ahead_mps, ahead_mps)
+    mean_late_s, late_sigma_s = spec.late
+    later_m = (errors.late_s - mean_late_s) * ahead_mps
+    late_m2 = late_sigma_s**2 * np.outer(ahead_mps, ahead_mps)
     return Best(weight @ mean_m / weight.sum() + later_m, np.eye(2) / weight.sum() + late_m2)
-
-
-def lateness_sigma_s(spec: ConsumerSpec) -> float:
-    """One sigma of how late a drive's receiver is: of a uniform draw."""
-    return float(np.ptp(spec.late_s)) / np.sqrt(12.0)
 
 
 def together(best: Sequence[Best]) -> Best:
@@ -97,7 +93,7 @@ def floor_m(
         information.append(np.linalg.inv(covariance).sum())
         alike_m2.append(weight @ covariance @ weight)
     variances = np.array([1.0 / np.mean(information), np.mean(alike_m2)]) / drives
-    late_m2 = (lateness_sigma_s(spec) * speed_mps) ** 2 / drives
+    late_m2 = (spec.late[1] * speed_mps) ** 2 / drives
     known, late, alike = np.sqrt([variances[0], *(variances + 0.5 * late_m2)]).tolist()
     return MEDIAN_OF_SIGMA * known, MEDIAN_OF_SIGMA * late, MEDIAN_OF_SIGMA * alike
 

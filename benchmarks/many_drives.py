@@ -56,6 +56,10 @@ BARS_M = {"consumer": 0.25}
 """Bar on the median at 25 drives; ellipses are to hold 90 to 98 % at 1, 5 and 25."""
 
 
+_ASSUMED_M = 2.0 * np.sqrt(2.0)
+"""A receiver that states no sigma is taken to be off by 2 m an axis."""
+
+
 class Receiver(NamedTuple):
     """A receiver, and on how many roads how many journeys of what length are made with it."""
 
@@ -69,6 +73,11 @@ class Receiver(NamedTuple):
 RECEIVERS = {
     "consumer": Receiver(
         "consumer, fixes off by 2–4 m (rms), Doppler velocities", ConsumerSpec(), drives=120
+    ),
+    "consumer-stated": Receiver(
+        "consumer, fixes and lateness as they are assumed, Doppler velocities",
+        ConsumerSpec(error_m=(_ASSUMED_M, _ASSUMED_M), lasts_s=(120.0, 120.0), late_s=None),
+        drives=120,
     ),
     "rtk": Receiver("RTK", None, minutes=5.0),
     "consumer-good": Receiver(

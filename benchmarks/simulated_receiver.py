@@ -18,6 +18,8 @@ from geoloc.trajectory.trajectory import GnssFixes
 
 # Central difference of positions: shorter than anything a car does.
 _HALF_STEP_S = 0.005
+ASSUMED_LATE_S = 0.15
+"""No receiver is early: the positive half of a normal distribution with this sigma is assumed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,14 +129,22 @@ class ConsumerSpec:
     """Horizontal error of its fixes, root mean square of both axes together."""
     lasts_s: tuple[float, float] = (60.0, 180.0)
     """Correlation time of 95 % of that: atmosphere, and which satellites are in view."""
-    late_s: tuple[float, float] = (0.1, 0.2)
-    """By how much its filter is late, positions and velocities alike."""
+    late_s: tuple[float, float] | None = (0.1, 0.2)
+    """By how much its filter is late, positions and velocities alike; None for what is assumed of it."""
     multipath_share: float = 0.3
     """Of the error: reflections, 10 s."""
     white_m: float = 0.1
     velocity_mps: float | None = 0.05
     """Of its Doppler velocities, each horizontal axis; None for a receiver that has none."""
     velocity_stated_mps: float = 0.05
+
+    @property
+    def late(self) -> tuple[float, float]:
+        """Mean and sigma of by how much it is late, seconds."""
+        if self.late_s is None:
+            share = 2.0 / np.pi
+            return ASSUMED_LATE_S * float(np.sqrt(share)), ASSUMED_LATE_S * float(np.sqrt(1.0 - share))
+        return float(np.mean(self.late_s)), float(np.ptp(self.late_s)) / float(np.sqrt(12.0))
 
 
 class ConsumerErrors(NamedTuple):
@@ -166,7 +176,8 @@ def consumer_drive(
     """Drive once with a consumer receiver at the first antenna; its fixes, which state no sigma."""
     rng = stream(seed, "consumer receiver")
     axis_m = rng.uniform(*spec.error_m) / np.sqrt(2.0)
-    lasts_s, late_s = rng.uniform(*spec.lasts_s), rng.uniform(*spec.late_s)
+    lasts_s = rng.uniform(*spec.lasts_s)
+    late_s = abs(rng.normal()) * ASSUMED_LATE_S if spec.late_s is None else rng.uniform(*spec.late_s)
     slow_m = np.sqrt(1.0 - spec.multipath_share**2) * axis_m
     noise = replace(
         world.noise,
