@@ -168,7 +168,7 @@ def solve_near(model: Model, prior: Prior, start: FloatArray, noise: float) -> S
     taken = _taken(at.square / noise**2, model.scene.point)
     weight = taken.share / noise**2
     last = equations.system(at.x, weight)
-    at = _step(equations, at, weight, last)
+    at = _step(equations, at, weight, last, equations.pull_of_bounces(at.x, weight))
     residual = equations.model.ray_residuals(at.x) * model.scene.sigma_px[:, None]
     return Solution(at.x, taken.inlier, weight, noise, residual, equations, last)
 

@@ -191,7 +191,9 @@ def left_behind(model: Model, solution: Solution, cut_ns: int, taken: Mapping[in
     dense = jacobian[:, touched].toarray()
     unknown = np.argsort(equations.place)[touched]
     keep = ~gone[unknown]
-    information, gradient = eliminated(dense.T @ dense, dense.T @ np.concatenate(residuals), keep)
+    pull = equations.pull_of_bounces(solution.x, np.where(old, solution.weight, 0.0))
+    gradient = dense.T @ np.concatenate(residuals) + pull[touched]
+    information, gradient = eliminated(dense.T @ dense, gradient, keep)
     return _carried(model, solution, unknown[keep], information, gradient, cut_ns, taken)
 
 
