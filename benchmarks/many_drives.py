@@ -42,7 +42,7 @@ from twin.cli.output import console
 from twin.ingest.rows import corrections_of
 from twin.matching.config import MatchConfig
 from twin.matching.kept import Kept
-from twin.matching.poles.many_drives import Driven, with_fused_places
+from twin.matching.poles.many_drives import Driven, headings_at, with_fused_places
 from twin.matching.poles.map_aided import map_aided
 from twin.matching.poles.poles import ObservedPole, observed_poles
 from twin.matching.sites import SKILTPUNKT, Plate, Site
@@ -159,7 +159,14 @@ def _in_store(drive: SimulatedDrive, trajectory: Trajectory, drive_id: str, best
     places = zip(truth.object.tolist(), truth.east_utm33_m, truth.north_utm33_m, strict=True)
     return Drive(
         rows,
-        Driven(drive_id, lambda: poses, corrections, "car", drive_id),
+        Driven(
+            drive_id,
+            lambda: poses,
+            lambda epoch_ns: headings_at(poses, epoch_ns),
+            corrections,
+            "car",
+            drive_id,
+        ),
         {name: np.array([east, north]) for name, east, north in places},
         best,
     )
@@ -263,7 +270,7 @@ def groups_of(count: int, drives: Sequence[Drive], seed: int) -> Iterator[list[D
 class Row(NamedTuple):
     """Of a number of drives: its groups."""
 
-    count: int
+    number: int
     groups: list[Group]
 
     @property
@@ -289,7 +296,7 @@ class Row(NamedTuple):
     def moved(self) -> Row:
         """The same of poles alone whose sign was moved."""
         return Row(
-            self.count,
+            self.number,
             [
                 group._replace(error_m=group.error_m[group.is_moved], square=group.square[group.is_moved])
                 for group in self.groups
@@ -334,7 +341,7 @@ def draw(found: Mapping[str, Sequence[Row]], path: Path) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for k, (label, rows) in enumerate(found.items()):
-        drives, colour = [row.count for row in rows], _COLOURS[k % len(_COLOURS)]
+        drives, colour = [row.number for row in rows], _COLOURS[k % len(_COLOURS)]
         axes.plot(drives, [np.median(row.error_m) for row in rows], "o-", label=label, color=colour)
         axes.plot(drives, [np.percentile(row.error_m, 95) for row in rows], "--", linewidth=1.0, color=colour)
     axes.set_xticks(COUNTS, [str(count) for count in COUNTS])
@@ -385,7 +392,7 @@ def _show(name: str, found: Mapping[str, Sequence[Row]], drives: int, *, markdow
         rows += [("tied to measured signs", row) for row in found[one]]
         rows += [("poles whose measured sign was moved", row.moved()) for row in found[one]]
     table = [
-        (what, row.count, *row.cells(), bar if row.count == _MOST and what == rows[0][0] else "")
+        (what, row.number, *row.cells(), bar if row.number == _MOST and what == rows[0][0] else "")
         for what, row in rows
     ]
     header = ["placed", "drives", "groups", "median / p95 [m]", "in ellipse", "NEES / 2"]
