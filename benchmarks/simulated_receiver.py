@@ -20,6 +20,8 @@ from geoloc.trajectory.trajectory import GnssFixes
 _HALF_STEP_S = 0.005
 ASSUMED_LATE_S = 0.15
 """No receiver is early: the positive half of a normal distribution with this sigma is assumed."""
+_OF_CAR = 0.9
+"""As much of its variance is taken to be the same in all drives of a car."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +179,13 @@ def consumer_drive(
     rng = stream(seed, "consumer receiver")
     axis_m = rng.uniform(*spec.error_m) / np.sqrt(2.0)
     lasts_s = rng.uniform(*spec.lasts_s)
-    late_s = abs(rng.normal()) * ASSUMED_LATE_S if spec.late_s is None else rng.uniform(*spec.late_s)
+    if spec.late_s is None:
+        # One car drives a road: most of its receiver's lateness is the same every day.
+        of_car = stream(world.road.seed, "a car's receiver").normal()
+        shared = np.sqrt(_OF_CAR) * of_car + np.sqrt(1.0 - _OF_CAR) * rng.normal()
+        late_s = ASSUMED_LATE_S * abs(float(shared))
+    else:
+        late_s = rng.uniform(*spec.late_s)
     slow_m = np.sqrt(1.0 - spec.multipath_share**2) * axis_m
     noise = replace(
         world.noise,
