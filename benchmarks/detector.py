@@ -123,7 +123,7 @@ def run(case: Case, seed: int) -> tuple[int, int, int, int, NDArray[np.float64]]
     trajectory = trajectory_of(drive)
     drive = with_joined_tracks(drive, trajectory)
     sighted = locate_annotations(drive, trajectory, method="adjusted", datum_sigma_m=sigma_m)
-    found = positions_of(drive, sighted)
+    found = positions_of(sighted)
     good = np.isfinite(found.latitude_deg)
     place = np.column_stack(utm33_from_geographic(found.latitude_deg[good], found.longitude_deg[good]))
     truth = np.column_stack([made.objects.east_utm33_m, made.objects.north_utm33_m])
