@@ -60,6 +60,8 @@ def greedy(poles: Sequence[ObservedPole], sites: Sequence[Site], config: MatchCo
         terms_of_pole=np.zeros((len(poles), len(TERMS))),
         alternatives_of_pole={},
         alternatives_of_site={},
+        together=pairs,
+        gated=pairs,
     )
 
 
