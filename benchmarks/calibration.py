@@ -137,8 +137,9 @@ def draws(case: Case, views: list[View], made: Intrinsics, noise_px: float, n: i
         ours = again.camera.camera_ray_from_pixel(pixel)[0]
         turn, _ = Rotation.align_vectors(true, ours)
         raw, turned = angle_between(true, ours), angle_between(true, turn.apply(ours))
-        degrees = (float(np.degrees(value)) for value in (raw.mean(), raw.max(), turned.mean(), turned.max()))
-        found.append(Draw(*degrees, nees(case, again)))
+        mean, largest = np.degrees([raw.mean(), raw.max()]).tolist()
+        turned_mean, turned_largest = np.degrees([turned.mean(), turned.max()]).tolist()
+        found.append(Draw(mean, largest, turned_mean, turned_largest, nees(case, again)))
     return found
 
 

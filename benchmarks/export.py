@@ -290,14 +290,15 @@ def main() -> None:
         fill(store, chosen.changes, chosen.accepted)
         frames(store, pickled)
         times: dict[str, list[Run]] = {"export_findings": [], "bare pyogrio": []}
+        out = folder / "out"
+        turns: dict[str, Callable[[], Run]] = {
+            "bare pyogrio": lambda: apart(_bare, pickled, out),
+            "export_findings": lambda: apart(_ours, store, out, chosen.profile),
+        }
         for _ in range(chosen.rounds):
-            for what, work in (
-                ("bare pyogrio", lambda out: apart(_bare, pickled, out)),
-                ("export_findings", lambda out: apart(_ours, store, out, chosen.profile)),
-            ):
-                out = folder / "out"
+            for what, work in turns.items():
                 out.mkdir()
-                times[what].append(work(out))
+                times[what].append(work())
                 size = {path.name: path.stat().st_size / 1e6 for path in out.iterdir()}
                 shutil.rmtree(out)
         _print(times, size)

@@ -123,15 +123,15 @@ def _copy_tile(store: Store, drawn: int, tile: int) -> None:
     east_m, here, there = (tile - drawn) * TILE_M, f"T{drawn:02}", f"T{tile:02}"
     with store.transaction() as connection:
         for table in (schema.drive_method, schema.estimate, schema.sighting):
-            t = table.c
+            own = table.c
             new: dict[str, Any] = {
-                n: there + sa.func.substr(t[n], 4) for n in ("drive_id", "estimate_id") if n in t
+                n: there + sa.func.substr(own[n], 4) for n in ("drive_id", "estimate_id") if n in own
             }
-            if "east_m" in t:
-                new["east_m"] = t.east_m + east_m
+            if "east_m" in own:
+                new["east_m"] = own.east_m + east_m
             columns = [new.get(c.name, c).label(c.name) for c in table.columns]
-            asked = sa.select(*columns).where(t.drive_id.startswith(here))
-            connection.execute(sa.insert(table).from_select(t.keys(), asked))
+            asked = sa.select(*columns).where(own.drive_id.startswith(here))
+            connection.execute(sa.insert(table).from_select(own.keys(), asked))
         for table, times in ((schema.skiltpunkt, 1), (schema.skiltplate, 10)):
             first = times * (drawn * SIGNS_A_TILE + 1)
             inside = table.c.nvdb_id.between(first, first + times * SIGNS_A_TILE - 1)
@@ -302,7 +302,7 @@ def _match(path: Path, profile: Path | None, anew: bool) -> Run:
     with Store.open(path) as store, cProfile.Profile() if profile else nullcontext() as profiler:
         report = match(store, anew=anew)
     seconds = time.process_time() - start
-    if profiler is not None:
+    if profile is not None and profiler is not None:
         profiler.dump_stats(profile)
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return Run(seconds, peak_mb, sum(report.verdicts.values()), report.kept_agree)

@@ -47,7 +47,7 @@ from twin.store.kinds import JobKind, JobState
 from twin.store.store import Store
 
 BAR_SPEED, BAR_KILLS = 1.7, 30
-METHOD = {"method": "single-frame"}
+METHOD = "single-frame"
 _QUIET = 0.3
 """Processes that others run, in the mean: below it a clock on the wall is fair."""
 _LEASE_S = 2.0
@@ -310,13 +310,13 @@ def kills(
     folders = drives(work_folder / "kills", 12)
     with Store.open(work_folder / "whole.db") as store:
         for folder in folders:
-            ingest_drive(store, folder, **METHOD)
+            ingest_drive(store, folder, method=METHOD)
         whole = held(store)
     total, rounds = Counter[str](), 0
     while sum(total.values()) < n:
         name = address(f"kills{rounds}")
         with Store.open(name) as store:
-            Queue(store).add(JobKind.INGEST, folders, METHOD)
+            Queue(store).add(JobKind.INGEST, folders, {"method": METHOD})
         total += kill_at_random(
             name,
             whole,

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from geoloc.earth.geodesy import utm33_covariance_from_enu, utm33_from_geographic
 from geoloc.simulation.simulate import NoiseSpec, RoadSpec, Scenario, scenario
@@ -73,7 +74,7 @@ def _rough(seed: int) -> Scenario:
     return replace(world, road=road, noise=NoiseSpec())
 
 
-def _truth(path: Path) -> list[tuple[str, shapely.Geometry]]:
+def _truth(path: Path) -> list[tuple[str, BaseGeometry]]:
     """Kind and geometry in EPSG:25833."""
     kinds = {"Point": "point", "LineString": "line", "Polygon": "area"}
     shapes = []
@@ -86,9 +87,7 @@ def _truth(path: Path) -> list[tuple[str, shapely.Geometry]]:
     return shapes
 
 
-def _measure(
-    found: DriveObjects, truth: list[tuple[str, shapely.Geometry]], errors: dict[str, Errors]
-) -> None:
+def _measure(found: DriveObjects, truth: list[tuple[str, BaseGeometry]], errors: dict[str, Errors]) -> None:
     left = list(found.objects)
     for kind, shape in truth:
         own = errors[kind]
@@ -103,11 +102,11 @@ def _measure(
         errors[one.kind].n_extra += 1
 
 
-def _errors_of(one: GroundObject, shape: shapely.Geometry, own: Errors) -> None:
+def _errors_of(one: GroundObject, shape: BaseGeometry, own: Errors) -> None:
     outline = one.outline
     covariance = utm33_covariance_from_enu(outline.corner_m2, outline.latitude_deg, outline.longitude_deg)
     corners = np.stack(utm33_from_geographic(outline.latitude_deg, outline.longitude_deg), axis=1)
-    if one.kind == "line":
+    if isinstance(shape, shapely.LineString):
         # Across alone: which place of the line a corner shows nobody knows.
         at = shapely.line_locate_point(shape, shapely.points(corners))
         inner = (at > 0.1) & (at < shape.length - 0.1)
@@ -154,7 +153,7 @@ def _print(errors: dict[str, Errors], seeds: int) -> int:
     return 0 if ok else 1
 
 
-def _picture(found: DriveObjects, truth: list[tuple[str, shapely.Geometry]], path: Path) -> None:
+def _picture(found: DriveObjects, truth: list[tuple[str, BaseGeometry]], path: Path) -> None:
     """A damage and the beginning of the kerb: as drawn in a picture, and on the ground with ellipses."""
     from matplotlib.figure import Figure
 

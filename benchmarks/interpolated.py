@@ -72,7 +72,7 @@ def _add(
 ) -> None:
     edges = dict(zip(("xtl", "ytl", "xbr", "ybr"), (f"{x:.2f}" for x in box), strict=True))
     state = {"outside": f"{outside:d}", "occluded": "0", "keyframe": f"{is_key:d}"}
-    row = ET.SubElement(track, "box", frame=str(frame), **state, **edges, z_order="0")
+    row = ET.SubElement(track, "box", {"frame": str(frame), **state, **edges, "z_order": "0"})
     ET.SubElement(row, "attribute", name="object").text = name
 
 

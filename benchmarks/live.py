@@ -27,6 +27,7 @@ from accuracy import (
     CASES,
     CHI2_95,
     SEEDS_A_CASE,
+    USUAL,
     Case,
     Recorded,
     adjusted_of,
@@ -38,12 +39,13 @@ from accuracy import (
 from rich.progress import track
 from spread_draws import evenly
 
-from geoloc.arrays import FloatArray
+from geoloc.arrays import FloatArray, IntArray
 from geoloc.live.samples import Fix
 from geoloc.locate.accuracy import nees
+from geoloc.locate.error_budget import ErrorBudget
 from geoloc.locate.records import Kind
 from geoloc.simulation.scenarios import PoleSpec
-from geoloc.simulation.simulate import SimulatedDrive, scenario, simulate_drive
+from geoloc.simulation.simulate import SimulatedDrive, SimulatedSightings, scenario, simulate_drive
 from geoloc.trajectory.poses import GnssFixes
 from twin.cli.output import console
 from twin.drives.read import read_drive
@@ -58,6 +60,16 @@ P50_MS, P99_MS, TIMES_REAL = 5.0, 33.0, 10.0
 SIGNS_IN_VIEW = 6
 GROWTH_MB = 5.0
 """A drive's second half may add so much to what its first took: the allocator's grain, not a leak."""
+
+
+class Unfitted(NamedTuple):
+    """A simulated drive without a trajectory: what `arrivals` takes of one."""
+
+    drive: SimulatedDrive
+    sightings: SimulatedSightings
+    epoch_ns: IntArray
+    antennas: int
+    stated: ErrorBudget = USUAL
 
 
 class Driven(NamedTuple):
@@ -75,7 +87,7 @@ def fixes_of(one: GnssFixes) -> Iterator[Arrival]:
         yield Arrival(at_ns, Fix(one.antenna, *row))
 
 
-def frames_of(recording: Recorded, camera: str, most: int | None = None) -> Iterator[Arrival]:
+def frames_of(recording: Recorded | Unfitted, camera: str, most: int | None = None) -> Iterator[Arrival]:
     """Frames of one camera, those without a pole too."""
     drive, seen = recording.drive, recording.drive.sightings
     names, of_frame = drive.objects.object.tolist(), dict[int, list[Detection]]()
@@ -90,7 +102,7 @@ def frames_of(recording: Recorded, camera: str, most: int | None = None) -> Iter
         yield Arrival(stamp, Frame(camera, number, stamp, tuple(of_frame.get(number, ())[:most])))
 
 
-def clock_ns(recording: Recorded) -> int:
+def clock_ns(recording: Recorded | Unfitted) -> int:
     """What `with_clock` added to the stamps."""
     drive, seen = recording.drive, recording.drive.sightings
     keep = np.flatnonzero(np.isin(seen.camera, np.unique(recording.sightings.camera)))[:1]
@@ -100,7 +112,7 @@ def clock_ns(recording: Recorded) -> int:
     return int(recording.epoch_ns[0] - drive.frame_host_ns[str(seen.camera[row])][seen.frame[row]])
 
 
-def arrivals(recording: Recorded, most: int | None = None) -> Iterator[Arrival]:
+def arrivals(recording: Recorded | Unfitted, most: int | None = None) -> Iterator[Arrival]:
     """All that a simulated drive recorded, in the order in which it arrived."""
     cameras = np.unique(recording.sightings.camera).tolist()
     streams = [fixes_of(one) for one in recording.drive.gnss[: recording.antennas]]
@@ -108,7 +120,7 @@ def arrivals(recording: Recorded, most: int | None = None) -> Iterator[Arrival]:
     return merge(*streams, key=lambda one: one.at_ns)
 
 
-def car(recording: Recorded) -> LiveCar:
+def car(recording: Recorded | Unfitted) -> LiveCar:
     """The car as its calibration has it."""
     names = tuple(one.antenna for one in recording.drive.gnss[: recording.antennas])
     return LiveCar(recording.drive.rig, names, recording.stated)
@@ -116,14 +128,15 @@ def car(recording: Recorded) -> LiveCar:
 
 def driven(recording: Recorded) -> tuple[list[Estimate], list[Estimate]]:
     """First and final estimates of a drive by the engine."""
-    engine, every = LiveEngine(car(recording)), []
+    engine, every = LiveEngine(car(recording)), list[Estimate]()
     for one in arrivals(recording):
         every += engine.feed(one)
     every += engine.finish()
-    return [[one for one in every if one.state is state] for state in (State.FIRST, State.FINAL)]
+    first, final = ([one for one in every if one.state is state] for state in (State.FIRST, State.FINAL))
+    return first, final
 
 
-def errors(recording: Recorded, estimates: Sequence[Estimate]) -> Driven:
+def errors(recording: Recorded | Unfitted, estimates: Sequence[Estimate]) -> Driven:
     """Hold estimates against the truth."""
     names = recording.drive.objects.object.tolist()
     index = np.array([names.index(one.object) for one in estimates], dtype=np.int64)
@@ -171,7 +184,7 @@ def run_case(case: Case, seeds: int, *, stated: bool) -> tuple[list[object], boo
         met &= FINAL_SHARE[0] <= share["live"] <= FINAL_SHARE[1]
         met &= FIRST_SHARE[0] <= share["first"] <= FIRST_SHARE[1]
     sizes = [f"{np.median(one.error_m):.3f} / {np.percentile(one.error_m, 95):.3f}" for one in whole.values()]
-    row = [
+    row: list[object] = [
         name_of(case, stated=stated),
         f"{whole['live'].error_m.size} of {whole['batch'].error_m.size}",
         *sizes,
@@ -195,7 +208,7 @@ def positions(seeds: int, only: str, *, markdown: bool) -> bool:
     return all(met for _, met in rows)
 
 
-def busy(minutes: float, poles_every_m: float, speed_kmh: float = 40.0) -> Recorded:
+def busy(minutes: float, poles_every_m: float, speed_kmh: float = 40.0) -> Unfitted:
     """Drive an urban road with poles on both sides, each frame of three cameras annotated."""
     world = scenario("urban", speed_kmh, 1, minutes)
     length_m = 60.0 * minutes * speed_kmh / 3.6
@@ -204,20 +217,15 @@ def busy(minutes: float, poles_every_m: float, speed_kmh: float = 40.0) -> Recor
         PoleSpec(f"P{i:05d}", "362.50", float(x), (-1.0) ** i * 5.0) for i, x in enumerate(stations)
     )
     drive = simulate_drive(replace(world, poles=poles, annotate_every=1), 1)
-    return _as_recorded(drive)
-
-
-def _as_recorded(drive: SimulatedDrive) -> Recorded:
-    """What `arrivals` takes; nothing is fitted."""
     seen = drive.sightings
     stamps = np.empty(seen.frame.size, dtype=np.int64)
     for camera in np.unique(seen.camera):
         rows = seen.camera == camera
         stamps[rows] = drive.frame_host_ns[str(camera)][seen.frame[rows]]
-    return Recorded(drive, None, seen, seen.true_pixel_px, seen.object_index, stamps, 2)
+    return Unfitted(drive, seen, stamps, 2)
 
 
-def timed(recording: Recorded, most: int | None = None) -> tuple[FloatArray, FloatArray]:
+def timed(recording: Recorded | Unfitted, most: int | None = None) -> tuple[FloatArray, FloatArray]:
     """Milliseconds of processor time of each frame, and how many signs it shows."""
     engine, spent_ms, shown = LiveEngine(car(recording)), [], []
     for one in list(arrivals(recording, most)):
@@ -261,7 +269,7 @@ def _drawn(spent_ms: FloatArray, path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7.0, 3.2), layout="constrained")
-    axes.hist(spent_ms, np.geomspace(0.005, 200.0, 60), color="#33658a")
+    axes.hist(spent_ms, np.geomspace(0.005, 200.0, 60).tolist(), color="#33658a")
     axes.set(xscale="log", yscale="log", xlabel="processor time a frame, ms", ylabel="frames")
     for x, what in ((np.median(spent_ms), "p50"), (np.percentile(spent_ms, 99), "p99"), (33.3, "next frame")):
         axes.axvline(x, color="#c0392b", linewidth=1.0)
@@ -278,7 +286,7 @@ def resident_mb() -> float:
 def memory(minutes: float) -> bool:
     """A long drive with as many poles as streets have."""
     recording = busy(minutes, 23.0)
-    engine, marks = LiveEngine(car(recording)), []
+    engine, marks = LiveEngine(car(recording)), list[float]()
     first_ns = None
     began = time.process_time()
     for one in arrivals(recording):

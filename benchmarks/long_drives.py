@@ -113,7 +113,7 @@ def cells(results: list[Result]) -> tuple[str, ...]:
         f"{up.size:,}",
         with_interval(length, lambda all_m: float(np.median(all_m)), ".2f"),
         with_interval(length, lambda all_m: float(np.percentile(all_m, 95)), ".2f"),
-        with_interval([one.nees <= CHI2_95 for one in results], _mean, ".0%"),
+        with_interval([(one.nees <= CHI2_95).astype(np.float64) for one in results], _mean, ".0%"),
         with_interval([one.nees / 2.0 for one in results], _mean, ".2f"),
         f"{np.sqrt(np.mean(up**2)):.2f}",
         f"{np.mean(np.concatenate([one.height_nees for one in results])):.2f}",

@@ -148,9 +148,9 @@ def add_score(
         "taken_down": {k for k in watched - loose if world.edit[k] == "taken_down"},
         "exchanged": {k for k in observed if world.edit[k] == "exchanged"},
     }
-    for name, those in wanted.items():
-        score.there[name] += len(those)
-        score.hit[name] += sum((name, k) in hits for k in those)
+    for kind, those in wanted.items():
+        score.there[kind] += len(those)
+        score.hit[kind] += sum((kind, k) in hits for k in those)
     score.n_loose += len(observed & loose)
     score.n_signs += len(world.place)
 
@@ -228,7 +228,8 @@ def _calibration(judged: Sequence[Judged]) -> tuple[IntArray, FloatArray, FloatA
     each = np.digitize(said, BINS[1:-1])
     n = np.bincount(each, minlength=len(BINS) - 1)
     some = np.where(n > 0, n, np.nan)
-    return n, *(np.bincount(each, values, minlength=len(BINS) - 1) / some for values in (said, right))
+    mean, share = (np.bincount(each, values, minlength=len(BINS) - 1) / some for values in (said, right))
+    return n, mean, share
 
 
 def main() -> None:

@@ -246,11 +246,12 @@ def drive_around(
 ) -> Fleet:
     """Let the drives see what they pass; some signs are taken down, or exchanged, between two of them."""
     config, rig = MatchConfig(), simulated_rig()
+    pole_east, pole_north = world.place.T
     east, north = np.array([(s.east_m, s.north_m) for s in sites]).T
     # Only to know which face each pole of the world has.
     fronts = [
-        Site(95, 0, 1, *p, 0.0, True, (Plate(0, 1, "", None, (f, math.nan)),))
-        for p, f in zip(world.place.tolist(), ((world.travel_deg + 180.0) % 360.0).tolist(), strict=True)
+        Site(95, 0, 1, x, y, 0.0, True, (Plate(0, 1, "", None, (f, math.nan)),))
+        for (x, y), f in zip(world.place.tolist(), ((world.travel_deg + 180.0) % 360.0).tolist(), strict=True)
     ]
     taken_down = rng.integers(1, n_drives, len(world.place))
     taken_down[world.edit != "taken_down"] = n_drives
@@ -265,7 +266,7 @@ def drive_around(
     for number in range(n_drives):
         name, poses = f"D{number:02}", wandering(rng)
         started = START_NS + number * 9 * DAY_NS
-        views = views_of_places(rig, poses, *world.place.T, config, cameras=list(rig.cameras))
+        views = views_of_places(rig, poses, pole_east, pole_north, config, cameras=list(rig.cameras))
         of_front = Places.of_sites(fronts).are_fronts(views)
         views = PlaceViews(views.place[of_front], views.azimuth_deg[of_front])
         count = np.bincount(views.place, minlength=len(world.place))

@@ -89,11 +89,12 @@ def frames_of(recording: Recorded, readings: PaperReadings, rig: Rig | None = No
         rig or drive.rig, recording.sightings, trajectory.nearest_fix(stamps), readings=readings
     )
     k = np.clip(np.searchsorted(drive.frame_epoch_ns, stamps), 0, drive.frame_epoch_ns.size - 1)
-    truth = [column[recording.object] for column in (drive.objects.latitude_deg, drive.objects.longitude_deg)]
-    away = enu_offset(drive.poses.latitude_deg[k], drive.poses.longitude_deg[k], *truth)
-    off = enu_offset(*truth, found.latitude_deg, found.longitude_deg)
+    poles, shown = drive.objects, recording.object
+    lat, lon = poles.latitude_deg[shown], poles.longitude_deg[shown]
+    away = enu_offset(drive.poses.latitude_deg[k], drive.poses.longitude_deg[k], lat, lon)
+    off = enu_offset(lat, lon, found.latitude_deg, found.longitude_deg)
     good = found.rejected == ""
-    columns = recording.sightings.camera, recording.object, np.hypot(*away), np.hypot(*off)
+    columns = recording.sightings.camera, shown, np.hypot(*away), np.hypot(*off)
     return Frames(*(column[good] for column in columns))
 
 

@@ -24,6 +24,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import shapely
@@ -138,9 +139,10 @@ class Desk:
         with multiprocessing.get_context("spawn").Pool(1) as pool, Store.open(self._address) as store:
             ends = store.count(schema.decision_log) + len(change_ids)
             reading = pool.apply_async(slowest_listing_s, (self._address, ends))
-            for one in (other, *threads):
+            workers: list[BaseProcess | threading.Thread] = [other, *threads]
+            for one in workers:
                 one.start()
-            for one in (*threads, other):
+            for one in workers:
                 one.join()
             self.slowest_s = reading.get()
 

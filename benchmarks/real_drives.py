@@ -122,7 +122,7 @@ def write_frames(path: Path, epochs_ns: Iterable[int]) -> None:
 
 def add_shape(image: ET.Element, kind: str, label: str, object_id: str, **place: str) -> None:
     """Add one CVAT shape, tied to its object by the attribute that twin reads."""
-    shape = ET.SubElement(image, kind, label=label, occluded="0", **place)
+    shape = ET.SubElement(image, kind, {"label": label, "occluded": "0", **place})
     ET.SubElement(shape, "attribute", name="object").text = object_id
 
 
@@ -188,7 +188,7 @@ def _argoverse_rig(calibration: Path, path: Path) -> None:
     extrinsics = pd.read_feather(calibration / "egovehicle_SE3_sensor.feather").set_index("sensor_name")
     sensors: list[dict[str, Any]] = []
     for name, k in intrinsics.iterrows():
-        e = extrinsics.loc[name]
+        e = extrinsics.loc[str(name)]
         properties = {"Model": "pinhole", "width": str(int(k.width_px)), "height": str(int(k.height_px))}
         properties |= {key: repr(float(k[f"{key}_px"])) for key in ("fx", "fy", "cx", "cy")}
         place = {"quaternion": [e.qx, e.qy, e.qz, e.qw], "t": [e.tx_m, e.ty_m, e.tz_m + EGO_HEIGHT_M]}

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 from accuracy import CHI2_95, offsets
+from numpy.typing import NDArray
 from rich.progress import track
 from scipy.spatial.transform import Rotation
 from simulated_receiver import as_single_fixes, metre_fixes
@@ -115,7 +116,7 @@ def main() -> None:
     table: list[tuple[object, ...]] = []
     missed = []
     for receiver in options.receivers:
-        inside: list[FloatArray] = []
+        inside: list[NDArray[np.bool_]] = []
         for road in options.roads:
             for off in OFF:
                 seeds = range(_FIRST_SEED, _FIRST_SEED + options.drives)

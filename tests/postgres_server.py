@@ -66,7 +66,7 @@ class Server:
             host=str(self._folder), dbname=database, user="postgres", autocommit=True
         ) as connection:
             for statement in statements:
-                connection.execute(statement)  # type: ignore[arg-type]
+                connection.execute(statement)
 
 
 def _database(address: str) -> str:

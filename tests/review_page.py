@@ -13,16 +13,16 @@ from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
-from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize, expect, sync_playwright
 from store_rows import row
 
 from twin.store import schema
 from twin.store.store import Store
 
 CHROMIUM = shutil.which("chromium")
-LAPTOP = {"width": 1280, "height": 800}
-TABLET = {"width": 1024, "height": 768}
-UPRIGHT = {"width": 820, "height": 1180}
+LAPTOP: ViewportSize = {"width": 1280, "height": 800}
+TABLET: ViewportSize = {"width": 1024, "height": 768}
+UPRIGHT: ViewportSize = {"width": 820, "height": 1180}
 # The map is drawn by the processor: machines for tests have no graphics card.
 _OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 _PATIENCE_MS = 60_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import sqlalchemy as sa
@@ -54,7 +54,7 @@ def located(
         "fix_quality": {},
         "software": "",
         **dict.fromkeys(("cameras", "warnings", "skipped"), ()),
-        "poses": Poses(*(np.empty(0, np.bool_) for _ in Poses.__slots__)),
+        "poses": Poses(*cast("Any", [np.empty(0, np.bool_) for _ in Poses.__slots__])),
     }
     n = len(objects)
     texts, whole = ("camera", "kind"), ("frame", "epoch_ns")

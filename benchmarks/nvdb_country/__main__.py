@@ -26,7 +26,8 @@ def main() -> None:
         help="each line TYPE COUNT on stdin makes the first COUNT objects of a type change, and is answered",
     )
     options = parser.parse_args()
-    world = GeneratedWorld(*options.counts, options.seed)
+    points, plates = options.counts
+    world = GeneratedWorld(points, plates, options.seed)
     with suppress(KeyboardInterrupt), ReplayServer(world, port=options.port) as server:
         counts = ", ".join(f"{number} of type {kind}" for kind, number in server.counts.items())
         print(f"{server.url} serves {counts}; Ctrl-C ends it.", flush=True)
