@@ -181,7 +181,8 @@ def consumer_drive(
     lasts_s = rng.uniform(*spec.lasts_s)
     if spec.late_s is None:
         # One car drives a road: most of its receiver's lateness is the same every day.
-        of_car = stream(world.road.seed, "a car's receiver").normal()
+        car = seed if world.road.seed is None else world.road.seed
+        of_car = stream(car, "a car's receiver").normal()
         shared = np.sqrt(_OF_CAR) * of_car + np.sqrt(1.0 - _OF_CAR) * rng.normal()
         late_s = ASSUMED_LATE_S * abs(float(shared))
     else:
