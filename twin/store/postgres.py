@@ -11,7 +11,7 @@ import re
 import socket
 import zlib
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +112,10 @@ class Postgres(Backend):
                 held.execute(_NAME, {"name": doing.encode("ascii", "replace").decode()[:63]})
                 yield
             finally:
-                # Also where the server has gone meanwhile: then the lock is gone too.
+                # At once: a server takes a moment to see that a connection has gone, and who asks again by
+                # then would be refused. Where the server itself has gone the lock is gone too.
+                with suppress(sa.exc.DBAPIError):
+                    held.execute(_LEAVE, key)
                 opened.invalidate()
 
     @contextmanager
@@ -260,6 +263,7 @@ def _said(name: str, error: Any) -> StoreError:
 
 
 _TAKE = sa.text("SELECT pg_try_advisory_lock(:of, :task)")
+_LEAVE = sa.text("SELECT pg_advisory_unlock(:of, :task)")
 _NAME = sa.text("SELECT set_config('application_name', :name, false)")
 _HOLDER = sa.text(
     "SELECT a.application_name FROM pg_locks AS l JOIN pg_stat_activity AS a USING (pid) WHERE l.granted "
