@@ -132,6 +132,7 @@ def test_stated_sigmas_hold() -> None:
     assert 0.62 < total / 120.0 < 1.48
 
 
+@pytest.mark.slow
 def test_stated_sigmas_hold_where_corners_of_a_view_are_off_alike() -> None:
     """Views whose corners share a smooth error have sigmas that say so: NEES stays near one."""
     views = board_views(WIDE, 20, noise_px=0.0)
@@ -167,6 +168,7 @@ def _independent_covariance(bundle: Bundle, made: AdjustedBundle) -> np.ndarray:
     return np.asarray(made.sigma_px**2 * np.linalg.inv(whole.T @ whole)[:p, :p])
 
 
+@pytest.mark.slow
 def test_ray_sigma_is_the_spread_of_the_rays() -> None:
     """The stated sigma of single rays agrees with the spread of their errors over draws of noise."""
     views = board_views(WIDE, 12, noise_px=0.0)

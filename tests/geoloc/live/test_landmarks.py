@@ -114,6 +114,7 @@ def test_a_window_knows_what_has_left_it_and_agrees_with_the_batch() -> None:
     assert np.median(error_m) < 0.1
 
 
+@pytest.mark.slow
 def test_a_trajectory_that_learns_how_it_leans_moves_no_pole() -> None:
     """Half-way it takes its lasting roll for another one, by half a sigma, and says so: nothing moves."""
     _, trajectory = driven()

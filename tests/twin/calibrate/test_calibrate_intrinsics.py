@@ -126,6 +126,7 @@ def test_all_files_are_written_and_read_back(calibrated: Path, report: Any) -> N
     assert report["files"]["rig.json"] == "ftheta, degree 4"
 
 
+@pytest.mark.slow
 def test_rig_keeps_all_but_the_camera(twin: Twin, example: Path, tmp_path: Path) -> None:
     """--rig writes the rig again with new intrinsics: unknown keys, other sensors and bw-poly stay.
 

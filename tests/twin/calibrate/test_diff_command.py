@@ -52,6 +52,7 @@ def test_two_calibrations_of_one_lens_agree(fits: tuple[Path, Path], twin: Twin,
     assert (fits[0] / EXAMPLE_CAMERA / "metres.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_lens_that_changed_differs_by_that_much(
     fits: tuple[Path, Path], twin: Twin, tmp_path: Path
 ) -> None:

@@ -168,6 +168,7 @@ def test_boards_yard_and_drive_are_one_recipe(
     assert max(np.linalg.norm(drawn[name] - true[name]) for name in true) > 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unarranged")
 def test_drive_with_cameras_is_a_rig_and_gets_its_tables(
     other_car: Path, trip: Path, tmp_path: Path, twin: Twin

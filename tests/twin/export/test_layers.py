@@ -28,6 +28,7 @@ def _changed(layers: ExportLayers, name: str, **columns: object) -> ExportLayers
     return dataclasses.replace(layers, **{name: getattr(layers, name).assign(**columns)})
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32 - 1))
 def test_normalised_does_not_depend_on_the_order_of_rows_and_columns(seed: int) -> None:
     """Shuffling rows and columns changes nothing: an export says the same whatever the query's order."""

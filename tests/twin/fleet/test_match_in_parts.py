@@ -71,6 +71,7 @@ def test_processes_match_as_one_does(address: str, in_one_piece: list[object]) -
         assert [job.kind for job in Queue(store).jobs()] == [JobKind.MATCH]
 
 
+@pytest.mark.slow
 def test_part_of_a_killed_worker_runs_again(tmp_path: Path, in_one_piece: list[object]) -> None:
     """SIGKILL while it works out a tile: the next worker does what is left."""
     path = tmp_path / "twin.db"

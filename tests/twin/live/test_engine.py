@@ -149,6 +149,7 @@ def test_without_ids_every_pole_is_found(drive: Drive) -> None:
     assert {f"P{i:02d}" for i in range(1, 6)} <= {list(truth())[i] for i in away.argmin(axis=1)}
 
 
+@pytest.mark.slow
 def test_lost_fixes_leave_estimates_with_larger_ellipses_and_the_engine_goes_on(drive: Drive) -> None:
     """Four seconds without a fix: the poles seen then are located less surely, later ones as before."""
     every = list(islice(arrivals_of(drive), 1500))

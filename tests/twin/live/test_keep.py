@@ -50,6 +50,7 @@ def test_what_is_final_is_in_the_file_a_second_later_and_gdal_reads_it(tmp_path:
         assert database.execute("PRAGMA user_version").fetchone() == (10300,)
 
 
+@pytest.mark.slow
 def test_a_file_that_is_held_is_written_when_it_is_free(tmp_path: Path) -> None:
     """Nothing is lost meanwhile, and it is told of."""
     path = tmp_path / "live.gpkg"

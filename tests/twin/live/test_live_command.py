@@ -50,6 +50,7 @@ def finals(out: Path) -> set[str]:
     return {one["id"] for one in features if one["properties"].get("state") in ("final", "lost")}
 
 
+@pytest.mark.slow
 def test_sigterm_ends_a_drive_in_order_and_a_kill_loses_nothing_that_was_written(tmp_path: Path) -> None:
     """First killed, then ended, with the same file: both runs stand in it, whole; exit code 0 for SIGTERM."""
     keep, first, second = tmp_path / "live.gpkg", tmp_path / "first", tmp_path / "second"
@@ -78,6 +79,7 @@ def test_sigterm_ends_a_drive_in_order_and_a_kill_loses_nothing_that_was_written
     assert "objects located" in (tmp_path / "err").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_sigterm_ends_it_where_nobody_reads_standard_output() -> None:
     """A pipe that is full holds up a recorded drive, and not its end."""
     command = [sys.executable, "-m", "twin", "live", "--replay", str(TRIP), "--speed", "max"]
@@ -101,6 +103,7 @@ def _waiting(pipe: IO[bytes]) -> int:
     return int.from_bytes(answer, sys.byteorder)
 
 
+@pytest.mark.slow
 def test_a_car_on_sockets_is_located_whatever_else_is_sent(tmp_path: Path) -> None:
     """Fixes and detections with garbage between: it is told of, and what was open is final at the end."""
     drive = read_drive(TRIP)

@@ -47,6 +47,7 @@ def test_what_lasts_survives_a_broker_that_is_restarted() -> None:
         assert sink.state.lost == 0
 
 
+@pytest.mark.slow
 def test_a_broker_that_reads_nothing_costs_lines_and_no_memory() -> None:
     """The queue is bounded: the oldest of what is replaced is lost, and counted; nothing that lasts."""
     with Broker() as broker:

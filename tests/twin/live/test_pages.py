@@ -85,6 +85,7 @@ def test_strangers_hear_nothing(pages: Pages) -> None:
         connect(address(pages).replace("127.0.0.1", "[::ffff:127.0.0.1]"))
 
 
+@pytest.mark.slow
 def test_a_browser_that_reads_nothing_holds_up_nobody(pages: Pages) -> None:
     """Its lines wait in a queue that is bounded, finals in front; another browser hears all meanwhile."""
     with connect(address(pages), max_queue=1) as stuck, connect(address(pages)) as other:

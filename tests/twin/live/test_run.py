@@ -72,6 +72,7 @@ def finals(heard: Heard) -> list[Estimate]:
     return [one for one in heard.final if isinstance(one, Estimate)]
 
 
+@pytest.mark.slow
 def test_a_drive_on_which_everything_fails_goes_on_to_its_end(drive: Drive, tmp_path: Path) -> None:
     """One fault after the other: each is said once, and poles are located to within their ellipses."""
     begin_ns = next(arrivals_of(drive)).at_ns
@@ -144,6 +145,7 @@ def _flowing() -> Event:
     return flows
 
 
+@pytest.mark.slow
 def test_a_run_that_is_stopped_ends_within_five_seconds(drive: Drive, tmp_path: Path) -> None:
     """With a source that never ends and a sink that takes nothing: what was open is in the file, final."""
     until_ns = next(arrivals_of(drive)).at_ns + 6 * SECOND_NS
@@ -179,6 +181,7 @@ class Cars(Heard):
             self.states.append(said)
 
 
+@pytest.mark.slow
 def test_when_all_falls_silent_time_goes_on_and_nothing_comes_again(drive: Drive, tmp_path: Path) -> None:
     """What was in view is kept, the position is predicted, then lost, until fixes come; no line goes back."""
     begin_ns = next(arrivals_of(drive)).at_ns

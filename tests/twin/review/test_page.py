@@ -151,6 +151,7 @@ def test_a_sign_of_road_works_is_dismissed_by_its_own_key(
     assert (new, "dismiss") in {entry[:2] for entry in log_of(store)}
 
 
+@pytest.mark.slow
 def test_a_key_that_is_held_answers_once(address: Callable[..., str], plain: BrowserContext) -> None:
     """What is pressed too long must not answer findings that nobody has looked at."""
     page = open_page(plain, address(person="kari"))
@@ -188,6 +189,7 @@ def test_no_request_leaves_the_machine(address: Callable[..., str], context: Bro
     assert any("maplibre-gl-worker.mjs" in one for one in asked)
 
 
+@pytest.mark.slow
 def test_two_tabs_show_what_the_other_answered(
     address: Callable[..., str], plain: BrowserContext, store: Path
 ) -> None:
@@ -326,6 +328,7 @@ def test_the_list_counts_what_was_answered(
     expect(page.locator("#list")).to_contain_text(f"{total} of {total}")
 
 
+@pytest.mark.slow
 def test_pictures_map_and_views_by_keyboard(address: Callable[..., str], context: BrowserContext) -> None:
     """Browsing settles nothing; list, map and panels open and close by their keys; the address leads back."""
     page = open_page(context, address(person="kari"))
@@ -348,6 +351,7 @@ def test_pictures_map_and_views_by_keyboard(address: Callable[..., str], context
     expect(page.locator("#help")).to_be_hidden()
 
 
+@pytest.mark.slow
 def test_single_keys_can_be_switched_off(address: Callable[..., str], plain: BrowserContext) -> None:
     """Who speaks to the computer needs that (WCAG 2.1.4)."""
     page = open_page(plain, address(person="kari"))
