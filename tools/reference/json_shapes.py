@@ -396,4 +396,4 @@ def _records(kind: Any) -> set[type]:
 def _other(kind: type) -> dict[str, Any]:
     if issubclass(kind, Path):
         return {"type": "string"}
-    raise NotImplementedError
+    raise TypeError(f"{kind.__name__} has no JSON Schema yet: say in _other what it is.")
